@@ -1,0 +1,50 @@
+#pragma once
+// Three kinds of failure, three forms: no answer (std::optional, or a result with a reason), the world let us down
+// (Error), the caller broke the contract (MAPWEAVE_EXPECT). Caught once per program and once per worker loop.
+
+#include <stdexcept>
+#include <string>
+
+namespace mapweave {
+
+enum class ErrorCode {
+  kUsage,         // wrong command line                                    -> exit code 2
+  kBadInput,      // input or configuration that cannot be used            -> 3
+  kMissing,       // a file, key or sensor that should be there is not      -> 3
+  kCorrupt,       // bytes that cannot be decoded                          -> 3
+  kUnsupported,   // a newer schema, an unknown class                      -> 3
+  kCannotWrite,   // output folder, disk full                              -> 1
+  kInterrupted,   // Ctrl-C or SIGTERM                                     -> 130
+  kHelperFailed,  // a child process ended early                           -> 1
+  kInternal,      // ours                                                  -> 1
+};
+
+class Error : public std::runtime_error {
+ public:
+  // what: what is wrong, with what was expected. where: file with line or byte, key, peer; may be empty.
+  // remedy: what the reader can do; may be empty. The message is "where: what; remedy".
+  Error(ErrorCode code, std::string what, std::string where = {}, std::string remedy = {});
+  ErrorCode code() const { return code_; }
+  const std::string& problem() const { return problem_; }
+  const std::string& where() const { return where_; }
+  const std::string& remedy() const { return remedy_; }
+
+ private:
+  ErrorCode code_;
+  std::string problem_, where_, remedy_;
+};
+
+// The exit code of DESIGN section 5 for an error that ends the program.
+int exit_code(ErrorCode code);
+
+// The caller broke the contract. Throws in every build type.
+class ContractViolation : public std::logic_error {
+ public:
+  ContractViolation(const char* expression, const char* file, int line, const std::string& message);
+};
+#define MAPWEAVE_EXPECT(condition, message)                                                   \
+  do {                                                                                        \
+    if (!(condition)) throw ::mapweave::ContractViolation(#condition, __FILE__, __LINE__, message); \
+  } while (false)
+
+}  // namespace mapweave

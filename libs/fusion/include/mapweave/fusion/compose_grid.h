@@ -1,0 +1,27 @@
+#pragma once
+// Draws the grid of a map from its scans at the poses it believes in: a fused map is redrawn, never pasted.
+
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/maps/map.h>
+
+namespace mapweave::fusion {
+
+struct ComposeOptions {
+  double resolution_m = 0.05;
+  double max_range_m = 30.0;       // rays are drawn up to here
+  double hit_probability = 0.7;    // of a wall where a ray ends
+  double miss_probability = 0.4;   // of a wall where a ray passes
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("resolution_m", resolution_m, 0.005, 1.0, "side of a cell");
+    v.positive("max_range_m", max_range_m, "rays are drawn up to here");
+    v.number("hit_probability", hit_probability, 0.5, 0.999, "of a wall where a ray ends");
+    v.number("miss_probability", miss_probability, 0.001, 0.5, "of a wall where a ray passes");
+  }
+};
+
+// The grid covers all that was seen and no more. Frame: the map's. The same bytes for any number of threads. Throws Error(kBadInput) where
+// the map extends farther than 2 km.
+OccupancyGrid compose_grid(const Map&, const ComposeOptions&, WorkerPool&);
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,49 @@
+#pragma once
+// Many maps -> team maps: the one operator of every tier (DESIGN section 1; RecSLAM fig. 7a). Edge servers call it on the
+// maps they hold (preparative fusion), the cloud on everything (global fusion).
+
+#include <mapweave/core/progress.h>
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/fusion/fusion_options.h>
+#include <mapweave/maps/judgement.h>
+#include <mapweave/maps/map.h>
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace mapweave::fusion {
+
+struct FusionInput {
+  std::vector<Map> maps;                 // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
+  std::set<Hash> vetoed;                 // judgements not to be believed
+  TierId by;                             // who asks; stands in the verdicts
+};
+
+struct Component {
+  Map map;                               // all members' content under the fused belief; frame: the map frame of the member with the lowest id
+  std::vector<MapId> members;            // sorted
+  Table<MapId, Pose3> team_from_map;     // of each member's map frame after fusion (of its first node's)
+};
+
+struct StageTime {
+  std::string name;                      // features, pairwise matching, component connection, transform optimisation, composing
+  double seconds = 0.0;
+};
+
+struct FusionResult {
+  std::vector<Component> components;     // largest first (nodes with payload), ties by lowest member
+  std::vector<Verdict> verdicts;         // of every pair of maps that was looked at, sorted by (a, b)
+  std::vector<Judgement> judgements;     // all, sorted by id
+  std::vector<StageTime> stages;         // wall time; not part of a sealed result
+};
+
+// Judgements made before, by id: speed, never content.
+using Memo = std::map<Hash, Judgement>;
+
+// Pure in its input and options: neither the order of maps, nor the memo, nor the number of threads changes a byte.
+// Throws Error(kBadInput) for two maps with one id or one session in two maps.
+FusionResult fuse(const FusionInput&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,35 @@
+#pragma once
+// One robot's grid SLAM: what every engine offers. An engine has no thread and no clock of its own: feed it in data time, read it.
+
+#include <mapweave/core/progress.h>
+#include <mapweave/maps/map_update.h>
+
+#include <memory>
+#include <variant>
+
+namespace mapweave::laser {
+
+struct ScanInput {
+  Stamp stamp;
+  PackedScan scan;
+};
+struct OdometryInput {
+  Stamp stamp;
+  Pose3 odometry_from_robot;  // accumulated since any start; may drift, never jumps but where the wheels slip
+};
+using LaserInput = std::variant<ScanInput, OdometryInput>;
+
+// Not thread-safe. The map's frame is the robot's pose at the first scan.
+class LaserMapper {
+ public:
+  // In the order of stamps; odometry of a stamp before the scan of that stamp where both exist. Throws Error where the engine itself failed
+  // (a helper process that ended), never for a scan that does not fit.
+  virtual void add(const LaserInput&) = 0;
+  // Last loops, final refinement. Called once; no add() after.
+  virtual void finish() = 0;
+  // The map so far. Every scan is a node; scans that showed nothing new have no payload.
+  virtual Map snapshot() const = 0;
+  virtual ~LaserMapper() = default;
+};
+
+}  // namespace mapweave::laser

@@ -1,0 +1,29 @@
+# How every target of ours is compiled. Presets (CMakePresets.json) choose build type and sanitizers.
+set(CMAKE_CXX_STANDARD 17)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+set(CMAKE_ARCHIVE_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib)
+
+set(MAPWEAVE_SANITIZER "" CACHE STRING "address or thread; empty for none")
+set(MAPWEAVE_DATA "${PROJECT_SOURCE_DIR}/../shared/data" CACHE PATH
+  "Public logs for tests and benches; tests that need them skip, saying so, where they are absent")
+option(MAPWEAVE_ROS "Build the targets that need ROS, where their packages are found" ON)
+
+find_program(MAPWEAVE_CCACHE ccache)
+if(MAPWEAVE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${MAPWEAVE_CCACHE})
+endif()
+
+# Contracted multiply-adds would make results differ between CPUs (DESIGN: rules of the sealed result).
+add_compile_options(-ffp-contract=off)
+if(MAPWEAVE_SANITIZER STREQUAL "address")
+  add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=address,undefined)
+elseif(MAPWEAVE_SANITIZER STREQUAL "thread")
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=thread)
+elseif(MAPWEAVE_SANITIZER)
+  message(FATAL_ERROR "MAPWEAVE_SANITIZER is '${MAPWEAVE_SANITIZER}'; it must be address, thread or empty")
+endif()

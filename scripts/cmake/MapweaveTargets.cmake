@@ -1,0 +1,83 @@
+# One function per kind of target. They hold the warnings, the arrow check and nothing else.
+
+function(mapweave_set_warnings target)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wold-style-cast
+    -Woverloaded-virtual -Werror)
+endfunction()
+
+# mapweave_add_library(NAME USES <our libraries> SOURCES <files> [PUBLIC <targets>] [PRIVATE <targets>] [PROTOS <files>])
+# USES is the exact list of arrows of DESIGN section 2: a library may use only what stands above it in libs/CMakeLists.txt.
+function(mapweave_add_library name)
+  cmake_parse_arguments(arg "" "" "USES;SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  if(arg_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "libs/${name}: unknown arguments ${arg_UNPARSED_ARGUMENTS}")
+  endif()
+  foreach(lower IN LISTS arg_USES)
+    if(NOT TARGET mapweave::${lower})
+      message(FATAL_ERROR "libs/${name} may not use libs/${lower}: it is not above it in libs/CMakeLists.txt")
+    endif()
+  endforeach()
+  mapweave_check_arrows(${name} ${CMAKE_CURRENT_SOURCE_DIR} "${name};${arg_USES}")
+
+  add_library(mapweave_${name} STATIC ${arg_SOURCES})
+  add_library(mapweave::${name} ALIAS mapweave_${name})
+  target_include_directories(mapweave_${name} PUBLIC include PRIVATE src)
+  list(TRANSFORM arg_USES PREPEND mapweave::)
+  target_link_libraries(mapweave_${name} PUBLIC ${arg_USES} ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+  mapweave_set_warnings(mapweave_${name})
+endfunction()
+
+# Fails when a file includes a header of a library that is not among its arrows (transitive ones included:
+# what a library uses, it names).
+function(mapweave_check_arrows name folder allowed)
+  file(GLOB_RECURSE files CONFIGURE_DEPENDS ${folder}/*.h ${folder}/*.cpp)
+  foreach(file IN LISTS files)
+    file(STRINGS ${file} includes REGEX "^#include [<\"]mapweave/")
+    foreach(line IN LISTS includes)
+      string(REGEX REPLACE "^#include [<\"]mapweave/([a-z_]+)/.*" "\\1" used "${line}")
+      if(NOT used IN_LIST allowed)
+        file(RELATIVE_PATH shown ${PROJECT_SOURCE_DIR} ${file})
+        message(FATAL_ERROR "${shown}: libs/${name} may not include mapweave/${used}/: add it to USES if the arrow of "
+          "DESIGN section 2 allows it")
+      endif()
+    endforeach()
+  endforeach()
+endfunction()
+
+# mapweave_add_program(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>]): an executable of apps/.
+function(mapweave_add_program name)
+  cmake_parse_arguments(arg "" "" "USES;SOURCES;PRIVATE" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  list(TRANSFORM arg_USES PREPEND mapweave::)
+  target_link_libraries(${name} PRIVATE ${arg_USES} ${arg_PRIVATE})
+  # MRPT's classes register themselves: a program that only reads them must still load the libraries.
+  target_link_options(${name} PRIVATE -Wl,--no-as-needed)
+  mapweave_set_warnings(${name})
+  set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
+endfunction()
+
+# mapweave_add_test(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>] [TIMEOUT seconds]): one gtest executable per library.
+function(mapweave_add_test name)
+  cmake_parse_arguments(arg "" "TIMEOUT" "USES;SOURCES;PRIVATE" ${ARGN})
+  add_executable(${name}_test ${arg_SOURCES})
+  list(TRANSFORM arg_USES PREPEND mapweave::)
+  target_link_libraries(${name}_test PRIVATE ${arg_USES} mapweave_test_support ${arg_PRIVATE} GTest::gmock GTest::gtest_main)
+  target_link_options(${name}_test PRIVATE -Wl,--no-as-needed)
+  mapweave_set_warnings(${name}_test)
+  if(NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 300)
+  endif()
+  include(GoogleTest)
+  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name}
+    ENVIRONMENT "MAPWEAVE_DATA=${MAPWEAVE_DATA}")
+endfunction()
+
+# mapweave_add_benchmark(NAME USES ... SOURCES ...): built with the rest, run by scripts/bench, never by ctest.
+function(mapweave_add_benchmark name)
+  cmake_parse_arguments(arg "" "" "USES;SOURCES;PRIVATE" ${ARGN})
+  add_executable(${name}_benchmark ${arg_SOURCES})
+  list(TRANSFORM arg_USES PREPEND mapweave::)
+  target_link_libraries(${name}_benchmark PRIVATE ${arg_USES} ${arg_PRIVATE})
+  target_link_options(${name}_benchmark PRIVATE -Wl,--no-as-needed)
+  mapweave_set_warnings(${name}_benchmark)
+endfunction()
