@@ -64,17 +64,17 @@ struct SubmapId {
   std::uint32_t index = 0;
 };
 
-inline auto tie(const ClientId& id) { return std::tie(id.robot, id.sensor); }
-inline auto tie(const SessionId& id) { return std::tie(id.client.robot, id.client.sensor, id.run); }
-inline auto tie(const NodeId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
-inline auto tie(const SubmapId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
+inline auto key_of(const ClientId& id) { return std::tie(id.robot, id.sensor); }
+inline auto key_of(const SessionId& id) { return std::tie(id.client.robot, id.client.sensor, id.run); }
+inline auto key_of(const NodeId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
+inline auto key_of(const SubmapId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
 
 // Ids compare by robot name, sensor name, run, index: the canonical order of everything.
-template <class Id, class = decltype(tie(std::declval<const Id&>()))>
-bool operator<(const Id& a, const Id& b) { return tie(a) < tie(b); }
-template <class Id, class = decltype(tie(std::declval<const Id&>()))>
-bool operator==(const Id& a, const Id& b) { return tie(a) == tie(b); }
-template <class Id, class = decltype(tie(std::declval<const Id&>()))>
+template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
+bool operator<(const Id& a, const Id& b) { return key_of(a) < key_of(b); }
+template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
+bool operator==(const Id& a, const Id& b) { return key_of(a) == key_of(b); }
+template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
 bool operator!=(const Id& a, const Id& b) { return !(a == b); }
 
 std::string to_string(const SessionId&);  // "alpha/laser@976052857.217"

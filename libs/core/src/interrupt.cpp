@@ -1,0 +1,37 @@
+#include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+
+namespace mapweave {
+namespace {
+
+std::atomic<bool> signal_came{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may touch lock-free atomics only");
+
+void on_signal(int) {
+  if (signal_came.exchange(true)) ::_exit(exit_code(ErrorCode::kInterrupted));
+}
+
+}  // namespace
+
+void install_interrupt_handlers() {
+  struct sigaction action = {};
+  action.sa_handler = on_signal;
+  action.sa_flags = SA_RESTART;  // third parties do not expect their reads and writes to be cut short
+  sigemptyset(&action.sa_mask);
+  for (const int number : {SIGINT, SIGTERM}) sigaction(number, &action, nullptr);
+}
+
+bool interrupted() { return signal_came.load(std::memory_order_relaxed); }
+
+void throw_if_interrupted() {
+  if (interrupted()) throw Error(ErrorCode::kInterrupted, "interrupted");
+}
+
+void request_interrupt() { signal_came = true; }
+void clear_interrupt() { signal_came = false; }
+
+}  // namespace mapweave

@@ -1,0 +1,233 @@
+#include "graph_loop_closer.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <queue>
+
+namespace mapweave::laser {
+namespace {
+
+constexpr std::size_t kNeighbours = 2;  // submaps this near in the sequence share scans, or nearly: matching them says nothing new
+
+Eigen::Matrix3d chain_information(double length_m, const LoopOptions& options) {
+  const double sigma = 0.03 + 0.5 * options.drift_per_m * length_m, yaw = options.drift_yaw_per_submap_rad;
+  return Eigen::Vector3d(1.0 / (sigma * sigma), 1.0 / (sigma * sigma), 1.0 / (yaw * yaw)).asDiagonal();
+}
+
+Eigen::Matrix3d planar_covariance(const Alignment& alignment) {
+  Eigen::Matrix3d out;
+  const int order[3] = {0, 1, 5};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out(i, j) = alignment.covariance(order[i], order[j]);
+  return out;
+}
+
+}  // namespace
+
+LoopCloser::LoopCloser(const GraphMapperOptions& options) : options_(options), cache_(static_cast<std::size_t>(options.loops.cache_mb) << 20) {}
+
+void LoopCloser::add(const Submap& submap, const Map& map) {
+  const auto model = cache_.get(submap, map.nodes);
+  Kept kept{submap.id, submap.anchor(), planar(map.nodes.find(submap.anchor())->map_from_node), options_.judge.min_score, model->centre(), model->radius_m(), model->ring_keys()};
+  kept.length_m = 0.0;
+  const Pose2* last = nullptr;
+  Pose2 storage;
+  for (const auto& member : submap.submap_from_node) {
+    const Pose2 here = planar(member.second);
+    if (last != nullptr) kept.length_m += std::hypot(here.x - last->x, here.y - last->y);
+    storage = here, last = &storage;
+  }
+  kept.length_m *= 0.5;  // the next starts half-way
+  const std::size_t number = submaps_.size();
+  poses_.push_back(number == 0 ? kept.local_from_submap : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
+  submaps_.push_back(std::move(kept));
+  searched_.emplace_back(number, false);
+  if (number < kNeighbours + 1) return;
+
+  const auto uncertainty = uncertainty_from(number);
+  const auto middle = [&](std::size_t i) {
+    const Pose2& p = poses_[i];
+    const auto& c = submaps_[i].centre;
+    return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
+  };
+  const auto [x, y] = middle(number);
+  std::vector<std::pair<double, std::size_t>> near, alike;
+  for (std::size_t i = 0; i + kNeighbours < number; ++i) {
+    const auto [ix, iy] = middle(i);
+    const double distance = std::hypot(ix - x, iy - y);
+    const double reach = std::min(2.5 * uncertainty[i].position_m, options_.loops.max_radius_m);
+    const double extent = 0.6 * std::min(12.0F, submaps_[i].radius_m) + 0.6 * std::min(12.0F, submaps_[number].radius_m);
+    if (distance > reach + extent) continue;
+    near.emplace_back(distance, i);
+    alike.emplace_back(matching::ring_distance(submaps_[i].keys, submaps_[number].keys), i);
+  }
+  std::sort(near.begin(), near.end());
+  std::sort(alike.begin(), alike.end());
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < near.size() && i < static_cast<std::size_t>(options_.loops.nearest); ++i) chosen.push_back(near[i].second);
+  for (std::size_t i = 0; i < alike.size() && i < static_cast<std::size_t>(options_.loops.alike); ++i) chosen.push_back(alike[i].second);
+  std::sort(chosen.begin(), chosen.end());
+  chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
+  bool found = false;
+  for (const auto i : chosen) found = search(i, number, uncertainty[i], map) || found;
+  if (!found) return;
+  commit_agreeing();
+  solve();
+}
+
+std::vector<LoopCloser::Uncertainty> LoopCloser::uncertainty_from(std::size_t from) const {
+  // Dijkstra over the variance of the heading, which is what makes positions uncertain.
+  const std::size_t count = submaps_.size();
+  std::vector<double> cost(count, 1e300), length(count, 0.0), turns(count, 0.0);
+  std::vector<std::vector<std::pair<std::size_t, double>>> ways(count);  // neighbour, path; a loop has none
+  for (std::size_t i = 0; i + 1 < count; ++i) {
+    ways[i].emplace_back(i + 1, submaps_[i].length_m + 1.0);
+    ways[i + 1].emplace_back(i, submaps_[i].length_m + 1.0);
+  }
+  for (const auto& loop : loops_)
+    if (loop.committed) {
+      ways[loop.a].emplace_back(loop.b, 0.5);
+      ways[loop.b].emplace_back(loop.a, 0.5);
+    }
+  std::priority_queue<std::pair<double, std::size_t>, std::vector<std::pair<double, std::size_t>>, std::greater<>> open;
+  cost[from] = 0.0;
+  open.emplace(0.0, from);
+  while (!open.empty()) {
+    const auto [value, here] = open.top();
+    open.pop();
+    if (value > cost[here]) continue;
+    for (const auto& [next, path] : ways[here]) {
+      if (value + path >= cost[next]) continue;
+      cost[next] = value + path;
+      length[next] = length[here] + path;
+      turns[next] = turns[here] + (path > 0.5 ? 1.0 : 0.2);
+      open.emplace(cost[next], next);
+    }
+  }
+  std::vector<Uncertainty> result(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double yaw = options_.loops.drift_yaw_per_submap_rad * std::sqrt(turns[i]);
+    result[i] = {0.15 + options_.loops.drift_per_m * length[i] * 0.5 + yaw * length[i] * 0.4, 0.02 + yaw};
+  }
+  return result;
+}
+
+bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map) {
+  throw_if_interrupted();
+  searched_[b][a] = true;
+  const auto view = [&](std::size_t i) {
+    const Submap& submap = *map.submaps.find(submaps_[i].id);
+    return matching::SubmapView{submap.id, submap.content, cache_.get(submap, map.nodes)};
+  };
+  matching::WideWindow window;
+  window.a_from_b = between(poses_[a], poses_[b]);
+  window.radius_m = std::clamp(3.0 * uncertainty.position_m, 0.6, options_.loops.max_radius_m);
+  window.yaw_rad = std::min(M_PI, 0.05 + 3.0 * uncertainty.yaw_rad);
+  Judgement judgement = matching::judge(view(a), view(b), window, options_.judge);
+  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options_.loops.min_probability) return false;
+  Loop loop;
+  loop.a = a, loop.b = b;
+  loop.a_from_b = planar(judgement.hypotheses.front().a_from_b.pose);
+  loop.information = planar_covariance(judgement.hypotheses.front()).inverse();
+  loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
+  loop.judgement = std::move(judgement);
+  loops_.push_back(std::move(loop));
+  return true;
+}
+
+// A loop from a wide window is believed once a second one, of other submaps, says the same.
+void LoopCloser::commit_agreeing() {
+  for (auto& loop : loops_) {
+    if (loop.committed) continue;
+    if (loop.sure) {
+      loop.committed = true;
+      continue;
+    }
+    for (const auto& other : loops_) {
+      if (&other == &loop || (other.a == loop.a && other.b == loop.b)) continue;
+      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 || std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6) continue;
+      // Around the cycle: a -> b -> other.b -> other.a -> a. The way along the robot's path is short, so it hardly drifts.
+      const Pose2 by_other = compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b), between(poses_[other.b], poses_[loop.b]));
+      const Pose2 apart = between(loop.a_from_b, by_other);
+      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) + std::max(other.b, loop.b) - std::min(other.b, loop.b));
+      if (std::hypot(apart.x, apart.y) < 0.15 + 0.08 * steps && std::abs(apart.phi) < 0.02 + 0.01 * steps) {
+        loop.committed = true;
+        break;
+      }
+    }
+  }
+}
+
+void LoopCloser::solve() {
+  std::vector<graph::Edge> edges;
+  std::vector<std::size_t> of_loop;
+  for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
+    edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1), between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
+                     chain_information(submaps_[i].length_m, options_.loops), false});
+  for (std::size_t i = 0; i < loops_.size(); ++i) {
+    if (!loops_[i].committed) continue;
+    // Submaps bend a little when the nodes in them move: a loop between them is not as stiff as its walls are sharp.
+    const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal();
+    Eigen::Matrix3d information = (loops_[i].information.inverse() + floor).inverse();
+    information = (0.5 * (information + information.transpose())).eval();
+    edges.push_back({static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b), loops_[i].a_from_b, information, true});
+    of_loop.push_back(i);
+  }
+  if (of_loop.empty()) return;
+  const auto solution = graph::solve(poses_, edges, options_.solve);
+  poses_ = solution.poses;
+  std::vector<bool> wrong(loops_.size(), false);
+  for (std::size_t k = 0; k < of_loop.size(); ++k) wrong[of_loop[k]] = solution.weight[submaps_.size() - 1 + k] < 0.5;
+  std::vector<Loop> kept;
+  for (std::size_t i = 0; i < loops_.size(); ++i)
+    if (!wrong[i]) kept.push_back(std::move(loops_[i]));
+  loops_ = std::move(kept);
+}
+
+void LoopCloser::finish(const Map& map) {
+  for (int round = 0; round < 2; ++round) {
+    bool found = false;
+    std::vector<Uncertainty> uncertainty;
+    for (std::size_t b = kNeighbours + 1; b < submaps_.size(); ++b) {
+      uncertainty = uncertainty_from(b);
+      std::vector<std::pair<double, std::size_t>> near;
+      for (std::size_t a = 0; a + kNeighbours < b; ++a) {
+        if (searched_[b][a] && std::any_of(loops_.begin(), loops_.end(), [&](const Loop& l) { return l.a == a && l.b == b; })) continue;
+        const auto place = [&](std::size_t i) {
+          const Pose2& p = poses_[i];
+          const auto& c = submaps_[i].centre;
+          return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
+        };
+        const auto [ax, ay] = place(a);
+        const auto [bx, by] = place(b);
+        const double distance = std::hypot(ax - bx, ay - by);
+        if (distance < 6.0 && uncertainty[a].position_m < 0.7) near.emplace_back(distance, a);
+      }
+      std::sort(near.begin(), near.end());
+      if (near.size() > static_cast<std::size_t>(options_.loops.nearest)) near.resize(static_cast<std::size_t>(options_.loops.nearest));
+      for (const auto& candidate : near) found = search(candidate.second, b, uncertainty[candidate.second], map) || found;
+    }
+    commit_agreeing();
+    solve();
+    if (!found) break;
+  }
+}
+
+std::vector<Constraint> LoopCloser::loops() const {
+  std::vector<Constraint> result;
+  for (const auto& loop : loops_) {
+    if (!loop.committed) continue;
+    const Eigen::Matrix3d floor = Eigen::Vector3d(4e-4, 4e-4, 9e-6).asDiagonal();
+    Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
+    Constraint constraint = planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,
+                                              0.5 * (information + information.transpose()));
+    constraint.because = loop.judgement.id;
+    result.push_back(std::move(constraint));
+  }
+  return result;
+}
+
+}  // namespace mapweave::laser

@@ -1,0 +1,67 @@
+#pragma once
+// Is this the same place, and how do the two submaps lie? One answer for loops within a robot, between robots and between sessions: a
+// judgement, pure in two frozen contents, the window asked about and the options.
+
+#include <mapweave/maps/judgement.h>
+#include <mapweave/matching/branch_and_bound.h>
+
+#include <memory>
+#include <optional>
+
+namespace mapweave::matching {
+
+struct JudgeOptions {
+  double min_score = 0.42;
+  double rival_ratio = 0.80;
+  double min_overlap_m2 = 6.0;
+  double min_inliers = 0.62;
+  double max_conflict = 0.12;
+  double max_contradiction_m = 1.6;
+  double max_second_best = 0.92;
+  double min_observability = 0.03;
+  bool second_verifier = true;
+  double min_verifier_inliers = 0.55;
+  double max_verifier_disagreement_m = 0.25;
+  int search_budget = 400000;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.fraction("min_score", min_score, "a search result below this mean likelihood is no hypothesis");
+    v.fraction("rival_ratio", rival_ratio, "rivals down to this share of the best score are kept as hypotheses");
+    v.non_negative("min_overlap_m2", min_overlap_m2, "area both must know");
+    v.fraction("min_inliers", min_inliers, "share of the walls that both could see, that both have");
+    v.fraction("max_conflict", max_conflict, "share of the walls of one that the other saw through");
+    v.positive("max_contradiction_m", max_contradiction_m, "longest wall of one that the other saw through");
+    v.fraction("max_second_best", max_second_best, "a distinct rival with more than this share of the best score makes the place ambiguous");
+    v.fraction("min_observability", min_observability, "below it a direction cannot be told from the walls");
+    v.flag("second_verifier", second_verifier, "check each alignment by an independent registration of oriented wall points");
+    v.fraction("min_verifier_inliers", min_verifier_inliers, "share of points the second verifier must pair");
+    v.positive("max_verifier_disagreement_m", max_verifier_disagreement_m, "how far the second verifier may move an alignment");
+    v.integer("search_budget", search_budget, 1000, 100000000, "steps of one search");
+  }
+};
+
+// A frozen submap with its caches.
+struct SubmapView {
+  SubmapId id;
+  Hash content;
+  std::shared_ptr<const SubmapModel> model;
+};
+
+// What speaks for and against an alignment: rays of each against walls of the other. Scores and verifier are left at zero.
+Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b);
+
+// Identity of a judgement before it is made.
+Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow&, const JudgeOptions&);
+
+// a.id < b.id. Always returns a judgement; one that found nothing has no hypotheses and probability 0.
+Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow&, const JudgeOptions& = {});
+
+// The independent second verifier (PCL): iterative closest point of wall points whose normals agree, started at the alignment. nullopt where there are too few points.
+struct Verification {
+  double inliers = 0.0;            // share of b's points within sight of a that find a partner within 0.15 m and 30 degrees
+  double disagreement_m = 0.0;     // at b's centre of walls
+  double disagreement_rad = 0.0;
+};
+std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b);
+
+}  // namespace mapweave::matching

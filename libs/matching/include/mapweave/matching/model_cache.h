@@ -1,0 +1,31 @@
+#pragma once
+// Submap models, made when asked for and kept while there is room: memory stays bounded, results do not depend on it.
+
+#include <mapweave/matching/submap_model.h>
+
+#include <cstddef>
+#include <list>
+#include <map>
+#include <memory>
+#include <mutex>
+
+namespace mapweave::matching {
+
+class ModelCache {
+ public:
+  explicit ModelCache(std::size_t most_bytes) : most_bytes_(most_bytes) {}
+  // Thread-safe; `nodes` must not change meanwhile. Keyed by the submap's content.
+  std::shared_ptr<const SubmapModel> get(const Submap& submap, const Table<NodeId, Node>& nodes);
+
+ private:
+  struct Entry {
+    std::shared_ptr<const SubmapModel> model;
+    std::list<Hash>::iterator place;
+  };
+  std::size_t most_bytes_, bytes_ = 0;
+  std::mutex mutex_;
+  std::map<Hash, Entry> entries_;
+  std::list<Hash> recent_;  // newest first
+};
+
+}  // namespace mapweave::matching

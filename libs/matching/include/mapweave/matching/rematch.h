@@ -1,0 +1,34 @@
+#pragma once
+// The accuracy lever of a closed map: every scan is matched again to the submaps around it that it is not part of, past and future, of its own robot
+// and of others.
+
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/maps/map.h>
+
+#include <vector>
+
+namespace mapweave::matching {
+
+struct RematchOptions {
+  double radius_m = 4.0;            // a submap is around a node when its path comes this near
+  int most_submaps = 4;             // per node, nearest first
+  double min_inliers = 0.6;
+  double max_correction_m = 0.25;
+  double max_correction_rad = 0.06;
+  double information_scale = 0.03;  // points share errors: they count less than independent ones would
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.positive("radius_m", radius_m, "a submap is near a scan when its path comes this close");
+    v.integer("most_submaps", most_submaps, 0, 100, "submaps a scan is matched to again; 0 switches the step off");
+    v.fraction("min_inliers", min_inliers, "share of a scan's points that must fit");
+    v.positive("max_correction_m", max_correction_m, "matches that would move a scan farther are dropped");
+    v.positive("max_correction_rad", max_correction_rad, "matches that would turn a scan farther are dropped");
+    v.fraction("information_scale", information_scale, "weight of a point, against one whose error is its own");
+  }
+};
+
+// Constraints of kind scan_match from submap anchors to nodes, under the map's present belief, in a canonical order; those between different sessions have kind
+// between_maps. The same for any number of threads.
+std::vector<Constraint> rematch(const Map& map, const RematchOptions&, WorkerPool&);
+
+}  // namespace mapweave::matching

@@ -1,0 +1,75 @@
+#pragma once
+// What matching needs of one frozen submap: caches, made from its content alone and thrown away at will.
+
+#include <mapweave/maps/map.h>
+#include <mapweave/matching/wall_field.h>
+
+#include <array>
+#include <memory>
+#include <vector>
+
+namespace mapweave::matching {
+
+// What rays said about a cell.
+enum class Sight : std::uint8_t { unknown = 0, free = 1, wall = 2 };
+
+// Oriented wall point, in the submap's frame; the normal points to where it was seen from.
+struct WallPoint {
+  float x, y, normal_x, normal_y;
+};
+
+// How the place looks around one point of the robot's path: walls per ring of distance. Does not change with heading.
+struct RingKey {
+  static constexpr int kRings = 24;
+  static constexpr double kRing_m = 0.5;
+  std::array<float, kRings> walls{};
+  Point2f centre{};
+};
+
+class SubmapModel {
+ public:
+  static constexpr double kSightResolution = 0.10;
+  static constexpr double kSearchResolution = 0.10;
+  static constexpr int kLevels = 7;
+
+  // Throws ContractViolation for a submap that is not frozen or names unknown nodes.
+  SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes);
+
+  const WallField& field() const { return field_; }
+  const std::vector<WallPoint>& walls() const { return walls_; }
+  const Raster<Sight>& sight() const { return sight_; }
+  std::size_t known_cells() const { return known_cells_; }
+  // Level k holds, at cells of kSearchResolution * 2^k, the largest likelihood of the cells [i, i + 2) * 2^k: a bound for all shifts of less
+  // than 2^k cells. Level 0 is the likelihood itself, at 10 cm.
+  const std::array<Raster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
+  const std::vector<RingKey>& ring_keys() const { return ring_keys_; }
+  const std::vector<Point2f>& query() const { return query_; }  // at most 200 wall points, spread evenly, for searching
+  // Of the walls: middle, and distance of the farthest from it.
+  Point2f centre() const { return centre_; }
+  float radius_m() const { return radius_m_; }
+  std::size_t bytes() const;
+
+ private:
+  void look(const Submap&, const Table<NodeId, Node>&);
+  void add_raster(const OccupancyGrid&, const Pose2& submap_from_node);
+  void find_walls();
+  void build_pyramid();
+  void describe();
+
+  WallField field_;
+  Raster<Sight> sight_;
+  std::vector<WallPoint> walls_;
+  std::vector<Point2f> query_;
+  std::array<Raster<std::uint8_t>, kLevels> pyramid_;
+  std::vector<RingKey> ring_keys_;
+  std::vector<Pose2> path_;
+  std::size_t known_cells_ = 0;
+  Point2f centre_{};
+  float radius_m_ = 0;
+};
+
+// Smaller is more alike; of the best pair of viewpoints.
+double ring_distance(const SubmapModel& a, const SubmapModel& b);
+double ring_distance(const std::vector<RingKey>& a, const std::vector<RingKey>& b);
+
+}  // namespace mapweave::matching

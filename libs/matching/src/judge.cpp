@@ -1,0 +1,233 @@
+#include <mapweave/core/error.h>
+#include <mapweave/matching/judge.h>
+#include <mapweave/matching/scan_matcher.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace mapweave::matching {
+namespace {
+
+constexpr double kInverseSight = 1.0 / SubmapModel::kSightResolution;
+
+struct OneWay {
+  std::size_t inliers = 0, contradicted = 0, unclear = 0;
+  double longest_m = 0.0;
+  Eigen::Matrix2d normals = Eigen::Matrix2d::Zero();  // sum over inliers, in a's frame
+};
+
+// Longest connected run of contradicted walls: cells of 0.2 m that touch, times their length.
+double longest_run(std::vector<std::pair<int, int>> cells) {
+  std::sort(cells.begin(), cells.end());
+  cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
+  std::vector<bool> done(cells.size(), false);
+  std::size_t longest = 0;
+  std::vector<std::size_t> stack;
+  for (std::size_t start = 0; start < cells.size(); ++start) {
+    if (done[start]) continue;
+    std::size_t size = 0;
+    stack.assign(1, start);
+    done[start] = true;
+    while (!stack.empty()) {
+      const auto [y, x] = cells[stack.back()];
+      stack.pop_back();
+      ++size;
+      for (int j = -1; j <= 1; ++j)
+        for (int i = -1; i <= 1; ++i) {
+          const auto place = std::lower_bound(cells.begin(), cells.end(), std::make_pair(y + j, x + i));
+          if (place == cells.end() || *place != std::make_pair(y + j, x + i)) continue;
+          const auto index = static_cast<std::size_t>(place - cells.begin());
+          if (!done[index]) done[index] = true, stack.push_back(index);
+        }
+    }
+    longest = std::max(longest, size);
+  }
+  return 0.2 * static_cast<double>(longest);
+}
+
+// The walls of `from` seen by `to`.
+OneWay look(const SubmapModel& to, const SubmapModel& from, const Pose2& to_from_from, bool rotate_normals) {
+  OneWay result;
+  std::vector<std::pair<int, int>> contradicted;
+  const double c = std::cos(to_from_from.phi), s = std::sin(to_from_from.phi);
+  const auto& sight = to.sight();
+  for (const auto& wall : from.walls()) {
+    const double x = c * wall.x - s * wall.y + to_from_from.x, y = s * wall.x + c * wall.y + to_from_from.y;
+    const int cx = cell_of(x, kInverseSight), cy = cell_of(y, kInverseSight);
+    const Sight here = sight.get(cx, cy);
+    if (to.field().likelihood().get(cell_of(x, 1.0 / WallField::kResolution), cell_of(y, 1.0 / WallField::kResolution)) > 60) {  // within 0.12 m
+      ++result.inliers;
+      const double nx = rotate_normals ? c * wall.normal_x - s * wall.normal_y : wall.normal_x;
+      const double ny = rotate_normals ? s * wall.normal_x + c * wall.normal_y : wall.normal_y;
+      result.normals(0, 0) += nx * nx, result.normals(0, 1) += nx * ny, result.normals(1, 1) += ny * ny;
+      continue;
+    }
+    if (here == Sight::unknown) continue;
+    // Clearly seen through only where the cells around are free too: grazing rays and half a cell of error prove nothing.
+    bool clear = here == Sight::free;
+    for (int j = -2; j <= 2 && clear; ++j)
+      for (int i = -2; i <= 2 && clear; ++i) clear = sight.get(cx + i, cy + j) == Sight::free;
+    if (clear) {
+      ++result.contradicted;
+      contradicted.emplace_back(cell_of(y, 5.0), cell_of(x, 5.0));
+    } else {
+      ++result.unclear;
+    }
+  }
+  result.normals(1, 0) = result.normals(0, 1);
+  result.longest_m = longest_run(std::move(contradicted));
+  return result;
+}
+
+double share(std::size_t part, std::size_t whole) { return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole); }
+
+std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
+  const auto& from = b.sight();
+  const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
+  std::size_t common = 0;
+  for (int y = from.first_y(); y < from.first_y() + from.height(); ++y)
+    for (int x = from.first_x(); x < from.first_x() + from.width(); ++x) {
+      if (from.at(x, y) == Sight::unknown) continue;
+      const double px = (x + 0.5) * SubmapModel::kSightResolution, py = (y + 0.5) * SubmapModel::kSightResolution;
+      common += a.sight().get(cell_of(c * px - s * py + a_from_b.x, kInverseSight), cell_of(s * px + c * py + a_from_b.y, kInverseSight)) != Sight::unknown;
+    }
+  return common;
+}
+
+std::vector<Point2f> wall_points(const SubmapModel& model, std::size_t most) {
+  std::vector<Point2f> points;
+  const std::size_t count = std::min(most, model.walls().size());
+  points.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& wall = model.walls()[i * model.walls().size() / count];
+    points.push_back({wall.x, wall.y});
+  }
+  return points;
+}
+
+double sigmoid(double v) { return 1.0 / (1.0 + std::exp(-v)); }
+
+// Weights fitted by hand to pairs of real submaps with known poses: each unit of the sum is a factor e of the odds.
+double probability_of(const Evidence& e) {
+  const double contradiction = std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]);
+  const double logit = 2.0 + 14.0 * (e.inliers - 0.70) - 22.0 * (e.conflict - 0.04) - 1.4 * (contradiction - 0.8) +
+                       0.9 * std::log(std::max(e.overlap_m2, 0.1) / 15.0) - 10.0 * std::max(0.0, e.second_best_ratio - 0.85);
+  return sigmoid(logit);
+}
+
+Reason doubt_of(const Evidence& e, const JudgeOptions& options) {
+  if (e.overlap_m2 < options.min_overlap_m2) return Reason::little_overlap;
+  if (e.conflict > options.max_conflict || std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]) > options.max_contradiction_m)
+    return Reason::contradiction;
+  if (e.inliers < options.min_inliers) return Reason::contradiction;
+  if (options.second_verifier && (e.verifier_inliers < options.min_verifier_inliers || e.verifier_disagreement_m > options.max_verifier_disagreement_m))
+    return Reason::inconsistent;
+  if (e.second_best_ratio > options.max_second_best) return Reason::ambiguous;
+  if (e.observability(1) < options.min_observability) return Reason::unobservable;
+  return Reason::none;
+}
+
+}  // namespace
+
+Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
+  Evidence evidence;
+  const OneWay b_in_a = look(a, b, a_from_b, true), a_in_b = look(b, a, inverse(a_from_b), false);
+  const std::size_t common = common_cells(a, b, a_from_b);
+  constexpr double kCell = SubmapModel::kSightResolution * SubmapModel::kSightResolution;
+  evidence.overlap_m2 = static_cast<double>(common) * kCell;
+  evidence.overlap = std::min(1.0, share(common, std::max<std::size_t>(1, std::min(a.known_cells(), b.known_cells()))));
+  const auto inliers = [](const OneWay& way) { return share(way.inliers, way.inliers + way.contradicted + way.unclear); };
+  const auto conflict = [](const OneWay& way) { return share(way.contradicted, way.inliers + way.contradicted + way.unclear); };
+  evidence.inliers = std::min(inliers(b_in_a), inliers(a_in_b));
+  evidence.conflict = std::max(conflict(b_in_a), conflict(a_in_b));
+  evidence.longest_contradiction_m[0] = a_in_b.longest_m;
+  evidence.longest_contradiction_m[1] = b_in_a.longest_m;
+  const Eigen::Matrix2d normals = b_in_a.normals + a_in_b.normals;
+  if (normals.trace() > 0) {
+    const Eigen::Vector2d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(normals / normals.trace()).eigenvalues();
+    evidence.observability = {values(1), std::max(0.0, values(0)), 1.0};
+  }
+  return evidence;
+}
+
+Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow& window, const JudgeOptions& options) {
+  Hasher hasher;
+  hasher.add("submap judge 1").add(content_a).add(content_b);
+  for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad, options.min_score, options.rival_ratio, options.min_overlap_m2,
+                   options.min_inliers, options.max_conflict, options.max_contradiction_m, options.max_second_best, options.min_observability,
+                   options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers, options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
+    hasher.add(v);
+  return hasher.finish();
+}
+
+Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options) {
+  MAPWEAVE_EXPECT(a.id < b.id, "a judgement names the lower submap first");
+  Judgement judgement;
+  judgement.id = judgement_id(a.content, b.content, window, options);
+  judgement.a = a.id, judgement.b = b.id;
+  judgement.content_a = a.content, judgement.content_b = b.content;
+  judgement.doubt = Reason::little_overlap;
+
+  SearchOptions search;
+  search.min_score = options.min_score;
+  search.rival_ratio = options.rival_ratio;
+  search.budget = static_cast<std::size_t>(options.search_budget);
+  const auto peaks = search_peaks(*a.model, *b.model, window, search);
+  if (peaks.empty()) return judgement;
+
+  struct Hypothesis {
+    ScanMatch match;
+    Evidence evidence;
+    double value;
+  };
+  std::vector<Hypothesis> hypotheses;
+  const auto coarse = wall_points(*b.model, 200), fine = wall_points(*b.model, 500);
+  for (const auto& peak : peaks) {
+    const auto near = correlate(a.model->field(), coarse, peak.a_from_b, {0.2, 0.035, 0.005}, {1.0, 1.0});
+    Hypothesis hypothesis;
+    hypothesis.match = refine(a.model->field(), fine, near ? near->field_from_scan : peak.a_from_b, {}, nullptr, 25);
+    hypothesis.evidence = weigh(*a.model, *b.model, hypothesis.match.field_from_scan);
+    hypothesis.value = hypothesis.evidence.inliers - 2.0 * hypothesis.evidence.conflict;
+    hypotheses.push_back(hypothesis);
+  }
+  std::stable_sort(hypotheses.begin(), hypotheses.end(), [](const Hypothesis& l, const Hypothesis& r) { return l.value > r.value; });
+  // Refinement may lead two peaks to one place.
+  std::vector<Hypothesis> distinct;
+  for (const auto& hypothesis : hypotheses) {
+    const bool known = std::any_of(distinct.begin(), distinct.end(), [&](const Hypothesis& other) {
+      const Pose2 apart = between(other.match.field_from_scan, hypothesis.match.field_from_scan);
+      return std::hypot(apart.x, apart.y) < 0.4 && std::abs(apart.phi) < 0.15;
+    });
+    if (!known) distinct.push_back(hypothesis);
+  }
+  Evidence& best = distinct.front().evidence;
+  if (distinct.size() > 1 && best.inliers > 0) best.second_best_ratio = std::clamp(distinct[1].value / distinct[0].value, 0.0, 1.0);
+  if (options.second_verifier) {
+    if (const auto verification = verify(*a.model, *b.model, distinct.front().match.field_from_scan)) {
+      best.verifier_inliers = verification->inliers;
+      best.verifier_disagreement_m = verification->disagreement_m;
+    }
+  }
+  for (const auto& hypothesis : distinct) {
+    Alignment alignment;
+    alignment.a_from_b.pose = spatial(hypothesis.match.field_from_scan);
+    // Points share the errors of the submaps they come from: fifty of them tell no more than one does. The floor of 1 cm and 0.1 degrees
+    // is that of the submaps' own drift.
+    Eigen::Matrix3d information = hypothesis.match.information / 50.0;
+    information.diagonal() += Eigen::Vector3d(1e-2, 1e-2, 1e-1);
+    const Eigen::Matrix3d covariance = information.inverse() + Eigen::Vector3d(1e-4, 1e-4, 3e-6).asDiagonal().toDenseMatrix();
+    const int order[3] = {0, 1, 5};
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) alignment.covariance(order[i], order[j]) = 0.5 * (covariance(i, j) + covariance(j, i));
+    judgement.hypotheses.push_back(alignment);
+    judgement.scores.push_back(hypothesis.match.score);
+  }
+  judgement.evidence = best;
+  judgement.doubt = doubt_of(best, options);
+  judgement.probability = probability_of(best);
+  if (judgement.doubt != Reason::none) judgement.probability *= 0.1;
+  return judgement;
+}
+
+}  // namespace mapweave::matching

@@ -1,0 +1,173 @@
+#include <mapweave/core/error.h>
+#include <mapweave/matching/scan_matcher.h>
+
+#include <Eigen/Cholesky>
+#include <array>
+#include <cstring>
+
+namespace mapweave::matching {
+namespace {
+
+constexpr int kLane = 16;  // poses along x tried at once
+
+// Adds 16 cells of one row to 16 sums.
+inline void add_row(const std::uint8_t* row, std::uint16_t* sums) {
+  for (int i = 0; i < kLane; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + row[i]);
+}
+
+}  // namespace
+
+std::vector<Point2f> thinned(const std::vector<Point2f>& points, double cell_m, std::size_t most) {
+  MAPWEAVE_EXPECT(cell_m > 0 && most > 0, "thinning needs a cell size and room for points");
+  std::vector<Point2f> kept;
+  kept.reserve(points.size());
+  // Neighbouring rays hit neighbouring places: comparing with the last kept ones is enough to even out the density.
+  const double square = cell_m * cell_m;
+  for (const auto& p : points) {
+    bool near = false;
+    for (std::size_t back = 1; back <= 3 && back <= kept.size() && !near; ++back) {
+      const double dx = p.x - kept[kept.size() - back].x, dy = p.y - kept[kept.size() - back].y;
+      near = dx * dx + dy * dy < square;
+    }
+    if (!near) kept.push_back(p);
+  }
+  if (kept.size() <= most) return kept;
+  std::vector<Point2f> even;
+  even.reserve(most);
+  for (std::size_t i = 0; i < most; ++i) even.push_back(kept[i * kept.size() / most]);
+  return even;
+}
+
+std::optional<Correlation> correlate(const WallField& field, const std::vector<Point2f>& points, const Pose2& guess,
+                                     const SearchWindow& window, const PriorWeight& weight) {
+  const auto& grid = field.likelihood();
+  if (grid.empty() || points.empty()) return std::nullopt;
+  MAPWEAVE_EXPECT(points.size() <= 256, "a 16-bit sum holds 256 points of 8 bits");
+  constexpr double kInverse = 1.0 / WallField::kResolution;
+  const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m * kInverse)));
+  const int lanes = (2 * radius + 1 + kLane - 1) / kLane;
+  const int side = lanes * kLane;                   // cells along x
+  const int half = side / 2;
+  const int turns = std::max(1, static_cast<int>(std::ceil(window.yaw_rad / window.yaw_step_rad)));
+  std::vector<std::uint16_t> sums(static_cast<std::size_t>(side) * static_cast<std::size_t>(2 * radius + 1));
+  std::vector<std::pair<int, int>> cells(points.size());
+  std::array<std::uint8_t, 1024> edge{};
+  MAPWEAVE_EXPECT(side <= static_cast<int>(edge.size()), "search window wider than 50 m: use branch and bound");
+
+  // The prior costs score: one sigma costs 0.02 of the mean likelihood, so it decides ties and near-ties only.
+  const double full = 255.0 * static_cast<double>(points.size());
+  const double cost_m = 0.02 * full * WallField::kResolution * WallField::kResolution / (weight.sigma_m * weight.sigma_m);
+  const double cost_yaw = 0.02 * full * window.yaw_step_rad * window.yaw_step_rad / (weight.sigma_yaw_rad * weight.sigma_yaw_rad);
+
+  double best_value = -1e300;
+  int best_turn = 0, best_x = 0, best_y = 0;
+  std::uint16_t best_sum = 0;
+  for (int turn = -turns; turn <= turns; ++turn) {
+    const double phi = guess.phi + turn * window.yaw_step_rad, c = std::cos(phi), s = std::sin(phi);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const double x = c * points[k].x - s * points[k].y + guess.x, y = s * points[k].x + c * points[k].y + guess.y;
+      cells[k] = {cell_of(x, kInverse), cell_of(y, kInverse)};
+    }
+    std::fill(sums.begin(), sums.end(), std::uint16_t{0});
+    for (const auto& [cx, cy] : cells) {
+      const int x0 = cx - half;
+      const bool whole = x0 >= grid.first_x() && x0 + side <= grid.first_x() + grid.width();
+      for (int dy = -radius; dy <= radius; ++dy) {
+        const int y = cy + dy;
+        if (y < grid.first_y() || y >= grid.first_y() + grid.height()) continue;
+        const std::uint8_t* row;
+        if (whole) {
+          row = grid.row(x0, y);
+        } else {
+          const int from = std::max(x0, grid.first_x()), to = std::min(x0 + side, grid.first_x() + grid.width());
+          if (from >= to) continue;
+          std::memset(edge.data(), 0, static_cast<std::size_t>(side));
+          std::memcpy(edge.data() + (from - x0), grid.row(from, y), static_cast<std::size_t>(to - from));
+          row = edge.data();
+        }
+        std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
+        for (int lane = 0; lane < lanes; ++lane) add_row(row + lane * kLane, sum + lane * kLane);
+      }
+    }
+    for (int dy = -radius; dy <= radius; ++dy) {
+      const std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
+      for (int i = 0; i < side; ++i) {
+        const int dx = i - half;
+        const double value = sum[i] - cost_m * (dx * dx + dy * dy) - cost_yaw * turn * turn;
+        if (value > best_value) {
+          best_value = value, best_turn = turn, best_x = dx, best_y = dy, best_sum = sum[i];
+        }
+      }
+    }
+  }
+  Correlation result;
+  result.field_from_scan = {guess.x + best_x * WallField::kResolution, guess.y + best_y * WallField::kResolution,
+                            wrap_angle(guess.phi + best_turn * window.yaw_step_rad)};
+  result.score = best_sum / full;
+  result.at_border = std::abs(best_turn) == turns || std::abs(best_x) >= radius || std::abs(best_y) == radius;
+  return result;
+}
+
+ScanMatch refine(const WallField& field, const std::vector<Point2f>& points, const Pose2& start, const Pose2& prior_pose,
+                 const PriorWeight* prior, int iterations) {
+  ScanMatch match;
+  match.field_from_scan = start;
+  if (points.empty()) return match;
+  double x = start.x, y = start.y, phi = start.phi;
+  Eigen::Matrix3d hessian;
+  int used = 0;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    hessian.setZero();
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    const double c = std::cos(phi), s = std::sin(phi);
+    used = 0;
+    for (const auto& p : points) {
+      const double rx = c * p.x - s * p.y, ry = s * p.x + c * p.y;
+      const LocalNormal* normal = field.normal_at(rx + x, ry + y);
+      if (normal == nullptr) continue;
+      const double dx = rx + x - normal->mean_x, dy = ry + y - normal->mean_y;
+      const double r0 = normal->w00 * dx + normal->w10 * dy, r1 = normal->w11 * dy;
+      const double square = r0 * r0 + r1 * r1;
+      if (square < 9.0) ++used;
+      const double weight = 1.0 / ((1.0 + square / 9.0) * (1.0 + square / 9.0));  // Geman-McClure, 3 sigma
+      // d(point)/d(x, y, phi) in the field's frame
+      const double j00 = normal->w00, j01 = normal->w10, j02 = normal->w00 * -ry + normal->w10 * rx;
+      const double j11 = normal->w11, j12 = normal->w11 * rx;
+      hessian(0, 0) += weight * j00 * j00;
+      hessian(0, 1) += weight * j00 * j01;
+      hessian(0, 2) += weight * j00 * j02;
+      hessian(1, 1) += weight * (j01 * j01 + j11 * j11);
+      hessian(1, 2) += weight * (j01 * j02 + j11 * j12);
+      hessian(2, 2) += weight * (j02 * j02 + j12 * j12);
+      gradient(0) += weight * j00 * r0;
+      gradient(1) += weight * (j01 * r0 + j11 * r1);
+      gradient(2) += weight * (j02 * r0 + j12 * r1);
+    }
+    hessian(1, 0) = hessian(0, 1), hessian(2, 0) = hessian(0, 2), hessian(2, 1) = hessian(1, 2);
+    Eigen::Matrix3d system = hessian;
+    system.diagonal() += Eigen::Vector3d(1.0, 1.0, 0.1);
+    if (prior != nullptr) {
+      const double im = 1.0 / (prior->sigma_m * prior->sigma_m), iy = 1.0 / (prior->sigma_yaw_rad * prior->sigma_yaw_rad);
+      system(0, 0) += im, system(1, 1) += im, system(2, 2) += iy;
+      gradient += Eigen::Vector3d(im * (x - prior_pose.x), im * (y - prior_pose.y), iy * wrap_angle(phi - prior_pose.phi));
+    }
+    const Eigen::Vector3d step = system.ldlt().solve(-gradient);
+    if (!step.allFinite()) break;
+    x += step(0), y += step(1), phi += step(2);
+    if (std::abs(step(0)) + std::abs(step(1)) < 2e-4 && std::abs(step(2)) < 2e-5) break;
+  }
+  match.field_from_scan = {x, y, wrap_angle(phi)};
+  match.inliers = static_cast<double>(used) / static_cast<double>(points.size());
+  const auto& grid = field.likelihood();
+  double sum = 0;
+  const double c = std::cos(phi), s = std::sin(phi);
+  for (const auto& p : points) sum += grid.get(cell_of(c * p.x - s * p.y + x, 1.0 / WallField::kResolution), cell_of(s * p.x + c * p.y + y, 1.0 / WallField::kResolution));
+  match.score = sum / (255.0 * static_cast<double>(points.size()));
+  // From the field's frame into the scan's: a small motion there is a rotated one here.
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  rotation(0, 0) = c, rotation(0, 1) = -s, rotation(1, 0) = s, rotation(1, 1) = c;
+  match.information = rotation.transpose() * hessian * rotation;
+  return match;
+}
+
+}  // namespace mapweave::matching

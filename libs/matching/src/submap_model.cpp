@@ -1,0 +1,229 @@
+#include <mapweave/core/error.h>
+#include <mapweave/matching/submap_model.h>
+
+#include <algorithm>
+
+namespace mapweave::matching {
+namespace {
+
+constexpr double kSightRange_m = 30.0;     // rays say nothing about cells beyond
+constexpr double kSightStep_m = 0.20;      // scans nearer to the last one drawn say nothing new about free space
+constexpr double kSightStep_rad = 0.20;
+constexpr double kInverseSight = 1.0 / SubmapModel::kSightResolution;
+constexpr std::size_t kQueryPoints = 200;
+constexpr double kViewpointStep_m = 2.0;
+
+struct Counts {
+  std::uint16_t hits = 0, passes = 0;
+};
+
+// Calls visit(x, y) for the cells a ray crosses, its last cell excluded (Amanatides and Woo, 1987).
+template <class Visit>
+void walk(double x0, double y0, double x1, double y1, double inverse, Visit&& visit) {
+  int x = cell_of(x0, inverse), y = cell_of(y0, inverse);
+  const int last_x = cell_of(x1, inverse), last_y = cell_of(y1, inverse);
+  const double dx = x1 - x0, dy = y1 - y0;
+  const int step_x = dx > 0 ? 1 : -1, step_y = dy > 0 ? 1 : -1;
+  const double side = 1.0 / inverse;
+  double next_x = dx != 0 ? ((x + (dx > 0 ? 1 : 0)) * side - x0) / dx : 1e300, next_y = dy != 0 ? ((y + (dy > 0 ? 1 : 0)) * side - y0) / dy : 1e300;
+  const double each_x = dx != 0 ? side / std::abs(dx) : 1e300, each_y = dy != 0 ? side / std::abs(dy) : 1e300;
+  int most = std::abs(last_x - x) + std::abs(last_y - y);
+  while ((x != last_x || y != last_y) && most-- > 0) {
+    visit(x, y);
+    if (next_x < next_y)
+      next_x += each_x, x += step_x;
+    else
+      next_y += each_y, y += step_y;
+  }
+}
+
+}  // namespace
+
+SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes) {
+  MAPWEAVE_EXPECT(submap.frozen, "only frozen submaps are matched");
+  look(submap, nodes);
+  find_walls();
+  build_pyramid();
+  describe();
+}
+
+void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node) {
+  const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
+  std::vector<Point2f> points;
+  const auto place = [&](std::int32_t column, std::int32_t row) {
+    const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
+    return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x), static_cast<float>(s * x + c * y + submap_from_node.y)};
+  };
+  for (std::int32_t row = 0; row < grid.rows; ++row)
+    for (std::int32_t column = 0; column < grid.columns; ++column) {
+      const auto value = grid.at(column, row);
+      if (value == OccupancyGrid::kUnknown) continue;
+      const Point2f p = place(column, row);
+      const int x = cell_of(p.x, kInverseSight), y = cell_of(p.y, kInverseSight);
+      sight_.grow(x, y, x, y);
+      Sight& cell = sight_.at(x, y);
+      cell = std::max(cell, value > 0 ? Sight::wall : Sight::free);
+      if (value > 0) points.push_back(p);
+    }
+  // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.
+  for (int i = 0; i < 3; ++i) field_.add(points);
+  path_.push_back(submap_from_node);
+}
+
+void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
+  Raster<Counts> counts;
+  std::optional<Pose2> last;
+  for (const auto& [id, pose] : submap.submap_from_node) {
+    const Node* node = nodes.find(id);
+    MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a frozen submap names nodes with payloads");
+    const Pose2 submap_from_node = planar(pose);
+    if (const auto* grid = std::get_if<OccupancyGrid>(node->payload.get())) {
+      add_raster(*grid, submap_from_node);
+      continue;
+    }
+    const auto& scan = std::get<PackedScan>(*node->payload);
+    path_.push_back(submap_from_node);
+    const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
+    std::vector<Point2f> points;
+    for (const auto& p : points_in_robot(scan))
+      points.push_back({static_cast<float>(c * p.x - s * p.y + submap_from_node.x), static_cast<float>(s * p.x + c * p.y + submap_from_node.y)});
+    field_.add(points);
+    if (last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
+        std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad)
+      continue;
+    last = submap_from_node;
+    const Pose2 robot_from_laser = planar(scan.geometry->robot_from_laser);
+    const Pose2 eye = compose(submap_from_node, robot_from_laser);
+    for (const auto& p : points) {
+      const double dx = p.x - eye.x, dy = p.y - eye.y, range = std::hypot(dx, dy);
+      const bool far = range > kSightRange_m;
+      const double end_x = far ? eye.x + dx / range * kSightRange_m : p.x, end_y = far ? eye.y + dy / range * kSightRange_m : p.y;
+      const int ex = cell_of(eye.x, kInverseSight), ey = cell_of(eye.y, kInverseSight);
+      const int px = cell_of(end_x, kInverseSight), py = cell_of(end_y, kInverseSight);
+      counts.grow(std::min(ex, px) - 1, std::min(ey, py) - 1, std::max(ex, px) + 1, std::max(ey, py) + 1);
+      walk(eye.x, eye.y, end_x, end_y, kInverseSight, [&](int x, int y) {
+        auto& cell = counts.at(x, y);
+        if (cell.passes < 65535) ++cell.passes;
+      });
+      if (!far && counts.at(px, py).hits < 65535) ++counts.at(px, py).hits;
+    }
+  }
+  if (counts.empty()) {
+    for (int y = sight_.first_y(); y < sight_.first_y() + sight_.height(); ++y)
+      for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x) known_cells_ += sight_.at(x, y) != Sight::unknown;
+    return;
+  }
+  sight_.grow(counts.first_x(), counts.first_y(), counts.first_x() + counts.width() - 1, counts.first_y() + counts.height() - 1);
+  for (int y = counts.first_y(); y < counts.first_y() + counts.height(); ++y)
+    for (int x = counts.first_x(); x < counts.first_x() + counts.width(); ++x) {
+      const Counts& seen = counts.at(x, y);
+      if (seen.hits + seen.passes == 0) continue;
+      // A wall stops most rays, though those that graze it pass through its cells.
+      sight_.at(x, y) = seen.hits > 0 && seen.hits * 3 >= seen.passes ? Sight::wall : seen.passes >= 2 ? Sight::free : Sight::unknown;
+    }
+  for (int y = sight_.first_y(); y < sight_.first_y() + sight_.height(); ++y)
+    for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x) known_cells_ += sight_.at(x, y) != Sight::unknown;
+}
+
+void SubmapModel::find_walls() {
+  const auto cells = field_.wall_cells(2.0F);
+  std::size_t nearest = 0;
+  for (const auto& cell : cells) {
+    if (sight_.get(cell_of(cell.mean.x, kInverseSight), cell_of(cell.mean.y, kInverseSight)) != Sight::wall) continue;
+    // Towards the nearest place of the path: walls are seen from one side, but for posts. The search starts at the last answer: cells
+    // come in rows, and the path is short.
+    double best = 1e300;
+    for (std::size_t i = 0; i < path_.size(); i += 1 + path_.size() / 32) {
+      const double dx = path_[i].x - cell.mean.x, dy = path_[i].y - cell.mean.y;
+      if (dx * dx + dy * dy < best) best = dx * dx + dy * dy, nearest = i;
+    }
+    const double side = (path_[nearest].x - cell.mean.x) * cell.normal.normal_x + (path_[nearest].y - cell.mean.y) * cell.normal.normal_y;
+    const float sign = side < 0 ? -1.0F : 1.0F;
+    walls_.push_back({cell.mean.x, cell.mean.y, sign * cell.normal.normal_x, sign * cell.normal.normal_y});
+  }
+  const std::size_t count = std::min(kQueryPoints, walls_.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& wall = walls_[i * walls_.size() / count];
+    query_.push_back({wall.x, wall.y});
+    centre_.x += wall.x / static_cast<float>(count);
+    centre_.y += wall.y / static_cast<float>(count);
+  }
+  for (const auto& p : query_) radius_m_ = std::max(radius_m_, std::hypot(p.x - centre_.x, p.y - centre_.y));
+}
+
+void SubmapModel::build_pyramid() {
+  const auto& fine = field_.likelihood();
+  if (fine.empty()) return;
+  const auto half = [](int v) { return v >= 0 ? v / 2 : (v - 1) / 2; };
+  Raster<std::uint8_t> base(half(fine.first_x()) - 1, half(fine.first_y()) - 1, half(fine.first_x() + fine.width() - 1) + 1,
+                            half(fine.first_y() + fine.height() - 1) + 1, 0);
+  // Only walls that the rays confirm draw searches: what moved is no landmark.
+  for (const auto& wall : walls_) {
+    const int x = cell_of(wall.x, 1.0 / kSearchResolution), y = cell_of(wall.y, 1.0 / kSearchResolution);
+    for (int j = -1; j <= 1; ++j)
+      for (int i = -1; i <= 1; ++i) {
+        if (!base.contains(x + i, y + j)) continue;
+        auto& cell = base.at(x + i, y + j);
+        cell = std::max(cell, static_cast<std::uint8_t>(i == 0 && j == 0 ? 255 : i == 0 || j == 0 ? 170 : 115));
+      }
+  }
+  pyramid_[0] = std::move(base);
+  for (std::size_t level = 1; level < pyramid_.size(); ++level) {
+    const auto& below = pyramid_[level - 1];
+    const int x0 = half(below.first_x()) - 1, y0 = half(below.first_y()) - 1;
+    const int x1 = half(below.first_x() + below.width() - 1) + 1, y1 = half(below.first_y() + below.height() - 1) + 1;
+    Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
+    // Cell i of level 1 bounds the cells 2i .. 2i + 3 of level 0; above that, of level k the cells 2i, 2i + 2 of the level below, each of which bounds two blocks.
+    const int reach = level == 1 ? 3 : 2, stride = level == 1 ? 1 : 2;
+    for (int y = y0; y <= y1; ++y)
+      for (int x = x0; x <= x1; ++x) {
+        std::uint8_t largest = 0;
+        for (int j = 0; j <= reach; j += stride)
+          for (int i = 0; i <= reach; i += stride) largest = std::max(largest, below.get(2 * x + i, 2 * y + j));
+        plain.at(x, y) = largest;
+      }
+    pyramid_[level] = std::move(plain);
+  }
+}
+
+void SubmapModel::describe() {
+  std::optional<Pose2> last;
+  for (const auto& pose : path_) {
+    if (last && std::hypot(pose.x - last->x, pose.y - last->y) < kViewpointStep_m) continue;
+    last = pose;
+    RingKey key;
+    key.centre = {static_cast<float>(pose.x), static_cast<float>(pose.y)};
+    for (const auto& wall : walls_) {
+      const int ring = static_cast<int>(std::hypot(wall.x - pose.x, wall.y - pose.y) / RingKey::kRing_m);
+      if (ring < RingKey::kRings) key.walls[static_cast<std::size_t>(ring)] += 1.0F;
+    }
+    // Share of the ring's circumference that is wall, compressed: many rings see few walls, and those tell most.
+    for (int ring = 0; ring < RingKey::kRings; ++ring) {
+      auto& value = key.walls[static_cast<std::size_t>(ring)];
+      value = std::sqrt(value * static_cast<float>(WallField::kCellSide / (2.0 * M_PI * (ring + 0.5) * RingKey::kRing_m)));
+    }
+    ring_keys_.push_back(key);
+  }
+}
+
+std::size_t SubmapModel::bytes() const {
+  std::size_t sum = field_.bytes() + sight_.bytes() + walls_.capacity() * sizeof(WallPoint) + query_.capacity() * sizeof(Point2f) +
+                    ring_keys_.capacity() * sizeof(RingKey) + path_.capacity() * sizeof(Pose2);
+  for (const auto& level : pyramid_) sum += level.bytes();
+  return sum;
+}
+
+double ring_distance(const std::vector<RingKey>& a, const std::vector<RingKey>& b) {
+  double best = 1e300;
+  for (const auto& one : a)
+    for (const auto& other : b) {
+      double sum = 0;
+      for (std::size_t ring = 0; ring < one.walls.size(); ++ring) sum += std::abs(one.walls[ring] - other.walls[ring]);
+      best = std::min(best, sum);
+    }
+  return best;
+}
+
+double ring_distance(const SubmapModel& a, const SubmapModel& b) { return ring_distance(a.ring_keys(), b.ring_keys()); }
+
+}  // namespace mapweave::matching
