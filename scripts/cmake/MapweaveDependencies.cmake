@@ -3,7 +3,6 @@ foreach(module math poses obs maps io serialization img slam)
   find_package(mrpt-${module} REQUIRED)
 endforeach()
 find_package(Eigen3 REQUIRED NO_MODULE)
-find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs)
 find_package(Ceres REQUIRED)
 find_package(yaml-cpp REQUIRED)
 find_package(spdlog REQUIRED)
@@ -19,15 +18,21 @@ pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(IPOPT REQUIRED IMPORTED_TARGET ipopt)
 find_package(GTest REQUIRED)
 
-# PCL by its plain libraries: its CMake package would add VTK and Qt to every link line.
+# PCL by its plain libraries: its CMake package would add VTK and Qt to every link line. Its headers: libpcl-dev's where it is
+# installed, else those that the scripts unpacked from it (installing it brings VTK, Qt and a JDK, 1.4 GB; DECISIONS.md).
+find_path(MAPWEAVE_PCL_INCLUDE pcl/registration/icp.h REQUIRED
+  HINTS /usr/include/pcl-1.13 ${PROJECT_SOURCE_DIR}/build/packages/libpcl-dev/usr/include/pcl-1.13)
 add_library(mapweave_pcl INTERFACE)
-target_include_directories(mapweave_pcl SYSTEM INTERFACE /usr/include/pcl-1.13 /usr/include/eigen3)
-target_link_libraries(mapweave_pcl INTERFACE pcl_common pcl_kdtree pcl_search pcl_registration)
+target_include_directories(mapweave_pcl SYSTEM INTERFACE ${MAPWEAVE_PCL_INCLUDE})
+target_link_libraries(mapweave_pcl INTERFACE Eigen3::Eigen -l:libpcl_common.so.1.13 -l:libpcl_kdtree.so.1.13
+  -l:libpcl_search.so.1.13 -l:libpcl_registration.so.1.13)
 
 add_library(mapweave_ipopt INTERFACE)
 target_compile_definitions(mapweave_ipopt INTERFACE HAVE_CSTDDEF)   # Debian's 3.11.9 needs it
 target_link_libraries(mapweave_ipopt INTERFACE PkgConfig::IPOPT)
 
+# OpenCV by its plain libraries too: its CMake package comes with libopencv-dev alone, which installs every module.
+find_path(MAPWEAVE_OPENCV_INCLUDE opencv2/imgcodecs.hpp PATH_SUFFIXES opencv4 REQUIRED)
 add_library(mapweave_opencv INTERFACE)
-target_include_directories(mapweave_opencv SYSTEM INTERFACE ${OpenCV_INCLUDE_DIRS})
+target_include_directories(mapweave_opencv SYSTEM INTERFACE ${MAPWEAVE_OPENCV_INCLUDE})
 target_link_libraries(mapweave_opencv INTERFACE opencv_core opencv_imgproc opencv_imgcodecs)

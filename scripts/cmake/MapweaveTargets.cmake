@@ -44,6 +44,9 @@ function(mapweave_check_arrows name folder allowed)
   endforeach()
 endfunction()
 
+# `programs`: what scripts/build makes unless told otherwise.
+add_custom_target(programs)
+
 # mapweave_add_program(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>]): an executable of apps/.
 function(mapweave_add_program name)
   cmake_parse_arguments(arg "" "" "USES;SOURCES;PRIVATE" ${ARGN})
@@ -53,6 +56,7 @@ function(mapweave_add_program name)
   # MRPT's classes register themselves: a program that only reads them must still load the libraries.
   target_link_options(${name} PRIVATE -Wl,--no-as-needed)
   mapweave_set_warnings(${name})
+  add_dependencies(programs ${name})
   set_property(GLOBAL APPEND PROPERTY MAPWEAVE_PROGRAMS ${name})
 endfunction()
 

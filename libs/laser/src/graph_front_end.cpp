@@ -91,7 +91,7 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
       if (coarse) {
         // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
         const double scale = std::sqrt(options_.point_information_scale);
-        const matching::PriorWeight relative{prior.sigma_m * scale, prior.sigma_yaw_rad * scale};
+        const matching::PriorWeight relative{prior.sigma_m * scale, prior.sigma_yaw_rad * scale, 9.0 / options_.point_information_scale};
         const auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
         if (match.inliers >= options_.min_inliers) {
           matched = true;
@@ -118,8 +118,8 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     travelled_m_ += std::hypot(moved.x, moved.y);
     local_from_last_ = local_from_node;
     const Pose2 since = between(local_from_inserted_, local_from_node);
-    // A scan that fits nowhere is not drawn: it would spoil the submap it is to be found in.
-    inserted = few.size() >= kFewestPoints && matched &&
+    // New ground fits nothing yet: there odometry draws. Without it, a scan that fits nowhere would only spoil the submap.
+    inserted = few.size() >= kFewestPoints && (matched || from_odometry) &&
                (std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad);
   }
   last_stamp_ = input.stamp;

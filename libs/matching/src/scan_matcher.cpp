@@ -4,6 +4,9 @@
 #include <Eigen/Cholesky>
 #include <array>
 #include <cstring>
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 
 namespace mapweave::matching {
 namespace {
@@ -11,9 +14,18 @@ namespace {
 constexpr int kLane = 16;  // poses along x tried at once
 
 // Adds 16 cells of one row to 16 sums.
+#ifdef __SSE2__
+inline void add_row(const std::uint8_t* row, std::uint16_t* sums) {
+  const __m128i zero = _mm_setzero_si128(), cells = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row));
+  auto* low = reinterpret_cast<__m128i*>(sums);
+  _mm_storeu_si128(low, _mm_add_epi16(_mm_loadu_si128(low), _mm_unpacklo_epi8(cells, zero)));
+  _mm_storeu_si128(low + 1, _mm_add_epi16(_mm_loadu_si128(low + 1), _mm_unpackhi_epi8(cells, zero)));
+}
+#else
 inline void add_row(const std::uint8_t* row, std::uint16_t* sums) {
   for (int i = 0; i < kLane; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + row[i]);
 }
+#endif
 
 }  // namespace
 
@@ -72,6 +84,13 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<P
     for (const auto& [cx, cy] : cells) {
       const int x0 = cx - half;
       const bool whole = x0 >= grid.first_x() && x0 + side <= grid.first_x() + grid.width();
+      if (whole && cy - radius >= grid.first_y() && cy + radius < grid.first_y() + grid.height()) {
+        const std::uint8_t* row = grid.row(x0, cy - radius);
+        std::uint16_t* sum = sums.data();
+        for (int dy = 0; dy <= 2 * radius; ++dy, row += grid.width())
+          for (int lane = 0; lane < lanes; ++lane, sum += kLane) add_row(row + lane * kLane, sum);
+        continue;
+      }
       for (int dy = -radius; dy <= radius; ++dy) {
         const int y = cy + dy;
         if (y < grid.first_y() || y >= grid.first_y() + grid.height()) continue;
@@ -147,9 +166,13 @@ ScanMatch refine(const WallField& field, const std::vector<Point2f>& points, con
     Eigen::Matrix3d system = hessian;
     system.diagonal() += Eigen::Vector3d(1.0, 1.0, 0.1);
     if (prior != nullptr) {
-      const double im = 1.0 / (prior->sigma_m * prior->sigma_m), iy = 1.0 / (prior->sigma_yaw_rad * prior->sigma_yaw_rad);
+      // Wheels slip and turns are missed: a prior that is far off holds nothing.
+      const double im0 = 1.0 / (prior->sigma_m * prior->sigma_m), iy0 = 1.0 / (prior->sigma_yaw_rad * prior->sigma_yaw_rad);
+      const double off_x = x - prior_pose.x, off_y = y - prior_pose.y, off_yaw = wrap_angle(phi - prior_pose.phi);
+      const double far = 1.0 + (off_x * off_x + off_y * off_y) * im0 / prior->gate, turned = 1.0 + off_yaw * off_yaw * iy0 / prior->gate;
+      const double im = im0 / (far * far), iy = iy0 / (turned * turned);
       system(0, 0) += im, system(1, 1) += im, system(2, 2) += iy;
-      gradient += Eigen::Vector3d(im * (x - prior_pose.x), im * (y - prior_pose.y), iy * wrap_angle(phi - prior_pose.phi));
+      gradient += Eigen::Vector3d(im * off_x, im * off_y, iy * off_yaw);
     }
     const Eigen::Vector3d step = system.ldlt().solve(-gradient);
     if (!step.allFinite()) break;

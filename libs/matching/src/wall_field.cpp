@@ -47,8 +47,6 @@ void WallField::add(const std::vector<Point2f>& points_in_field) {
     normal_index_.grow(cx0, cy0, cx1, cy1);
   }
 
-  std::vector<std::pair<int, int>> touched;  // (y, x) of cells whose sums changed
-  touched.reserve(points_in_field.size());
   for (const auto& p : points_in_field) {
     const int px = cell_of(p.x, kInverseResolution), py = cell_of(p.y, kInverseResolution);
     if (likelihood_.at(px, py) < 255) {
@@ -67,21 +65,27 @@ void WallField::add(const std::vector<Point2f>& points_in_field) {
     Sums& sums = sums_[static_cast<std::size_t>(index)];
     const float dx = p.x - static_cast<float>((cx + 0.5) * kCellSide), dy = p.y - static_cast<float>((cy + 0.5) * kCellSide);
     sums.n += 1, sums.x += dx, sums.y += dy, sums.xx += dx * dx, sums.xy += dx * dy, sums.yy += dy * dy;
-    touched.emplace_back(cy, cx);
   }
-  std::sort(touched.begin(), touched.end());
-  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
-  std::vector<std::pair<int, int>> around;
-  around.reserve(touched.size() * 9);
-  for (const auto& [cy, cx] : touched)
+  // Each distribution near a point changes, once.
+  ++additions_;
+  for (const auto& p : points_in_field) {
+    const int cx = cell_of(p.x, kInverseCellSide), cy = cell_of(p.y, kInverseCellSide);
     for (int j = -1; j <= 1; ++j)
-      for (int i = -1; i <= 1; ++i) around.emplace_back(cy + j, cx + i);
-  std::sort(around.begin(), around.end());
-  around.erase(std::unique(around.begin(), around.end()), around.end());
-  for (const auto& [cy, cx] : around) update_normal(cx, cy);
+      for (int i = -1; i <= 1; ++i) {
+        std::int32_t& index = normal_index_.at(cx + i, cy + j);
+        if (index < 0) {
+          index = static_cast<std::int32_t>(normals_.size());
+          normals_.emplace_back();
+        }
+        Distribution& distribution = normals_[static_cast<std::size_t>(index)];
+        if (distribution.addition == additions_) continue;
+        distribution.addition = additions_;
+        update(cx + i, cy + j, distribution);
+      }
+  }
 }
 
-void WallField::update_normal(int cell_x, int cell_y) {
+void WallField::update(int cell_x, int cell_y, Distribution& distribution) const {
   Sums all;
   for (int j = -1; j <= 1; ++j)
     for (int i = -1; i <= 1; ++i) {
@@ -108,7 +112,8 @@ void WallField::update_normal(int cell_x, int cell_y) {
   }
   const float length = std::sqrt(ax * ax + ay * ay);
   ax /= length, ay /= length;
-  LocalNormal normal;
+  LocalNormal& normal = distribution.normal;
+  distribution.valid = true;
   normal.mean_x = mx + static_cast<float>((cell_x + 0.5) * kCellSide);
   normal.mean_y = my + static_cast<float>((cell_y + 0.5) * kCellSide);
   normal.normal_x = -ay, normal.normal_y = ax;
@@ -122,18 +127,13 @@ void WallField::update_normal(int cell_x, int cell_y) {
   normal.w00 = std::sqrt(std::max(i00, 0.0F));
   normal.w10 = normal.w00 > 1e-6F ? i01 / normal.w00 : 0.0F;
   normal.w11 = std::sqrt(std::max(i11 - normal.w10 * normal.w10, 0.0F));
-  std::int32_t& index = normal_index_.at(cell_x, cell_y);
-  if (index < 0) {
-    index = static_cast<std::int32_t>(normals_.size());
-    normals_.push_back(normal);
-  } else {
-    normals_[static_cast<std::size_t>(index)] = normal;
-  }
 }
 
 const LocalNormal* WallField::normal_at(double x, double y) const {
   const std::int32_t index = normal_index_.get(cell_of(x, kInverseCellSide), cell_of(y, kInverseCellSide));
-  return normal_index_.empty() || index < 0 ? nullptr : &normals_[static_cast<std::size_t>(index)];
+  if (normal_index_.empty() || index < 0) return nullptr;
+  const Distribution& distribution = normals_[static_cast<std::size_t>(index)];
+  return distribution.valid ? &distribution.normal : nullptr;
 }
 
 std::vector<WallField::WallCell> WallField::wall_cells(float min_count) const {
@@ -142,17 +142,17 @@ std::vector<WallField::WallCell> WallField::wall_cells(float min_count) const {
     for (int x = sums_index_.first_x(); x < sums_index_.first_x() + sums_index_.width(); ++x) {
       const std::int32_t index = sums_index_.at(x, y);
       const std::int32_t normal = normal_index_.at(x, y);
-      if (index < 0 || normal < 0) continue;
+      if (index < 0 || normal < 0 || !normals_[static_cast<std::size_t>(normal)].valid) continue;
       const Sums& s = sums_[static_cast<std::size_t>(index)];
       if (s.n < min_count) continue;
       cells.push_back({{static_cast<float>((x + 0.5) * kCellSide) + s.x / s.n, static_cast<float>((y + 0.5) * kCellSide) + s.y / s.n},
-                       normals_[static_cast<std::size_t>(normal)], s.n});
+                       normals_[static_cast<std::size_t>(normal)].normal, s.n});
     }
   return cells;
 }
 
 std::size_t WallField::bytes() const {
-  return likelihood_.bytes() + sums_index_.bytes() + normal_index_.bytes() + sums_.capacity() * sizeof(Sums) + normals_.capacity() * sizeof(LocalNormal);
+  return likelihood_.bytes() + sums_index_.bytes() + normal_index_.bytes() + sums_.capacity() * sizeof(Sums) + normals_.capacity() * sizeof(Distribution);
 }
 
 }  // namespace mapweave::matching

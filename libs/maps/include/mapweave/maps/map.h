@@ -44,7 +44,7 @@ struct ConstraintId {                      // of `from` to `to`, one of each kin
   NodeId from, to;
   std::uint32_t index = 0;
 };
-inline auto tie(const ConstraintId& id) { return std::tie(id.kind, id.from, id.to, id.index); }
+inline auto key_of(const ConstraintId& id) { return std::tie(id.kind, id.from, id.to, id.index); }
 
 struct Constraint {
   ConstraintId id;
@@ -71,9 +71,9 @@ struct Map {
   std::vector<RobotId> robots() const;      // sorted
 };
 
-// Hash of content alone (payloads and frozen submaps, in id order): equal for maps that differ in belief only.
+// Hash of content alone (nodes' ids, stamps and payloads, frozen submaps; in id order): equal for maps that differ in belief only.
 Hash content_hash(const Map&);
-// Hash of a frozen submap's content. Throws ContractViolation when a node has no payload.
+// Hash of a frozen submap's content: its nodes' ids, places in it and payloads. Throws ContractViolation when a node has no payload.
 Hash content_hash(const Submap&, const Table<NodeId, Node>&);
 
 }  // namespace mapweave

@@ -20,7 +20,7 @@ struct JudgeOptions {
   double max_second_best = 0.92;
   double min_observability = 0.03;
   bool second_verifier = true;
-  double min_verifier_inliers = 0.55;
+  double min_verifier_inliers = 0.40;
   double max_verifier_disagreement_m = 0.25;
   int search_budget = 400000;
   template <class Visitor>

@@ -20,6 +20,7 @@ struct SearchWindow {
 struct PriorWeight {
   double sigma_m = 0.1;
   double sigma_yaw_rad = 0.05;
+  double gate = 9.0;                // squared sigmas from which the prior gives way (refine only)
 };
 
 struct ScanMatch {

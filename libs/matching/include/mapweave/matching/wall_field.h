@@ -47,12 +47,18 @@ class WallField {
   struct Sums {
     float n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;  // relative to the cell's centre
   };
-  void update_normal(int cell_x, int cell_y);
+  struct Distribution {
+    LocalNormal normal;
+    std::uint32_t addition = 0;  // the call of add() that last changed it
+    bool valid = false;          // enough points
+  };
+  void update(int cell_x, int cell_y, Distribution& distribution) const;
   Raster<std::uint8_t> likelihood_;
   Raster<std::int32_t> sums_index_;    // -1: none
   std::vector<Sums> sums_;
   Raster<std::int32_t> normal_index_;  // -1: none
-  std::vector<LocalNormal> normals_;
+  std::vector<Distribution> normals_;
+  std::uint32_t additions_ = 0;
 };
 
 }  // namespace mapweave::matching

@@ -1,0 +1,47 @@
+#pragma once
+// One program, many verbs: each verb is a file of this folder and a line in main.cpp's table.
+
+#include <CLI/CLI.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapweave::app {
+
+// Carries out a verb; returns the exit code (DESIGN section 5).
+using Action = std::function<int()>;
+
+struct Command {
+  const char* name;
+  const char* summary;
+  const char* example;                   // shown under the verb's help
+  Action (*set_up)(CLI::App& verb);      // declares the verb's arguments; the action reads them after parsing
+};
+
+// Flags that all verbs which compute and write share.
+struct WritingFlags {
+  std::filesystem::path out;
+  int threads = 0;                       // 0: as many as there are processors
+  std::optional<std::uint64_t> seed;
+  std::vector<std::string> set;          // key=value
+  bool force = false, json = false;
+};
+void add_writing_flags(CLI::App& verb, WritingFlags&);
+int threads_of(const WritingFlags&);
+
+Action set_up_run(CLI::App&);
+Action set_up_slam(CLI::App&);
+Action set_up_merge(CLI::App&);
+Action set_up_split(CLI::App&);
+Action set_up_convert(CLI::App&);
+Action set_up_simulate(CLI::App&);
+Action set_up_inspect(CLI::App&);
+Action set_up_export(CLI::App&);
+Action set_up_evaluate(CLI::App&);
+Action set_up_config(CLI::App&);
+
+}  // namespace mapweave::app

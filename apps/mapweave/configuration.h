@@ -1,0 +1,23 @@
+#pragma once
+// The run configuration from all its layers, as run, slam and merge take it.
+
+#include "command.h"
+
+#include <mapweave/core/options.h>
+#include <mapweave/runtime/report.h>
+#include <mapweave/runtime/run_configuration.h>
+
+namespace mapweave::app {
+
+struct LoadedConfiguration {
+  runtime::RunConfiguration configuration;
+  Origins origins;
+};
+
+// Defaults < file (none where empty) < environment < `first` < --set and --seed. `first`: settings that a verb's own arguments stand for.
+LoadedConfiguration load_configuration(const std::filesystem::path& file, std::vector<std::string> first, const WritingFlags& flags);
+
+// Prints the report of what was written to `out`; returns its exit code.
+int tell(const runtime::Report&, const std::filesystem::path& out, bool json);
+
+}  // namespace mapweave::app

@@ -1,0 +1,183 @@
+// mapweave inspect: what is in a log, a map store, a map_server grid or a folder of results.
+
+#include "command.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <mapweave/core/hash.h>
+#include <mapweave/exporters/map_server.h>
+#include <mapweave/mapdb/map_store.h>
+#include <mapweave/rawlog/contents.h>
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <iostream>
+#include <memory>
+
+namespace mapweave::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json of_log(const std::filesystem::path& path) {
+  const rawlog::LogContents contents = rawlog::summarize_log(path);
+  Json sensors = Json::array();
+  for (const rawlog::SensorContents& sensor : contents.sensors) {
+    Json geometries = Json::array();
+    for (const rawlog::LaserGeometry& laser : sensor.geometries)
+      geometries.push_back({{"scans", laser.scans},
+                            {"rays", laser.rays},
+                            {"first_angle_rad", laser.first_angle_rad},
+                            {"last_angle_rad", laser.last_angle_rad},
+                            {"max_range_m", laser.max_range_m},
+                            {"x_m", laser.x_m},
+                            {"y_m", laser.y_m},
+                            {"z_m", laser.z_m},
+                            {"yaw_rad", laser.yaw_rad},
+                            {"pitch_rad", laser.pitch_rad},
+                            {"roll_rad", laser.roll_rad}});
+    Json line = {{"label", sensor.label}, {"class", sensor.class_name}, {"count", sensor.count}, {"rate_hz", sensor.rate_hz}, {"longest_gap_s", sensor.longest_gap_s}};
+    if (!geometries.empty()) line["lasers"] = geometries;
+    sensors.push_back(line);
+  }
+  return {{"kind", "log"},
+          {"format", contents.format},
+          {"observations", contents.observations},
+          {"scans", contents.scans},
+          {"first", contents.first.seconds()},
+          {"last", contents.last.seconds()},
+          {"duration_s", contents.duration_s},
+          {"odometry_length_m", contents.odometry_length_m},
+          {"sensors", sensors}};
+}
+
+Json of_store(const std::filesystem::path& path) {
+  const mapdb::StoreSummary store = mapdb::summarize_store(path);
+  Json maps = Json::array();
+  for (const mapdb::MapSummary& map : store.maps) {
+    Json sessions = Json::array();
+    for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
+    maps.push_back({{"id", map.id.str()},
+                    {"nodes", map.nodes},
+                    {"contents", map.contents},
+                    {"submaps", map.submaps},
+                    {"constraints", map.constraints},
+                    {"first", map.first.seconds()},
+                    {"last", map.last.seconds()},
+                    {"min_x_m", map.min_x_m},
+                    {"min_y_m", map.min_y_m},
+                    {"max_x_m", map.max_x_m},
+                    {"max_y_m", map.max_y_m},
+                    {"bytes", map.bytes},
+                    {"stored_bytes", map.stored_bytes},
+                    {"content", to_hex(map.content)},
+                    {"sessions", sessions}});
+  }
+  return {{"kind", "map store"},          {"schema", store.schema},     {"file_bytes", store.file_bytes}, {"maps", maps},
+          {"judgements", store.judgements}, {"verdicts", store.verdicts}, {"metadata", store.metadata},     {"identity", to_hex(store.identity)}};
+}
+
+Json of_grid(const std::filesystem::path& path) {
+  const OccupancyGrid grid = exporters::read_map_server(path);
+  std::uint64_t walls = 0, free_cells = 0;
+  for (const std::int16_t cell : grid.log_odds) {
+    walls += cell > OccupancyGrid::kUnknown;
+    free_cells += cell < OccupancyGrid::kUnknown;
+  }
+  const double cell_m2 = grid.resolution_m * grid.resolution_m;
+  return {{"kind", "map_server grid"},
+          {"columns", grid.columns},
+          {"rows", grid.rows},
+          {"resolution_m", grid.resolution_m},
+          {"origin_x_m", grid.origin_x_m},
+          {"origin_y_m", grid.origin_y_m},
+          {"width_m", grid.columns * grid.resolution_m},
+          {"height_m", grid.rows * grid.resolution_m},
+          {"wall_m2", static_cast<double>(walls) * cell_m2},
+          {"free_m2", static_cast<double>(free_cells) * cell_m2}};
+}
+
+Json parsed_file(const std::filesystem::path& path) {
+  try {
+    return Json::parse(read_file(path));
+  } catch (const Json::exception& error) {
+    throw Error(ErrorCode::kCorrupt, error.what(), path.string(), "make the results again");
+  }
+}
+
+// The manifest's files: how many are as they were written, and which are not.
+Json checked_files(const std::filesystem::path& folder, const Json& manifest) {
+  std::uint64_t unchanged = 0;
+  Json changed = Json::array(), missing = Json::array();
+  for (const char* group : {"outputs", "outputs_with_times"}) {
+    if (!manifest.contains(group) || !manifest[group].is_object()) continue;
+    for (const auto& [file, checksum] : manifest[group].items()) {
+      if (!std::filesystem::is_regular_file(folder / file))
+        missing.push_back(file);
+      else if (checksum != to_hex(hash_of_file(folder / file)))
+        changed.push_back(file);
+      else
+        ++unchanged;
+    }
+  }
+  return {{"unchanged", unchanged}, {"changed", changed}, {"missing", missing}};
+}
+
+Json of_folder(const std::filesystem::path& folder) {
+  if (!std::filesystem::exists(folder / "manifest.json"))
+    throw Error(ErrorCode::kBadInput, "no folder of results: there is no manifest.json in it", folder.string(), "name a log, a map or a folder that mapweave wrote");
+  const Json manifest = parsed_file(folder / "manifest.json");
+  Json result = {{"kind", "results"}};
+  for (const char* key : {"verb", "versions", "seed", "inputs"})
+    if (manifest.contains(key)) result[key] = manifest[key];
+  result["files"] = checked_files(folder, manifest);
+  if (std::filesystem::exists(folder / "summary.json")) result["summary"] = parsed_file(folder / "summary.json");
+  if (std::filesystem::exists(folder / "merges.json")) result["merges"] = parsed_file(folder / "merges.json");
+  return result;
+}
+
+Json contents_of(const std::filesystem::path& path) {
+  if (std::filesystem::is_directory(path)) return of_folder(path);
+  if (path.extension() == ".mwdb") return of_store(path);
+  if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
+  return of_log(path);
+}
+
+// "key: value" lines, indented; numbers with as many digits as they need.
+void print(const Json& value, const std::string& indent) {
+  for (const auto& [key, item] : value.items()) {
+    std::cout << indent << (value.is_array() ? "- " : key + ":");
+    const bool is_flat_list = item.is_array() && (item.empty() || !item.front().is_structured());
+    if (item.is_structured() && !item.empty() && !is_flat_list) {
+      std::cout << '\n';
+      print(item, indent + "  ");
+    } else if (item.is_string()) {
+      std::cout << ' ' << item.get<std::string>() << '\n';
+    } else {
+      std::cout << ' ' << item.dump() << '\n';
+    }
+  }
+}
+
+}  // namespace
+
+Action set_up_inspect(CLI::App& verb) {
+  struct Arguments {
+    std::filesystem::path path;
+    bool json = false;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  verb.add_option("PATH", arguments->path, "a log, a map (.mwdb), a map_server grid (.yaml) or a folder of results")->required();
+  verb.add_flag("--json", arguments->json, "print JSON");
+  return [arguments] {
+    const Json contents = contents_of(arguments->path);
+    if (arguments->json)
+      std::cout << contents.dump(2) << '\n';
+    else
+      print(contents, "");
+    return 0;
+  };
+}
+
+}  // namespace mapweave::app

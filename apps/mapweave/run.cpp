@@ -1,0 +1,31 @@
+// mapweave run: several robots' logs -> robot, edge and team maps.
+
+#include "configuration.h"
+
+#include <mapweave/runtime/batch_runner.h>
+
+#include <memory>
+
+namespace mapweave::app {
+
+Action set_up_run(CLI::App& verb) {
+  struct Arguments {
+    std::filesystem::path file;
+    bool keep_going = false;
+    WritingFlags flags;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  verb.add_option("CONFIG", arguments->file, "robots and their logs; all keys: mapweave config reference")->required()->type_name("CONFIG.yaml");
+  verb.add_flag("--keep-going", arguments->keep_going, "bad input ends its robot's stream only; the others finish");
+  add_writing_flags(verb, arguments->flags);
+  return [arguments] {
+    const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
+    const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
+    WorkerPool pool(threads_of(arguments->flags));
+    const auto progress = make_terminal_progress();
+    const runtime::RunSettings settings{arguments->flags.out, arguments->flags.force, arguments->keep_going};
+    return tell(runtime::run_batch(loaded.configuration, plan, settings, pool, *progress), arguments->flags.out, arguments->flags.json);
+  };
+}
+
+}  // namespace mapweave::app

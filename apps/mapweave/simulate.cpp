@@ -1,0 +1,61 @@
+// mapweave simulate: logs of a team in a world that is known.
+
+#include "command.h"
+
+#include <mapweave/core/files.h>
+#include <mapweave/core/options.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/simulation/simulate.h>
+
+#include <nlohmann/json.hpp>
+
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+namespace mapweave::app {
+namespace {
+
+int simulate(const std::string& world_file, const WritingFlags& flags) {
+  using Json = nlohmann::ordered_json;
+  simulation::WorldOptions world;
+  std::vector<std::string> settings = flags.set;
+  if (flags.seed) settings.push_back("seed=" + std::to_string(*flags.seed));
+  load(world, {{world_file}, process_environment(), settings});
+
+  OutputFolder folder(flags.out, flags.force);
+  WorkerPool pool(threads_of(flags));
+  const auto progress = make_terminal_progress();
+  const auto logs = simulation::simulate(world, folder.staging(), pool, *progress);
+  write_file(folder.staging() / "config.yaml", to_yaml(world));
+  const Json manifest =
+      runtime::manifest_json("simulate", static_cast<std::uint64_t>(world.seed), {{world_file, hash_of_file(world_file)}}, folder.staging());
+  write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
+  folder.commit();
+
+  Json summary = Json::array();
+  for (const auto& log : logs) {
+    summary.push_back({{"robot", log.robot}, {"scans", log.scans}, {"length_m", log.length_m}, {"duration_s", log.duration_s}});
+    if (!flags.json) std::printf("%s: %zu scans, %.0f m in %.0f s\n", log.robot.c_str(), log.scans, log.length_m, log.duration_s);
+  }
+  if (flags.json)
+    std::cout << summary.dump(2) << '\n';
+  else
+    std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
+  return 0;
+}
+
+}  // namespace
+
+Action set_up_simulate(CLI::App& verb) {
+  struct Arguments {
+    std::string world;
+    WritingFlags flags;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  verb.add_option("WORLD", arguments->world, "world file (see configs/worlds; every key: mapweave config reference --of world)")->required()->type_name("WORLD.yaml");
+  add_writing_flags(verb, arguments->flags);
+  return [arguments] { return simulate(arguments->world, arguments->flags); };
+}
+
+}  // namespace mapweave::app

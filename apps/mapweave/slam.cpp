@@ -1,0 +1,41 @@
+// mapweave slam: one robot's log -> that robot's map.
+
+#include "configuration.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/runtime/batch_runner.h>
+
+#include <memory>
+
+namespace mapweave::app {
+
+Action set_up_slam(CLI::App& verb) {
+  struct Arguments {
+    std::filesystem::path log;
+    std::string engine, robot;
+    bool keep_going = false;
+    WritingFlags flags;
+  };
+  const auto arguments = std::make_shared<Arguments>();
+  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log or g2o with scans")->required();
+  verb.add_option("--engine", arguments->engine, "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
+      ->check(CLI::IsMember({"graph", "rbpf", "icp"}));
+  verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");
+  verb.add_flag("--keep-going", arguments->keep_going, "map what comes before bad input instead of nothing");
+  add_writing_flags(verb, arguments->flags);
+  return [arguments] {
+    std::vector<std::string> settings;
+    if (!arguments->engine.empty()) settings.push_back("laser.engine=" + arguments->engine);
+    LoadedConfiguration loaded = load_configuration({}, settings, arguments->flags);
+    if (!loaded.configuration.robots.empty())
+      throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots", "use mapweave run for several robots");
+    loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), {}}};
+    const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
+    WorkerPool pool(threads_of(arguments->flags));
+    const auto progress = make_terminal_progress();
+    const runtime::RunSettings run{arguments->flags.out, arguments->flags.force, arguments->keep_going};
+    return tell(runtime::run_slam(loaded.configuration, plan, run, pool, *progress), arguments->flags.out, arguments->flags.json);
+  };
+}
+
+}  // namespace mapweave::app

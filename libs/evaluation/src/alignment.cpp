@@ -1,0 +1,80 @@
+#include <mapweave/evaluation/alignment.h>
+
+#include <mapweave/core/error.h>
+
+#include <Eigen/SVD>
+
+#include <limits>
+
+namespace mapweave::evaluation {
+namespace {
+
+Error undetermined(const std::string& what, const std::string& remedy) {
+  return Error(ErrorCode::kBadInput, "the alignment is not determined: " + what, {}, remedy);
+}
+
+}  // namespace
+
+std::vector<PosePair> associated(const Trajectory& estimate, const Trajectory& reference, double max_difference_s) {
+  const bool estimate_is_shorter = estimate.size() <= reference.size();
+  const Trajectory& shorter = estimate_is_shorter ? estimate : reference;
+  const Trajectory& longer = estimate_is_shorter ? reference : estimate;
+  std::vector<PosePair> pairs;
+  for (const auto& point : shorter) {
+    const auto* other = nearest_point(longer, point.stamp, max_difference_s);
+    if (other == nullptr) continue;
+    if (estimate_is_shorter)
+      pairs.push_back({point.stamp, other->pose, point.pose});
+    else
+      pairs.push_back({other->stamp, point.pose, other->pose});
+  }
+  return pairs;
+}
+
+Sim3 reference_from_estimate(const std::vector<PosePair>& pairs, AlignmentKind kind) {
+  Sim3 result;
+  if (kind == AlignmentKind::none) return result;
+  MAPWEAVE_EXPECT(!pairs.empty(), "alignment needs pairs of poses");
+  const double count = static_cast<double>(pairs.size());
+  Eigen::Vector3d reference_mean = Eigen::Vector3d::Zero(), estimate_mean = Eigen::Vector3d::Zero();
+  for (const auto& pair : pairs) {
+    reference_mean += pair.reference.t / count;
+    estimate_mean += pair.estimate.t / count;
+  }
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of reference and estimate: Umeyama, eq. 38
+  double estimate_variance = 0.0;                        // eq. 36
+  for (const auto& pair : pairs) {
+    const Eigen::Vector3d difference = pair.estimate.t - estimate_mean;
+    covariance += (pair.reference.t - reference_mean) * difference.transpose() / count;
+    estimate_variance += difference.squaredNorm() / count;
+  }
+  const double smallest = std::numeric_limits<double>::epsilon();
+
+  if (kind == AlignmentKind::se2) {
+    const double sine = covariance(1, 0) - covariance(0, 1), cosine = covariance(0, 0) + covariance(1, 1);
+    if (!(std::hypot(sine, cosine) > smallest))
+      throw undetermined("in the x-y plane no direction stands out (a robot that stood still?)", "use --align none");
+    result.pose.q = Eigen::Quaterniond(Eigen::AngleAxisd(std::atan2(sine, cosine), Eigen::Vector3d::UnitZ()));
+    result.pose.t = reference_mean - result.pose.q * estimate_mean;
+    result.pose.t.z() = 0.0;
+    return result;
+  }
+
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (!(svd.singularValues()(1) > smallest))
+    throw undetermined("the positions lie on one line, or in one place", "use --align se2 for robots on a floor");
+  Eigen::Vector3d signs(1.0, 1.0, 1.0);
+  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0.0) signs.z() = -1.0;
+  const Eigen::Matrix3d rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  if (kind == AlignmentKind::sim3) result.scale = svd.singularValues().dot(signs) / estimate_variance;
+  result.pose.q = Eigen::Quaterniond(rotation).normalized();
+  result.pose.t = reference_mean - result.scale * (result.pose.q * estimate_mean);
+  return result;
+}
+
+Pose3 aligned(const Pose3& pose, const Sim3& target_from_source) {
+  return {target_from_source.scale * (target_from_source.pose.q * pose.t) + target_from_source.pose.t,
+          (target_from_source.pose.q * pose.q).normalized()};
+}
+
+}  // namespace mapweave::evaluation

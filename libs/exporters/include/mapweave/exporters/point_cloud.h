@@ -1,0 +1,24 @@
+#pragma once
+// The walls of a map as points, in PCL's format (PCD v0.7, binary).
+
+#include <mapweave/maps/map.h>
+
+#include <string>
+
+namespace mapweave::exporters {
+
+struct PointCloudOptions {
+  double voxel_m = 0.05;      // one point is kept in each cube of this side: the mean of all that fell in it
+  double max_range_m = 30.0;  // rays longer than this are left out
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("voxel_m", voxel_m, 0.005, 10.0, "side of the cubes in each of which one point is kept");
+    v.positive("max_range_m", max_range_m, "rays longer than this are left out");
+  }
+};
+
+// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from above) and rgb: the colour of the
+// robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall cells.
+std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
+
+}  // namespace mapweave::exporters

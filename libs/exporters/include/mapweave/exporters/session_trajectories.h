@@ -1,0 +1,23 @@
+#pragma once
+// The ways that a map's robots went.
+
+#include <mapweave/maps/map.h>
+
+#include <vector>
+
+namespace mapweave::exporters {
+
+struct StampedPose {
+  Stamp stamp;
+  Pose3 map_from_robot;
+};
+
+struct SessionTrajectory {
+  SessionId session;
+  std::vector<StampedPose> poses;  // by stamp
+};
+
+// Of every session that has poses of a robot, in id order. The node of a map_server grid is none.
+std::vector<SessionTrajectory> session_trajectories(const Map&);
+
+}  // namespace mapweave::exporters

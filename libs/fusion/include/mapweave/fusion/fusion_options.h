@@ -1,0 +1,48 @@
+#pragma once
+// Options of fuse().
+
+#include <mapweave/graph/pose_graph.h>
+#include <mapweave/matching/judge.h>
+#include <mapweave/matching/rematch.h>
+
+namespace mapweave::fusion {
+
+struct FusionOptions {
+  int candidates_per_submap = 4;
+  int most_pairs = 400;
+  double stride_m = 4.0;
+  double consistency_m = 0.35;
+  double consistency_per_m = 0.02;
+  double consistency_yaw_rad = 0.06;
+  int min_witnesses = 2;
+  double sole_witness_probability = 0.999;
+  double min_probability = 0.6;
+  double max_conflict = 0.08;
+  double prior_sigma_m = 1000.0;
+  int neighbours_per_submap = 5;
+  int cache_mb = 128;
+  matching::JudgeOptions judge;
+  matching::RematchOptions rematch;
+  graph::SolveOptions solve;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("candidates_per_submap", candidates_per_submap, 1, 1000, "submaps of another map, most alike first, that each submap is compared with");
+    v.integer("most_pairs", most_pairs, 1, 1000000, "submap pairs compared for one pair of maps");
+    v.non_negative("stride_m", stride_m, "submaps of one map nearer to each other than this stand for each other in the first search");
+    v.positive("consistency_m", consistency_m, "two judgements agree when the transforms they imply differ by less than this");
+    v.non_negative("consistency_per_m", consistency_per_m, "and this more per metre between their places");
+    v.positive("consistency_yaw_rad", consistency_yaw_rad, "and by less than this in heading");
+    v.integer("min_witnesses", min_witnesses, 1, 1000, "judgements of disjoint submaps that must agree before two maps join");
+    v.fraction("sole_witness_probability", sole_witness_probability, "unless a single one is as probable as this");
+    v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
+    v.fraction("max_conflict", max_conflict, "share of the walls of one map that the other saw through, once they lie on each other");
+    v.positive("prior_sigma_m", prior_sigma_m, "how far apart maps may lie, for the joint transforms");
+    v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000, "submaps of other maps that each submap is tied to once the maps lie on each other");
+    v.integer("cache_mb", cache_mb, 1, 100000, "memory for submaps that are ready to be compared");
+    v.section("judge", judge, "when two submaps show the same place");
+    v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");
+    v.section("solve", solve, "the joint pose graph");
+  }
+};
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,37 @@
+#pragma once
+// The engines by name, and what each can be told.
+
+#include <mapweave/laser/external_mapper.h>
+#include <mapweave/laser/graph_mapper.h>
+#include <mapweave/laser/scan_input.h>
+
+#include <cstdint>
+#include <memory>
+
+namespace mapweave::laser {
+
+enum class Engine { graph, rbpf, icp };
+
+struct LaserOptions {
+  Engine engine = Engine::graph;
+  ScanInputOptions scan;
+  GraphMapperOptions graph;
+  RbpfOptions rbpf;
+  IcpOptions icp;
+  ExternalMapperOptions external;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("engine", engine, {{"graph", Engine::graph}, {"rbpf", Engine::rbpf}, {"icp", Engine::icp}},
+             "graph: submaps and a pose graph; rbpf: MRPT's Rao-Blackwellised particle filter; icp: MRPT's scan matching, no loops");
+    v.section("scan", scan, "what is taken of a log");
+    v.section("graph", graph, "the engine graph");
+    v.section("rbpf", rbpf, "the engine rbpf");
+    v.section("icp", icp, "the engine icp");
+    v.section("external", external, "the helper that runs rbpf and icp");
+  }
+};
+
+// `seed` is the run's; an engine's own seed is added to it.
+std::unique_ptr<LaserMapper> make_laser_mapper(ClientId client, const LaserOptions& options, std::uint64_t seed);
+
+}  // namespace mapweave::laser

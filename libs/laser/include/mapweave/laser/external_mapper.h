@@ -1,0 +1,72 @@
+#pragma once
+// The engines `rbpf` and `icp`: MRPT's, each robot's in a child process of its own (the helper mrpt_mapper), because they keep
+// process-wide state. A helper that ends early ends its robot only.
+
+#include <mapweave/laser/laser_mapper.h>
+#include <mapweave/laser/mapper_protocol.h>
+#include <mapweave/laser/submap_cutter.h>
+
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace mapweave::laser {
+
+struct ExternalMapperOptions {
+  std::string helper;
+  SubmapCutterOptions submaps;
+
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("helper", helper, "path of mrpt_mapper; empty: beside the running program");
+    v.section("submaps", submaps, "how the engine's answer is cut into submaps");
+  }
+};
+
+// The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the map is empty. Errors: kMissing where
+// there is no helper, kHelperFailed where it ended early ("alpha: helper mrpt_mapper ended by signal 9 after 57 scans; ..."), kInterrupted; after one, every
+// call throws the same again. The destructor ends the helper; when this process dies, however, the helper leaves by itself.
+// Memory: here what was added (a packed scan each) until finish(); the helper's is bounded by its options' memory_limit_mb.
+class ExternalMapper : public LaserMapper {
+ public:
+  // The session's run is the stamp of the first input, the map is named after the robot.
+  ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOptions> engine, ExternalMapperOptions options = {});
+  ~ExternalMapper() override;
+  ExternalMapper(const ExternalMapper&) = delete;
+  ExternalMapper& operator=(const ExternalMapper&) = delete;
+
+  void add(const LaserInput&) override;
+  void finish() override;
+  Map snapshot() const override { return map_; }
+
+  int helper_process() const { return process_; }  // its id; -1 once it has ended
+
+ private:
+  void start(const std::string& program);
+  void send(std::string_view bytes);                     // and takes what comes meanwhile
+  bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
+  void take(const protocol::Frame&);
+  [[noreturn]] void fail();                              // the helper ended early: reaps it and says how
+  void end_helper();
+
+  struct Waiting {
+    Stamp stamp;
+    PackedScan scan;
+  };
+  ClientId client_;
+  ExternalMapperOptions options_;
+  std::optional<Stamp> first_stamp_;
+  int process_ = -1, stream_ = -1;
+  std::shared_ptr<const ScanGeometry> sent_geometry_;
+  std::vector<Waiting> scans_;
+  protocol::FrameParser incoming_;
+  std::vector<protocol::ScanPose> poses_;
+  std::uint64_t finished_scans_ = 0;
+  std::optional<std::uint64_t> pose_count_;  // set when the helper is done
+  std::string failure_;                      // what the helper said of its own end
+  std::optional<Error> error_;
+  bool finished_ = false;
+  Map map_;
+};
+
+}  // namespace mapweave::laser

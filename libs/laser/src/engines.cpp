@@ -1,0 +1,18 @@
+#include <mapweave/laser/engines.h>
+
+namespace mapweave::laser {
+
+std::unique_ptr<LaserMapper> make_laser_mapper(ClientId client, const LaserOptions& options, std::uint64_t seed) {
+  switch (options.engine) {
+    case Engine::rbpf: {
+      RbpfOptions rbpf = options.rbpf;
+      rbpf.seed = static_cast<std::uint32_t>(rbpf.seed + seed);
+      return std::make_unique<ExternalMapper>(client, rbpf, options.external);
+    }
+    case Engine::icp: return std::make_unique<ExternalMapper>(client, options.icp, options.external);
+    case Engine::graph: break;
+  }
+  return std::make_unique<GraphMapper>(client, options.graph);
+}
+
+}  // namespace mapweave::laser

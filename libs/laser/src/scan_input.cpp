@@ -1,0 +1,76 @@
+#include <mapweave/core/log.h>
+#include <mapweave/laser/mapper_protocol.h>
+#include <mapweave/laser/scan_input.h>
+#include <mrpt/obs/CObservation2DRangeScan.h>
+#include <mrpt/obs/CObservationOdometry.h>
+
+namespace mapweave::laser {
+namespace {
+
+constexpr double kUnknownMaxRange_m = 100.0;  // for logs that do not say
+
+Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
+  Pose3 result;
+  result.t = {pose.x(), pose.y(), pose.z()};
+  result.q = Eigen::Quaterniond(Eigen::Matrix3d(pose.getRotationMatrix().asEigen())).normalized();
+  return result;
+}
+
+std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan& scan, const ScanInputOptions& options) {
+  ScanGeometry geometry;
+  const std::size_t rays = scan.getScanSize();
+  if (rays < 2 || rays > protocol::kMaxRays) return std::nullopt;
+  if (!(scan.aperture > 0.0f && scan.aperture < 6.3f)) return std::nullopt;
+  geometry.ray_count = static_cast<std::uint32_t>(rays);
+  const double direction = scan.rightToLeft ? 1.0 : -1.0, aperture = scan.aperture;
+  geometry.first_angle_rad = -0.5 * direction * aperture;
+  geometry.angle_step_rad = direction * aperture / static_cast<double>(rays - 1);
+  const double own_max = scan.maxRange;
+  geometry.max_range_m = std::isfinite(own_max) && own_max > 0.0 ? own_max : kUnknownMaxRange_m;
+  if (options.max_range_m > 0.0) geometry.max_range_m = std::min(geometry.max_range_m, options.max_range_m);
+  geometry.max_range_m = std::min(geometry.max_range_m, 65'000.0);
+  geometry.range_unit_m = 0.001 * std::max(1.0, std::ceil(geometry.max_range_m / 65.535));
+  const auto& pose = scan.sensorPose;
+  if (!std::isfinite(pose.x() + pose.y() + pose.z() + pose.yaw() + pose.pitch() + pose.roll())) return std::nullopt;
+  geometry.robot_from_laser = pose_from_mrpt(pose);
+  return geometry;
+}
+
+}  // namespace
+
+ScanPacker::ScanPacker(ScanInputOptions options) : options_(std::move(options)), label_is_known_(!options_.label.empty()) {}
+
+std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
+  using namespace mrpt::obs;
+  if (const auto odometry = std::dynamic_pointer_cast<const CObservationOdometry>(record.observation)) {
+    const Pose2 odometry_from_robot = odometry->odometry.asTPose();
+    if (is_finite(odometry_from_robot)) return OdometryInput{record.stamp, spatial(odometry_from_robot)};
+    ++unusable_;
+    return std::nullopt;
+  }
+  const auto scan = std::dynamic_pointer_cast<const CObservation2DRangeScan>(record.observation);
+  if (!scan) return std::nullopt;
+  if (label_is_known_ && scan->sensorLabel != options_.label) {
+    if (++ignored_[scan->sensorLabel] == 1)
+      log(LogLevel::warning, "laser '" + scan->sensorLabel + "' is ignored: '" + options_.label + "' is used; choose with the option 'label'");
+    return std::nullopt;
+  }
+  const auto geometry = geometry_of(*scan, options_);
+  if (!geometry) {
+    if (++unusable_ == 1) log(LogLevel::warning, "a scan of laser '" + scan->sensorLabel + "' is left out: its rays or its pose make no sense");
+    return std::nullopt;
+  }
+  if (!label_is_known_) options_.label = scan->sensorLabel;
+  label_is_known_ = found_laser_ = true;
+  if (!geometry_ || !(*geometry_ == *geometry)) geometry_ = std::make_shared<const ScanGeometry>(*geometry);
+
+  PackedScan packed{geometry_, std::vector<std::uint16_t>(geometry->ray_count, 0)};
+  for (std::uint32_t ray = 0; ray < geometry->ray_count; ++ray) {
+    const double range = scan->getScanRange(ray);
+    if (!scan->getScanRangeValidity(ray) || !(range >= options_.min_range_m && range > 0.0 && range < geometry->max_range_m)) continue;
+    packed.ranges[ray] = static_cast<std::uint16_t>(std::clamp(std::round(range / geometry->range_unit_m), 1.0, 65535.0));
+  }
+  return ScanInput{record.stamp, std::move(packed)};
+}
+
+}  // namespace mapweave::laser

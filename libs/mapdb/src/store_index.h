@@ -1,0 +1,42 @@
+#pragma once
+// What a store holds beside its blobs: small, and sealed by one hash.
+
+#include <mapweave/mapdb/map_store.h>
+
+#include "packed_blob.h"
+#include "sqlite.h"
+
+namespace mapweave::mapdb {
+
+enum class BlobKind { update, judgements, verdict };
+
+struct BlobEntry {
+  std::int64_t owner = 0;     // of an update: the map's place among the maps; else 0
+  std::int64_t sequence = 0;  // from 1 per owner
+  std::int64_t bytes = 0, stored_bytes = 0;
+  Hash sha256;
+};
+
+struct StoreIndex {
+  StoreSummary summary;
+  std::vector<BlobEntry> updates, judgements, verdicts;
+};
+
+// All but bytes and stored_bytes.
+MapSummary summary_of(const Map&);
+
+void create_tables(Database&);
+// Throws unless the tables are those of this schema: kUnsupported where the schema is newer.
+void expect_tables(Database&);
+
+// Writes one blob and notes it in the index.
+void insert_blob(Database&, StoreIndex&, BlobKind, std::int64_t owner, std::string_view plain);
+// Its plain bytes, as its hash says.
+std::string read_blob(Database&, BlobKind, const BlobEntry&);
+
+// The rest, once all blobs are written.
+void write_index(Database&, const StoreIndex&);
+// Throws Error(kCorrupt) where it is not what its seal says. Every name in it is valid, every blob's owner is a map.
+StoreIndex read_index(Database&);
+
+}  // namespace mapweave::mapdb

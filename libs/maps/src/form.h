@@ -1,0 +1,89 @@
+#pragma once
+// Our values to and from the messages of proto/mapweave.proto, one at a time. The framing of a whole update is codec.cpp's.
+
+#include <mapweave.pb.h>
+#include <mapweave/core/error.h>
+#include <mapweave/maps/map_update.h>
+
+#include <map>
+
+namespace mapweave {
+
+// The sessions that a message names, ascending; ids hold a place in it.
+class SessionTable {
+ public:
+  void add(const SessionId& session) {  // while collecting
+    if (sessions_.empty() || sessions_.back() != session) sessions_.push_back(session);
+  }
+  void sort();
+  std::uint32_t place(const SessionId&) const;
+  const std::vector<SessionId>& sessions() const { return sessions_; }
+
+ private:
+  std::vector<SessionId> sessions_;
+};
+
+// The geometries that the scans of a message share, in order of first use; alike ones (bit for bit) are one.
+class GeometryTable {
+ public:
+  std::uint32_t add(const std::shared_ptr<const ScanGeometry>&);
+  std::uint32_t place(const ScanGeometry* geometry) const { return places_.at(geometry); }
+  const std::vector<std::shared_ptr<const ScanGeometry>>& geometries() const { return geometries_; }
+
+ private:
+  std::vector<std::shared_ptr<const ScanGeometry>> geometries_;
+  std::map<const ScanGeometry*, std::uint32_t> places_;     // never walked: the order of pointers stays inside
+  std::map<std::string, std::uint32_t> place_by_bytes_;
+};
+
+form::Session form_of(const SessionId&);
+form::ScanGeometry form_of(const ScanGeometry&);
+form::Id form_of(const NodeId&, const SessionTable&);
+form::Id form_of(const SubmapId&, const SessionTable&);
+form::Node form_of(const Node&, const SessionTable&, const GeometryTable&);
+form::MovedNode form_of(const MovedNode&, const SessionTable&);
+form::Submap form_of(const Submap&, const SessionTable&);
+form::ConstraintId form_of(const ConstraintId&, const SessionTable&);
+form::Constraint form_of(const Constraint&, const SessionTable&);
+form::Judgement form_of(const Judgement&, const SessionTable&);
+form::Verdict form_of(const Verdict&);
+
+// Reads what was parsed from bytes that nobody vouches for. Everything it returns is sound (soundness.h).
+class FormReader {
+ public:
+  explicit FormReader(const std::string& where) : where_(where) {}
+
+  void take_session(const form::Session&);        // in the order of the table
+  void take_geometry(const form::ScanGeometry&);
+  void locate(std::string place) { place_ = std::move(place); }  // what follows stands there, for messages
+  [[noreturn]] void corrupt(const std::string& what) const;
+
+  NodeId node_id(const form::Id&) const;
+  SubmapId submap_id(const form::Id&) const;
+  ConstraintId constraint_id(const form::ConstraintId&) const;
+  Node node(const form::Node&) const;
+  MovedNode moved(const form::MovedNode&) const;
+  Submap submap(const form::Submap&) const;
+  Constraint constraint(const form::Constraint&) const;
+  Judgement judgement(const form::Judgement&) const;
+  Verdict verdict(const form::Verdict&) const;
+  std::string name_or_nothing(const std::string& text, const char* of_what) const;
+
+ private:
+  template <class Value>
+  void require_sound(const Value& value) const;
+  SessionId session(std::uint32_t place) const;
+  Hash hash(const std::string& bytes) const;
+  Pose3 pose(const form::Pose&) const;
+  Sim3 similarity(const form::Similarity&) const;
+  Eigen::Matrix<double, 6, 6> matrix(const form::Matrix6&) const;
+  Alignment alignment(const form::Alignment&) const;
+  std::shared_ptr<const Payload> payload(const form::Node&) const;
+
+  const std::string& where_;
+  std::string place_;
+  std::vector<SessionId> sessions_;
+  std::vector<std::shared_ptr<const ScanGeometry>> geometries_;
+};
+
+}  // namespace mapweave

@@ -1,0 +1,102 @@
+#include <mapweave/core/error.h>
+#include <mapweave/maps/map.h>
+
+#include "bulk.h"
+
+namespace mapweave {
+namespace {
+
+constexpr int kPlanarAxes[3] = {0, 1, 5};  // x, y, yaw among (x, y, z, roll, pitch, yaw)
+
+void add_pose(Hasher& hasher, const Pose3& pose) {
+  hasher.add(pose.t.x()).add(pose.t.y()).add(pose.t.z());
+  hasher.add(pose.q.x()).add(pose.q.y()).add(pose.q.z()).add(pose.q.w());
+}
+
+void add_session(Hasher& hasher, const SessionId& session) {
+  hasher.add(session.client.robot.str()).add(session.client.sensor.str()).add(session.run);
+}
+
+void add_payload(Hasher& hasher, const PackedScan& scan) {
+  const ScanGeometry& geometry = *scan.geometry;
+  hasher.add("scan").add(geometry.first_angle_rad).add(geometry.angle_step_rad).add(std::int64_t{geometry.ray_count});
+  hasher.add(geometry.max_range_m).add(geometry.range_unit_m);
+  add_pose(hasher, geometry.robot_from_laser);
+  hasher.add(packed(scan.ranges));
+}
+
+void add_payload(Hasher& hasher, const OccupancyGrid& grid) {
+  hasher.add("grid").add(grid.resolution_m).add(grid.origin_x_m).add(grid.origin_y_m);
+  hasher.add(std::int64_t{grid.columns}).add(std::int64_t{grid.rows}).add(packed(grid.log_odds));
+}
+
+void add_payload(Hasher& hasher, const std::shared_ptr<const Payload>& payload) {
+  if (payload)
+    std::visit([&](const auto& content) { add_payload(hasher, content); }, *payload);
+  else
+    hasher.add("none");
+}
+
+}  // namespace
+
+Constraint planar_constraint(ConstraintId id, const Pose2& from_from_to, const Eigen::Matrix3d& information) {
+  Constraint constraint;
+  constraint.id = std::move(id);
+  constraint.from_from_to.pose = spatial(from_from_to);
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) constraint.information(kPlanarAxes[row], kPlanarAxes[column]) = information(row, column);
+  return constraint;
+}
+
+Eigen::Matrix3d planar_information(const Constraint& constraint) {
+  Eigen::Matrix3d information;
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) information(row, column) = constraint.information(kPlanarAxes[row], kPlanarAxes[column]);
+  return information;
+}
+
+std::vector<SessionId> Map::sessions() const {
+  std::vector<SessionId> sessions;  // nodes come in id order, so equal sessions come together
+  for (const auto& entry : nodes)
+    if (sessions.empty() || sessions.back() != entry.first.session) sessions.push_back(entry.first.session);
+  return sessions;
+}
+
+std::vector<RobotId> Map::robots() const {
+  std::vector<RobotId> robots;
+  for (const SessionId& session : sessions())
+    if (robots.empty() || robots.back() != session.client.robot) robots.push_back(session.client.robot);
+  return robots;
+}
+
+Hash content_hash(const Map& map) {
+  Hasher hasher;
+  hasher.add("map").add(static_cast<std::int64_t>(map.nodes.size()));
+  for (const auto& [id, node] : map.nodes) {
+    add_session(hasher, id.session);
+    hasher.add(std::int64_t{id.index}).add(node.stamp.ns);
+    add_payload(hasher, node.payload);
+  }
+  for (const auto& [id, submap] : map.submaps) {
+    if (!submap.frozen) continue;
+    add_session(hasher, id.session);
+    hasher.add(std::int64_t{id.index}).add(submap.content);
+  }
+  return hasher.finish();
+}
+
+Hash content_hash(const Submap& submap, const Table<NodeId, Node>& nodes) {
+  Hasher hasher;
+  hasher.add("submap").add(static_cast<std::int64_t>(submap.submap_from_node.size()));
+  for (const auto& [id, submap_from_node] : submap.submap_from_node) {
+    const Node* node = nodes.find(id);
+    MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a submap holds nodes with payloads: " + to_string(id));
+    add_session(hasher, id.session);
+    hasher.add(std::int64_t{id.index});
+    add_pose(hasher, submap_from_node);
+    add_payload(hasher, node->payload);
+  }
+  return hasher.finish();
+}
+
+}  // namespace mapweave

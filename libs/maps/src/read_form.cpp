@@ -1,0 +1,221 @@
+#include "bulk.h"
+#include "form.h"
+#include "soundness.h"
+
+#include <cmath>
+
+namespace mapweave {
+namespace {
+
+constexpr int kPlanarAxes[3] = {0, 1, 5};  // x, y, yaw among (x, y, z, roll, pitch, yaw)
+constexpr double kAsItIs = 1e-12;          // a quaternion whose norm is this near to 1 keeps its bits
+
+// Numbers of an enumeration; one too large for it becomes one that no soundness rule lets pass.
+template <class Enumeration>
+Enumeration enumerated(std::uint32_t number) {
+  return static_cast<Enumeration>(static_cast<std::uint8_t>(std::min<std::uint32_t>(number, 255)));
+}
+
+}  // namespace
+
+void FormReader::corrupt(const std::string& what) const {
+  throw Error(ErrorCode::kCorrupt, what, place_.empty() ? where_ : where_ + ", " + place_, "make the file again, or take an undamaged copy");
+}
+
+template <class Value>
+void FormReader::require_sound(const Value& value) const {
+  if (const std::string problem = flaw(value); !problem.empty()) corrupt(problem);
+}
+
+std::string FormReader::name_or_nothing(const std::string& text, const char* of_what) const {
+  if (!text.empty() && !is_valid_name(text)) corrupt("the name of a " + std::string(of_what) + " is not valid");
+  return text;
+}
+
+void FormReader::take_session(const form::Session& form) {
+  SessionId session;  // names are kept for ever: look at them before
+  session.client.robot = RobotId(name_or_nothing(form.robot(), "robot"));
+  session.client.sensor = SensorId(name_or_nothing(form.sensor(), "sensor"));
+  session.run = form.run_ns();
+  require_sound(session);
+  if (!sessions_.empty() && !(sessions_.back() < session)) corrupt("the sessions are not in ascending order");
+  sessions_.push_back(session);
+}
+
+void FormReader::take_geometry(const form::ScanGeometry& form) {
+  ScanGeometry geometry;
+  geometry.first_angle_rad = form.first_angle_rad();
+  geometry.angle_step_rad = form.angle_step_rad();
+  geometry.ray_count = form.ray_count();
+  geometry.max_range_m = form.max_range_m();
+  geometry.range_unit_m = form.range_unit_m();
+  geometry.robot_from_laser = pose(form.robot_from_laser());
+  require_sound(geometry);
+  geometries_.push_back(std::make_shared<const ScanGeometry>(geometry));
+}
+
+SessionId FormReader::session(std::uint32_t place) const {
+  if (place >= sessions_.size()) corrupt("session " + std::to_string(place) + " of a table of " + std::to_string(sessions_.size()));
+  return sessions_[place];
+}
+
+Hash FormReader::hash(const std::string& bytes) const {
+  Hash hash;
+  if (bytes.size() != hash.bytes.size()) corrupt("a hash of " + std::to_string(bytes.size()) + " bytes; 32 are expected");
+  std::copy(bytes.begin(), bytes.end(), hash.bytes.begin());
+  return hash;
+}
+
+Pose3 FormReader::pose(const form::Pose& form) const {
+  Pose3 pose;
+  pose.t = {form.x(), form.y(), form.z()};
+  pose.q = Eigen::Quaterniond(form.qw(), form.qx(), form.qy(), form.qz());
+  require_sound(pose);
+  if (std::abs(pose.q.norm() - 1.0) > kAsItIs) pose.q.normalize();
+  return pose;
+}
+
+Sim3 FormReader::similarity(const form::Similarity& form) const {
+  return {pose(form.pose()), form.scale() == 0.0 ? 1.0 : form.scale()};
+}
+
+Eigen::Matrix<double, 6, 6> FormReader::matrix(const form::Matrix6& form) const {
+  Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
+  int next = 0;
+  if (form.numbers_size() == 36) {
+    for (int row = 0; row < 6; ++row)
+      for (int column = 0; column < 6; ++column) matrix(row, column) = form.numbers(next++);
+  } else if (form.numbers_size() == 21) {
+    for (int row = 0; row < 6; ++row)
+      for (int column = row; column < 6; ++column) matrix(row, column) = matrix(column, row) = form.numbers(next++);
+  } else if (form.numbers_size() == 6) {
+    for (int row = 0; row < 3; ++row)
+      for (int column = row; column < 3; ++column) {
+        const double number = form.numbers(next++);
+        matrix(kPlanarAxes[row], kPlanarAxes[column]) = matrix(kPlanarAxes[column], kPlanarAxes[row]) = number;
+      }
+  } else {
+    corrupt("a matrix of " + std::to_string(form.numbers_size()) + " numbers; 6, 21 or 36 are expected");
+  }
+  return matrix;
+}
+
+Alignment FormReader::alignment(const form::Alignment& form) const { return {similarity(form.a_from_b()), matrix(form.covariance())}; }
+
+NodeId FormReader::node_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
+
+SubmapId FormReader::submap_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
+
+ConstraintId FormReader::constraint_id(const form::ConstraintId& form) const {
+  const ConstraintId id{enumerated<ConstraintKind>(form.kind()), node_id(form.from()), node_id(form.to()), form.index()};
+  require_sound(id);
+  return id;
+}
+
+std::shared_ptr<const Payload> FormReader::payload(const form::Node& form) const {
+  if (form.has_scan()) {
+    if (form.scan().geometry() >= geometries_.size())
+      corrupt("geometry " + std::to_string(form.scan().geometry()) + " of a table of " + std::to_string(geometries_.size()));
+    const auto& geometry = geometries_[form.scan().geometry()];
+    if (form.scan().ranges().size() != std::size_t{2} * geometry->ray_count)
+      corrupt("a scan of " + std::to_string(form.scan().ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) + " rays need twice as many");
+    return std::make_shared<const Payload>(PackedScan{geometry, unpacked<std::uint16_t>(form.scan().ranges())});
+  }
+  if (form.has_grid()) {
+    const auto& from = form.grid();
+    if (from.columns() > static_cast<std::uint32_t>(kMostGridSide) || from.rows() > static_cast<std::uint32_t>(kMostGridSide) ||
+        from.log_odds().size() != std::uint64_t{2} * from.columns() * from.rows())
+      corrupt("a grid of " + std::to_string(from.log_odds().size()) + " bytes for " + std::to_string(from.columns()) + " x " +
+              std::to_string(from.rows()) + " cells; twice as many are expected, and at most " + std::to_string(kMostGridSide) + " a side");
+    OccupancyGrid grid;
+    grid.resolution_m = from.resolution_m();
+    grid.origin_x_m = from.origin_x_m();
+    grid.origin_y_m = from.origin_y_m();
+    grid.columns = static_cast<std::int32_t>(from.columns());
+    grid.rows = static_cast<std::int32_t>(from.rows());
+    grid.log_odds = unpacked<std::int16_t>(from.log_odds());
+    return std::make_shared<const Payload>(std::move(grid));
+  }
+  return nullptr;
+}
+
+Node FormReader::node(const form::Node& form) const {
+  Node node;
+  node.id = node_id(form.id());
+  node.stamp.ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(node.id.session.run) + static_cast<std::uint64_t>(form.stamp_after_run_ns()));
+  node.map_from_node = pose(form.map_from_node());
+  node.payload = payload(form);
+  require_sound(node);
+  return node;
+}
+
+MovedNode FormReader::moved(const form::MovedNode& form) const { return {node_id(form.id()), pose(form.map_from_node())}; }
+
+Submap FormReader::submap(const form::Submap& form) const {
+  Submap submap;
+  submap.id = submap_id(form.id());
+  for (const auto& member : form.members()) submap.submap_from_node.emplace_back(node_id(member.node()), pose(member.submap_from_node()));
+  submap.frozen = form.frozen();
+  if (!form.content().empty()) submap.content = hash(form.content());
+  require_sound(submap);
+  return submap;
+}
+
+Constraint FormReader::constraint(const form::Constraint& form) const {
+  Constraint constraint;
+  constraint.id = constraint_id(form.id());
+  constraint.from_from_to = similarity(form.from_from_to());
+  constraint.information = matrix(form.information());
+  if (!form.because().empty()) constraint.because = hash(form.because());
+  require_sound(constraint);
+  return constraint;
+}
+
+Judgement FormReader::judgement(const form::Judgement& form) const {
+  Judgement judgement;
+  judgement.id = hash(form.id());
+  judgement.a = submap_id(form.a());
+  judgement.b = submap_id(form.b());
+  judgement.content_a = hash(form.content_a());
+  judgement.content_b = hash(form.content_b());
+  for (const auto& hypothesis : form.hypotheses()) judgement.hypotheses.push_back(alignment(hypothesis));
+  judgement.scores.assign(form.scores().begin(), form.scores().end());
+  const auto& from = form.evidence();
+  Evidence& evidence = judgement.evidence;
+  evidence.overlap_m2 = from.overlap_m2();
+  evidence.overlap = from.overlap();
+  evidence.inliers = from.inliers();
+  evidence.conflict = from.conflict();
+  evidence.longest_contradiction_m[0] = from.longest_contradiction_a_m();
+  evidence.longest_contradiction_m[1] = from.longest_contradiction_b_m();
+  evidence.second_best_ratio = from.second_best_ratio();
+  evidence.verifier_inliers = from.verifier_inliers();
+  evidence.verifier_disagreement_m = from.verifier_disagreement_m();
+  evidence.observability = {from.observability_better(), from.observability_worse(), from.observability_yaw()};
+  judgement.probability = form.probability();
+  judgement.doubt = enumerated<Reason>(form.doubt());
+  require_sound(judgement);
+  return judgement;
+}
+
+Verdict FormReader::verdict(const form::Verdict& form) const {
+  Verdict verdict;
+  verdict.a = MapId(name_or_nothing(form.a(), "map"));
+  verdict.b = MapId(name_or_nothing(form.b(), "map"));
+  verdict.by = TierId(name_or_nothing(form.by(), "tier"));
+  verdict.kind = form.kind();
+  verdict.proposer = form.proposer();
+  verdict.decision = enumerated<Decision>(form.decision());
+  verdict.reason = enumerated<Reason>(form.reason());
+  if (form.has_alignment()) verdict.alignment = alignment(form.alignment());
+  verdict.probability = form.probability();
+  verdict.overlap = form.overlap();
+  verdict.conflict = form.conflict();
+  verdict.second_best = form.second_best();
+  for (const auto& id : form.witnesses()) verdict.witnesses.push_back(hash(id));
+  for (const auto& id : form.contradicted()) verdict.contradicted.push_back(hash(id));
+  require_sound(verdict);
+  return verdict;
+}
+
+}  // namespace mapweave

@@ -1,0 +1,28 @@
+#pragma once
+// What a value must be to have a byte form. One list of rules for both directions: what is written can be read again, and
+// what was read can be trusted.
+
+#include <mapweave/maps/map_update.h>
+
+namespace mapweave {
+
+inline constexpr std::uint32_t kMostRays = 100000;
+inline constexpr std::int32_t kMostGridSide = 100000;
+inline constexpr std::int64_t kMostGridCells = std::int64_t{1} << 27;
+inline constexpr std::size_t kMostHypotheses = 1000;
+inline constexpr double kUnitTolerance = 1e-6;  // of a quaternion's norm
+
+// Each says what is wrong, with what was expected; empty for a sound value.
+std::string flaw(const SessionId&);
+std::string flaw(const Pose3&);
+std::string flaw(const ScanGeometry&);
+std::string flaw(const Node&);
+std::string flaw(const MovedNode&);
+std::string flaw(const Submap&);
+std::string flaw(const ConstraintId&);
+std::string flaw(const Constraint&);
+std::string flaw(const Judgement&);
+std::string flaw(const Verdict&);
+std::string flaw(const Origin&);
+
+}  // namespace mapweave

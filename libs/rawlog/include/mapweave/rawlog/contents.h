@@ -1,0 +1,45 @@
+#pragma once
+// What a log holds, without mapping it.
+
+#include <mapweave/rawlog/observation_stream.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace mapweave::rawlog {
+
+// Of a laser's scans that are alike.
+struct LaserGeometry {
+  std::uint32_t rays = 0;
+  double first_angle_rad = 0.0, last_angle_rad = 0.0;  // robot frame where the laser stands upright, counter-clockwise
+  double max_range_m = 0.0;
+  double x_m = 0.0, y_m = 0.0, z_m = 0.0, yaw_rad = 0.0, pitch_rad = 0.0, roll_rad = 0.0;  // of the sensor's fan on the robot
+  std::uint64_t scans = 0;
+};
+
+struct SensorContents {
+  std::string label, class_name;  // "FLASER", "CObservation2DRangeScan"
+  std::uint64_t count = 0;
+  Stamp first, last;
+  double rate_hz = 0.0;           // (count - 1) / (last - first); 0 for a single instant
+  double longest_gap_s = 0.0;
+  std::vector<LaserGeometry> geometries;  // of lasers: most frequent first
+};
+
+struct LogContents {
+  std::string format;                   // "MRPT rawlog", "CARMEN log", "g2o"
+  std::vector<SensorContents> sensors;  // by label, then class
+  std::uint64_t observations = 0, scans = 0;
+  Stamp first, last;
+  double duration_s = 0.0;
+  double odometry_length_m = 0.0;       // sum of steps; 0 where there is no odometry
+  bool has_laser() const { return scans > 0; }
+};
+
+LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& options = {});
+
+// The format's name, without reading further than needed to know it. Throws what open_log throws.
+std::string format_of_log(const std::filesystem::path& log);
+
+}  // namespace mapweave::rawlog

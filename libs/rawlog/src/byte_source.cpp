@@ -1,0 +1,168 @@
+#include "byte_source.h"
+
+#include <fcntl.h>
+#include <mapweave/core/error.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <string>
+
+namespace mapweave::rawlog {
+namespace {
+
+constexpr std::size_t kBufferBytes = 1 << 20, kPackedBytes = 1 << 18;
+constexpr int kGzOnly = 15 + 16;  // zlib's window bits, plus "a gz header is needed"
+constexpr const char* kCopyAgain = "copy the log again, or record again";
+
+}  // namespace
+
+ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)), buffer_(kBufferBytes), packed_buffer_(kPackedBytes) {
+  struct stat status {};
+  if (::stat(path_.c_str(), &status) != 0) {
+    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check the path");
+  }
+  if (S_ISDIR(status.st_mode)) throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
+  file_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file_ < 0) throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check its permissions");
+  file_bytes_ = static_cast<std::uint64_t>(status.st_size);
+  try {
+    packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
+    if (packed_end_ == 0) throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
+  } catch (...) {
+    ::close(file_);
+    throw;
+  }
+  packed_ = packed_end_ >= 2 && packed_buffer_[0] == '\x1f' && packed_buffer_[1] == '\x8b';
+}
+
+ByteSource::~ByteSource() {
+  if (member_open_) ::inflateEnd(&inflater_);
+  ::close(file_);
+}
+
+void ByteSource::rewind() {
+  if (member_open_) ::inflateEnd(&inflater_);
+  member_open_ = ended_ = false;
+  begin_ = end_ = packed_begin_ = packed_end_ = 0;
+  file_bytes_read_ = position_ = 0;
+  damage_ = nullptr;
+  if (::lseek(file_, 0, SEEK_SET) != 0) {
+    throw Error(ErrorCode::kBadInput, "cannot be read twice (a pipe?); a file was expected", path_.string(), "save it to a file first");
+  }
+}
+
+std::size_t ByteSource::read_file(char* to, std::size_t count) {
+  for (;;) {
+    const ssize_t got = ::read(file_, to, count);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw Error(ErrorCode::kCorrupt, std::string("cannot be read: ") + std::strerror(errno), path_.string(), "check the disk");
+    file_bytes_read_ += static_cast<std::uint64_t>(got);
+    return static_cast<std::size_t>(got);
+  }
+}
+
+void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
+  const auto fail = [&](const std::string& what) {
+    return Error(ErrorCode::kCorrupt, what, path_.string() + " at byte " + std::to_string(file_bytes_read()) + " of the gz file", kCopyAgain);
+  };
+  while (got == 0) {
+    if (packed_begin_ == packed_end_) {
+      packed_begin_ = 0;
+      packed_end_ = 0;  // should reading throw
+      packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
+      if (packed_end_ == 0) {
+        if (member_open_) throw fail("the gz ends early; its checksum was expected");
+        ended_ = true;
+        return;
+      }
+    }
+    if (!member_open_) {
+      // Members may follow each other; tapes and some copiers pad with zeros.
+      const auto first = std::find_if(packed_buffer_.begin() + static_cast<std::ptrdiff_t>(packed_begin_),
+                                      packed_buffer_.begin() + static_cast<std::ptrdiff_t>(packed_end_), [](char c) { return c != 0; });
+      packed_begin_ = static_cast<std::size_t>(first - packed_buffer_.begin());
+      if (packed_begin_ == packed_end_) continue;
+      inflater_ = {};
+      if (::inflateInit2(&inflater_, kGzOnly) != Z_OK) throw Error(ErrorCode::kInternal, "zlib cannot start", path_.string());
+      member_open_ = true;
+    }
+    inflater_.next_in = reinterpret_cast<Bytef*>(packed_buffer_.data() + packed_begin_);
+    inflater_.avail_in = static_cast<uInt>(packed_end_ - packed_begin_);
+    inflater_.next_out = reinterpret_cast<Bytef*>(to);
+    inflater_.avail_out = static_cast<uInt>(count);
+    const int answer = ::inflate(&inflater_, Z_NO_FLUSH);
+    packed_begin_ = packed_end_ - inflater_.avail_in;
+    got = count - inflater_.avail_out;
+    if (answer == Z_STREAM_END) {
+      ::inflateEnd(&inflater_);
+      member_open_ = false;
+    } else if (answer != Z_OK && answer != Z_BUF_ERROR) {
+      throw fail(std::string("the gz is damaged (") + (inflater_.msg != nullptr ? inflater_.msg : "no reason given") + ")");
+    }
+  }
+}
+
+void ByteSource::fill() {
+  if (begin_ > 0) {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+  }
+  if (end_ == buffer_.size()) buffer_.resize(2 * buffer_.size());
+  std::size_t got = 0;
+  try {
+    if (packed_) {
+      inflate_into(buffer_.data() + end_, std::min<std::size_t>(buffer_.size() - end_, 1 << 30), got);
+    } else if (packed_begin_ < packed_end_) {  // what the constructor read
+      got = std::min(packed_end_ - packed_begin_, buffer_.size() - end_);
+      std::memcpy(buffer_.data() + end_, packed_buffer_.data() + packed_begin_, got);
+      packed_begin_ += got;
+    } else {
+      got = read_file(buffer_.data() + end_, buffer_.size() - end_);
+      ended_ = got == 0;
+    }
+  } catch (const Error&) {
+    damage_ = std::current_exception();
+    ended_ = true;
+  }
+  end_ += got;
+}
+
+std::string_view ByteSource::ahead(std::size_t wanted) {
+  while (end_ - begin_ < wanted && !ended_) fill();
+  return {buffer_.data() + begin_, end_ - begin_};
+}
+
+void ByteSource::skip(std::size_t count) {
+  MAPWEAVE_EXPECT(count <= end_ - begin_, "more skipped than shown");
+  begin_ += count;
+  position_ += count;
+}
+
+bool ByteSource::take(char* to, std::size_t count) {
+  while (count > 0) {
+    const auto view = ahead(1);
+    if (view.empty()) return false;
+    const std::size_t some = std::min(count, view.size());
+    std::memcpy(to, view.data(), some);
+    skip(some);
+    to += some;
+    count -= some;
+  }
+  return true;
+}
+
+bool ByteSource::at_end() {
+  if (!ahead(1).empty()) return false;
+  throw_damage();
+  return true;
+}
+
+std::string ByteSource::place(std::uint64_t position) const {
+  return path_.string() + " at byte " + std::to_string(position) + (packed_ ? " of the unpacked stream" : "");
+}
+
+}  // namespace mapweave::rawlog

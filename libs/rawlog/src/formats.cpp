@@ -1,0 +1,62 @@
+#include "formats.h"
+
+#include "byte_source.h"
+#include "ordered_stream.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/rawlog/contents.h>
+
+#include <algorithm>
+
+namespace mapweave::rawlog {
+namespace {
+
+constexpr std::size_t kStartBytes = 1 << 16;
+
+std::string extension_of(const std::filesystem::path& path) {
+  auto name = path.filename();
+  if (name.extension() == ".gz") name = name.stem();
+  std::string extension = name.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+}  // namespace
+
+const std::vector<Format>& formats() {
+  static const std::vector<Format> all = {
+      {"MRPT rawlog", {".rawlog"}, is_rawlog, open_rawlog},
+      {"g2o", {".g2o"}, is_g2o, open_g2o},
+      {"CARMEN log", {".log", ".clf"}, is_carmen, open_carmen},
+  };
+  return all;
+}
+
+const Format& recognise(ByteSource& bytes) {
+  const auto start = bytes.ahead(kStartBytes);
+  for (const Format& format : formats()) {
+    if (format.recognises(start)) return format;
+  }
+  const std::string extension = extension_of(bytes.path());
+  for (const Format& format : formats()) {
+    if (std::find(format.extensions.begin(), format.extensions.end(), extension) != format.extensions.end()) return format;
+  }
+  std::string known;
+  for (const Format& format : formats()) known += (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
+  const bool zip = start.substr(0, 4) == "PK\x03\x04";
+  throw Error(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz", bytes.path().string(),
+              zip ? "unzip it first" : "convert it to one of them");
+}
+
+std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, const ReadOptions& options) {
+  auto bytes = std::make_unique<ByteSource>(path);
+  const Format& format = recognise(*bytes);
+  return make_ordered_stream(format.open(std::move(bytes), options), options);
+}
+
+std::string format_of_log(const std::filesystem::path& log) {
+  ByteSource bytes(log);
+  return recognise(bytes).name;
+}
+
+}  // namespace mapweave::rawlog

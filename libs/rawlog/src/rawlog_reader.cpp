@@ -1,0 +1,190 @@
+// MRPT rawlogs of either form: observations alone, or pairs of actions and sensory frames. Not with MRPT's CRawlog: it takes damage for the end.
+
+#include "external_images.h"
+#include "formats.h"
+#include "object_walk.h"
+#include "source_archive.h"
+
+#include <mapweave/core/geometry.h>
+#include <mrpt/obs/CActionCollection.h>
+#include <mrpt/obs/CActionRobotMovement2D.h>
+#include <mrpt/obs/CActionRobotMovement3D.h>
+#include <mrpt/obs/CObservationComment.h>
+#include <mrpt/obs/CObservationOdometry.h>
+#include <mrpt/obs/CSensoryFrame.h>
+#include <mrpt/obs/registerAllClasses.h>
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+#include <new>
+#include <optional>
+
+namespace mapweave::rawlog {
+namespace {
+
+constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as increments
+
+class RawlogReader final : public RecordSource {
+ public:
+  RawlogReader(std::unique_ptr<ByteSource> bytes, const ReadOptions& options)
+      : bytes_(std::move(bytes)), archive_(*bytes_), most_bytes_(static_cast<std::uint64_t>(options.max_object_mb * 1e6)), images_(images_folder(bytes_->path())) {
+    static std::once_flag registered;  // a program that only reads would not load the classes otherwise
+    std::call_once(registered, [] { mrpt::obs::registerAllClasses_mrpt_obs(); });
+  }
+
+  bool read(std::vector<PlacedRecord>& records) override {
+    if (bytes_->at_end()) return false;
+    const std::uint64_t place = bytes_->position();
+    check_object(*bytes_, most_bytes_);
+    const auto object = read_object(place);
+    if (!object) return true;  // a null object
+    if (const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object)) {
+      add_frame(*frame, place, records);
+    } else if (const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) {
+      add(observation, std::nullopt, place, records);
+    } else if (const auto actions = std::dynamic_pointer_cast<mrpt::obs::CActionCollection>(object)) {
+      add_actions(*actions, place, records);
+    } else if (const auto action = std::dynamic_pointer_cast<mrpt::obs::CAction>(object)) {
+      add_movement(action.get(), place, records);
+    } else {
+      ++others_[object->GetRuntimeClass()->className];
+    }
+    return true;
+  }
+
+  std::string place_name(std::uint64_t place) const override { return bytes_->place(place); }
+  std::string path() const override { return bytes_->path().string(); }
+  std::uint64_t bytes_read() const override { return bytes_->file_bytes_read(); }
+  std::uint64_t bytes_total() const override { return bytes_->file_bytes(); }
+  std::string nothing_found() const override {
+    std::string text;
+    for (const auto& [name, count] : others_) text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + name;
+    return text;
+  }
+
+ private:
+  mrpt::serialization::CSerializable::Ptr read_object(std::uint64_t place) {
+    const std::string class_name = read_header(*bytes_).class_name;
+    const auto corrupt = [&](const std::string& what) {
+      return Error(ErrorCode::kCorrupt, "an object of class '" + class_name + "' cannot be decoded (" + what + ")", bytes_->place(place),
+                   "record or copy the log again; what precedes this place can be used (split --at)");
+    };
+    try {
+      archive_.start_object(most_bytes_);
+      return archive_.ReadObject();
+    } catch (const std::bad_alloc&) {
+      throw corrupt("it announces more than the memory can hold");
+    } catch (const std::length_error&) {
+      throw corrupt("it announces more than the memory can hold");
+    } catch (const std::exception& problem) {
+      archive_.rethrow_failure();
+      const std::string what = problem.what();
+      throw corrupt(what.substr(0, std::min<std::size_t>(what.find('\n'), 160)));
+    } catch (...) {
+      throw corrupt("MRPT gives no reason");
+    }
+  }
+
+  void add_frame(const mrpt::obs::CSensoryFrame& frame, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    std::optional<Stamp> earliest;
+    for (const auto& observation : frame) {
+      if (!observation || !has_stamp(observation->timestamp)) continue;
+      const Stamp stamp = to_stamp(observation->timestamp);
+      earliest = earliest ? std::min(*earliest, stamp) : stamp;
+    }
+    if (odometry_waits_ && earliest) add_odometry(*earliest, place, records);
+    for (const auto& observation : frame) {
+      if (observation) add(observation, earliest, place, records);
+    }
+  }
+
+  void add(const mrpt::obs::CObservation::Ptr& observation, std::optional<Stamp> otherwise, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    const bool stamped = has_stamp(observation->timestamp);
+    if (!stamped && !otherwise) {
+      if (dynamic_cast<const mrpt::obs::CObservationComment*>(observation.get()) != nullptr) {
+        ++others_[observation->GetRuntimeClass()->className];
+        return;
+      }
+      throw Error(ErrorCode::kBadInput, "an observation of '" + observation->sensorLabel + "' (" + observation->GetRuntimeClass()->className + ") has no time stamp; one was expected",
+                  bytes_->place(place), "stamp the log when recording it");
+    }
+    const Stamp stamp = stamped ? to_stamp(observation->timestamp) : *otherwise;
+    observation->timestamp = to_mrpt_time(stamp);
+    make_image_paths_absolute(*observation, images_);
+    records.push_back({{stamp, observation}, place});
+  }
+
+  void add_actions(const mrpt::obs::CActionCollection& actions, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    // Wheel odometry is preferred to what was computed from scans.
+    const mrpt::obs::CAction* chosen = nullptr;
+    for (const auto& pointer : actions) {
+      const mrpt::obs::CAction* action = pointer.get();
+      if (action == nullptr) continue;
+      const auto* planar_movement = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(action);
+      const bool is_movement = planar_movement != nullptr || dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(action) != nullptr;
+      const bool from_wheels = planar_movement != nullptr && planar_movement->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry;
+      if (is_movement && (chosen == nullptr || from_wheels)) chosen = action;
+      if (from_wheels) break;
+    }
+    if (chosen != nullptr) add_movement(chosen, place, records);
+  }
+
+  void add_movement(const mrpt::obs::CAction* action, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    mrpt::math::TPose2D increment;
+    if (const auto* in_plane = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(action)) {
+      if (in_plane->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry) {
+        increment = in_plane->rawOdometryIncrementReading.asTPose();
+      } else if (in_plane->poseChange) {
+        increment = in_plane->poseChange->getMeanVal().asTPose();
+      }
+    } else if (const auto* in_space = dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(action)) {
+      increment = mrpt::math::TPose2D(in_space->poseChange.mean.asTPose());
+    } else {
+      ++others_[action->GetRuntimeClass()->className];
+      return;
+    }
+    if (!is_finite(increment)) {
+      throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected", bytes_->place(place), "cut the log before it");
+    }
+    odometry_from_robot_ = compose(odometry_from_robot_, increment);
+    odometry_waits_ = !has_stamp(action->timestamp);
+    if (!odometry_waits_) add_odometry(to_stamp(action->timestamp), place, records);
+  }
+
+  void add_odometry(Stamp stamp, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    auto odometry = std::make_shared<mrpt::obs::CObservationOdometry>();
+    odometry->sensorLabel = kOdometryLabel;
+    odometry->timestamp = to_mrpt_time(stamp);
+    odometry->odometry = mrpt::poses::CPose2D(odometry_from_robot_);
+    records.push_back({{stamp, odometry}, place});
+    odometry_waits_ = false;
+  }
+
+  std::unique_ptr<ByteSource> bytes_;
+  SourceArchive archive_;
+  std::uint64_t most_bytes_;
+  std::filesystem::path images_;
+  Pose2 odometry_from_robot_;
+  bool odometry_waits_ = false;  // accumulated from an action without a stamp, for the next sensory frame
+  std::map<std::string, std::uint64_t> others_;
+};
+
+}  // namespace
+
+// The first bytes are an object's header: the length of a class name and that name.
+bool is_rawlog(std::string_view start) {
+  if (start.empty()) return false;
+  const auto first = static_cast<unsigned char>(start.front());
+  const std::size_t length = first & 0x7f, name_at = (first & 0x80) != 0 ? 1 : 4;
+  if (name_at == 4 && start.substr(1, 3) != std::string_view("\0\0\0", 3)) return false;
+  const auto name = start.substr(std::min(name_at, start.size()), length);
+  return length > 1 && (name.substr(0, 1) == "C" || name.substr(0, 4) == "mrpt" || name == "nullptr") &&
+         std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) != 0 || c == ':' || c == '_'; });
+}
+
+std::unique_ptr<RecordSource> open_rawlog(std::unique_ptr<ByteSource> bytes, const ReadOptions& options) {
+  return std::make_unique<RawlogReader>(std::move(bytes), options);
+}
+
+}  // namespace mapweave::rawlog

@@ -1,0 +1,28 @@
+#pragma once
+// What one format's reader gives: records as they stand in the file. Sorting and checking are done once for all formats (ordered_stream.h).
+
+#include <mapweave/rawlog/observation_stream.h>
+
+#include <string>
+#include <vector>
+
+namespace mapweave::rawlog {
+
+struct PlacedRecord {
+  Record record;
+  std::uint64_t place = 0;  // byte or line, as place_name() says
+};
+
+class RecordSource {
+ public:
+  // Adds the next records of the file, none or several; false at its clean end. Throws Error; what was added before is good.
+  virtual bool read(std::vector<PlacedRecord>& records) = 0;
+  virtual std::string place_name(std::uint64_t place) const = 0;  // "a.log:17"
+  virtual std::string path() const = 0;
+  virtual std::string nothing_found() const { return {}; }        // what was there instead of observations
+  virtual std::uint64_t bytes_read() const = 0;
+  virtual std::uint64_t bytes_total() const = 0;
+  virtual ~RecordSource() = default;
+};
+
+}  // namespace mapweave::rawlog

@@ -1,0 +1,26 @@
+#pragma once
+// manifest.json: what made a folder of results, of what, and the checksum of every file in it.
+
+#include <mapweave/core/hash.h>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+std::string program_version();  // "0.1.0"
+
+struct InputFile {
+  std::string path;
+  Hash sha256;
+};
+
+// Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for "outputs_with_times": files that
+// tell how long things took.
+nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs, const std::filesystem::path& folder);
+
+}  // namespace mapweave::runtime

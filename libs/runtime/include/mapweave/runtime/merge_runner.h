@@ -1,0 +1,17 @@
+#pragma once
+// `mapweave merge`: maps that exist already -> team maps.
+
+#include <mapweave/runtime/batch_runner.h>
+
+namespace mapweave::runtime {
+
+struct MergeSettings {
+  std::filesystem::path out;
+  bool force = false;
+};
+
+// `paths`: stores (.mwdb) and map_server grids (.yaml), in any order. Throws Error: kUsage for a file of neither kind, what reading throws, kCannotWrite,
+// kInterrupted.
+Report run_merge(const RunConfiguration&, const std::vector<std::filesystem::path>& paths, const MergeSettings&, WorkerPool&, Progress&);
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,61 @@
+#pragma once
+// What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (issue 2, the contract of the command line).
+
+#include <mapweave/core/error.h>
+#include <mapweave/maps/judgement.h>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct RobotReport {
+  RobotId id;
+  TierId edge;                      // empty for slam
+  std::uint64_t scans = 0;
+  double log_seconds = 0.0;         // of data
+  double wall_seconds = 0.0;        // from opening the log to the finished map
+  double cpu_seconds = 0.0;         // the helper's included
+  bool mapped = false;
+  std::optional<Error> trouble;     // why the stream ended early
+  double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }
+};
+
+// How maps joined at one tier.
+struct FusionReport {
+  TierId tier;
+  std::vector<std::vector<MapId>> components;  // members, largest component first
+  std::vector<Verdict> verdicts;
+};
+
+struct StageReport {
+  TierId tier;
+  std::string name;
+  double seconds = 0.0;
+};
+
+struct Report {
+  std::vector<RobotReport> robots;    // by id
+  std::vector<FusionReport> edges;    // by id
+  FusionReport team;
+  std::vector<StageReport> stages;
+  std::vector<std::string> notes;     // for people: maps renamed, edges that have no map
+  bool interrupted = false;
+  double wall_seconds = 0.0;
+  std::uint64_t peak_rss_bytes = 0;
+
+  // 0, 4 where maps stayed apart, the code of the first robot's trouble, 130 (DESIGN section 5).
+  int exit_code() const;
+};
+
+nlohmann::ordered_json summary_json(const Report&);
+nlohmann::ordered_json merges_json(const Report&);
+// A verdict in one line: "alpha + beta: accepted (probability 0.99, overlap 0.41, 3 witnesses)", "...: refused: not enough common ground (...)".
+std::string in_words(const Verdict&);
+// The short summary that a person reads at the end. `folder`: where the results are.
+std::string in_words(const Report&, const std::string& folder);
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,23 @@
+#pragma once
+// One robot from its log to its map: the log's reader, the robot's agent and its SLAM instance at the edge, wired in one thread.
+
+#include <mapweave/core/progress.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/report.h>
+#include <mapweave/runtime/run_configuration.h>
+#include <mapweave/tiers/robot_slam.h>
+
+#include <atomic>
+
+namespace mapweave::runtime {
+
+struct RobotResult {
+  tiers::RobotOutcome outcome;
+  RobotReport report;
+  InputFile input;  // the log
+};
+
+// Reads the whole log, or up to trouble, which stands in the outcome. Throws Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
+RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, const std::atomic<bool>& give_up, Progress&);
+
+}  // namespace mapweave::runtime

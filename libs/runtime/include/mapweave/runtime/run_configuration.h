@@ -1,0 +1,101 @@
+#pragma once
+// What `run` does, as a configuration file says it; `slam` and `merge` read the same keys.
+
+#include <mapweave/core/ids.h>
+#include <mapweave/core/options.h>
+#include <mapweave/exporters/map_folder.h>
+#include <mapweave/fusion/compose_grid.h>
+#include <mapweave/fusion/fusion_options.h>
+#include <mapweave/laser/engines.h>
+#include <mapweave/rawlog/observation_stream.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct RobotEntry {
+  std::string id, log, edge;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("id", id, "the robot's name; empty: its log's file name");
+    v.text("log", log, "its log; relative to this file");
+    v.text("edge", edge, "the edge that maps it; empty: the edges in turn");
+  }
+};
+
+struct EdgeEntry {
+  std::string id;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("id", id, "the edge's name");
+  }
+};
+
+// Beside each map.mwdb.
+struct OutputOptions {
+  bool png = true, pgm = true, pcd = true, tum = true, g2o = false;
+  exporters::PictureOptions picture;
+  exporters::PointCloudOptions cloud;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.flag("png", png, "map.png, and map.color.png with the robots' ways");
+    v.flag("pgm", pgm, "map.pgm and map.yaml, as map_server and nav2 load them");
+    v.flag("pcd", pcd, "map.pcd, the points of the walls");
+    v.flag("tum", tum, "trajectory.tum, and trajectories/<robot>.tum of a team");
+    v.flag("g2o", g2o, "map.g2o, the pose graph");
+    v.section("picture", picture, "how map.color.png is drawn");
+    v.section("cloud", cloud, "how map.pcd is made");
+  }
+};
+
+struct RunConfiguration {
+  std::uint64_t seed = 1;
+  std::vector<RobotEntry> robots;
+  std::vector<EdgeEntry> edges;
+  rawlog::ReadOptions reading;
+  laser::LaserOptions laser;
+  fusion::FusionOptions fusion;
+  fusion::ComposeOptions compose;
+  OutputOptions output;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("seed", seed, 0, 4294967295, "of everything random; the same seed gives the same bytes");
+    v.list("robots", robots, "who recorded what");
+    v.list("edges", edges, "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
+    v.section("reading", reading, "what logs do not say themselves");
+    v.section("laser", laser, "one robot's grid SLAM");
+    v.section("fusion", fusion, "how maps are joined");
+    v.section("compose", compose, "how grids are drawn");
+    v.section("output", output, "what is written beside each map.mwdb");
+  }
+};
+
+struct PlannedRobot {
+  RobotId id;
+  TierId edge;
+  std::filesystem::path log;
+};
+struct RunPlan {
+  std::vector<PlannedRobot> robots;  // by id
+  std::vector<TierId> edges;         // sorted; each has robots
+};
+
+// The tier that fuses everything; no edge is called so.
+TierId cloud_tier();
+
+// Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput for
+// no robots, two with one id, names that cannot be, an edge that no robot uses; kMissing for a robot without a log or a log that is not there.
+RunPlan make_plan(const RunConfiguration&, const Origins&);
+
+// The configuration as it was carried out: robots by id, each with its edge and the full path of its log.
+RunConfiguration effective(RunConfiguration, const RunPlan&);
+
+// What a map's folder holds beside map.mwdb. `title` stands above the picture where the options have none.
+exporters::MapFolderOptions folder_options(const OutputOptions&, const std::string& title);
+
+// "office east.rawlog.gz" -> "office-east": a name made of what a file is called.
+std::string name_of_file(const std::filesystem::path&);
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,144 @@
+#include "results.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/runtime/robot_task.h>
+#include <mapweave/tiers/cloud_merger.h>
+#include <mapweave/tiers/edge_server.h>
+
+#include <algorithm>
+
+namespace mapweave::runtime {
+namespace {
+
+// Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived with.
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going, WorkerPool& pool,
+                                                   Progress& progress) {
+  std::atomic<bool> give_up{false};
+  auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
+    try {
+      RobotResult result = map_robot(plan.robots[i], configuration, give_up, progress);
+      if (result.outcome.trouble && !keep_going) give_up = true;
+      return result;
+    } catch (const Error& error) {
+      if (error.code() != ErrorCode::kInterrupted) throw;
+      return std::nullopt;
+    }
+  });
+  for (const auto& robot : robots)
+    if (robot && robot->outcome.trouble && !keep_going) throw *robot->outcome.trouble;
+  return robots;
+}
+
+// Runs what an interruption may end; false when it did.
+template <class Work>
+bool finished(Work&& work) {
+  try {
+    throw_if_interrupted();
+    work();
+    return true;
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kInterrupted) throw;
+    return false;
+  }
+}
+
+void add_stages(Report& report, TierId tier, const fusion::FusionResult& result) {
+  for (const fusion::StageTime& stage : result.stages) report.stages.push_back({tier, stage.name, stage.seconds});
+}
+
+// What was finished is to be saved in peace: a further signal ends that too.
+void acknowledge_interruption(Report& report, bool anything_finished) {
+  report.interrupted = true;
+  if (!anything_finished) throw Error(ErrorCode::kInterrupted, "interrupted before a map was finished; nothing was written");
+  clear_interrupt();
+}
+
+void close(Report& report, const Stopwatch& watch, const Results& results) {
+  report.stages.push_back({TierId(), "output", results.seconds()});
+  report.wall_seconds = watch.seconds();
+  report.peak_rss_bytes = peak_rss_bytes();
+}
+
+}  // namespace
+
+Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool, Progress& progress) {
+  const Stopwatch watch;
+  Results results(settings.out, settings.force, configuration, pool);
+  Report report;
+  report.team.tier = cloud_tier();
+  auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
+
+  std::vector<InputFile> inputs;
+  std::vector<tiers::RobotOutcome> outcomes;
+  bool anything = false, whole = true;
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    whole = whole && robots[i].has_value();
+    if (!robots[i]) continue;
+    anything = anything || robots[i]->outcome.map.has_value();
+    report.robots.push_back(robots[i]->report);
+    report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
+    inputs.push_back(robots[i]->input);
+    outcomes.push_back(std::move(robots[i]->outcome));
+  }
+  if (!whole) acknowledge_interruption(report, anything);
+
+  // Edges fuse what their robots left and tell the cloud, which fuses everything again.
+  std::vector<tiers::EdgeServer> edges;
+  tiers::CloudMerger cloud(cloud_tier(), configuration.fusion);
+  fusion::FusionResult team;
+  const auto fuse_all = [&] {
+    for (const TierId& id : plan.edges) {
+      std::vector<RobotId> members;
+      for (const PlannedRobot& robot : plan.robots)
+        if (robot.edge == id) members.push_back(robot.id);
+      tiers::EdgeServer edge(id, members, configuration.fusion);
+      for (tiers::RobotOutcome& outcome : outcomes) {
+        if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
+        for (const std::string& update : edge.step(outcome, pool, progress).for_cloud) cloud.receive(update, "update of edge " + id.str());
+      }
+      edges.push_back(std::move(edge));
+    }
+    if (anything) team = cloud.seal(pool, progress);
+  };
+  if (whole && !finished(fuse_all)) acknowledge_interruption(report, anything);
+
+  for (const tiers::RobotOutcome& outcome : outcomes)
+    if (outcome.map) results.add_map("robots/" + outcome.robot.str(), "robot " + outcome.robot.str(), *outcome.map);
+  for (const tiers::EdgeServer& edge : edges) {
+    report.edges.push_back(Results::report_of(edge.id(), edge.result()));
+    add_stages(report, edge.id(), edge.result());
+    results.add_components("edges/" + edge.id().str(), "edges/" + edge.id().str() + "/apart-", "edge " + edge.id().str(), false, edge.result());
+  }
+  report.team = Results::report_of(cloud_tier(), team);
+  add_stages(report, cloud_tier(), team);
+  results.add_components("team", "team-", "team", true, team);
+  close(report, watch, results);
+  results.commit("run", effective(configuration, plan), inputs, report);
+  return report;
+}
+
+Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool, Progress& progress) {
+  MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
+  const Stopwatch watch;
+  Results results(settings.out, settings.force, configuration, pool);
+  Report report;
+  const auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
+  if (!robots.front()) acknowledge_interruption(report, false);
+  const RobotResult& robot = *robots.front();
+  report.robots = {robot.report};
+  report.robots.front().edge = TierId();
+  report.stages.push_back({TierId(), "mapping", robot.report.wall_seconds});
+  if (robot.outcome.map) {
+    report.team.components = {{robot.outcome.map->id}};
+    results.add_map("", "robot " + robot.report.id.str(), *robot.outcome.map);
+  } else if (robot.outcome.trouble) {
+    throw *robot.outcome.trouble;
+  }
+  close(report, watch, results);
+  results.commit("slam", effective(configuration, plan), {robot.input}, report);
+  return report;
+}
+
+}  // namespace mapweave::runtime

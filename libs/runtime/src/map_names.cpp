@@ -1,0 +1,116 @@
+#include <mapweave/runtime/map_names.h>
+
+#include <mapweave/core/error.h>
+#include <mapweave/runtime/run_configuration.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+namespace mapweave::runtime {
+
+std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
+  std::vector<std::filesystem::path> full;
+  std::map<std::string, int> with_stem;
+  for (const auto& path : paths) {
+    full.push_back(std::filesystem::weakly_canonical(path));
+    ++with_stem[name_of_file(path)];
+  }
+  std::vector<std::size_t> order(paths.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return full[a] < full[b]; });
+
+  std::vector<MapId> names(paths.size());
+  std::set<std::string> taken;
+  for (std::size_t place = 0; place < order.size(); ++place) {
+    const std::size_t i = order[place];
+    if (place > 0 && full[i] == full[order[place - 1]])
+      throw Error(ErrorCode::kBadInput, "this map is given twice", paths[i].string(), "name each map once");
+    std::string name = name_of_file(paths[i]);
+    if (with_stem[name] > 1 || name.empty()) name = name_of_file(full[i].parent_path());
+    if (!is_valid_name(name)) name = "map";
+    const std::string base = name;
+    for (int number = 2; !taken.insert(name).second; ++number) name = base + "-" + std::to_string(number);
+    names[i] = MapId(name);
+  }
+  return names;
+}
+
+Map rekeyed(const Map& map, MapId id, const std::function<RobotId(RobotId)>& renamed) {
+  const auto session_of = [&](SessionId session) {
+    session.client.robot = renamed(session.client.robot);
+    return session;
+  };
+  const auto node_of = [&](NodeId node) {
+    node.session = session_of(node.session);
+    return node;
+  };
+  Map result;
+  result.id = id;
+  for (const auto& [old_id, old_node] : map.nodes) {
+    Node node = old_node;
+    node.id = node_of(old_id);
+    const NodeId node_id = node.id;
+    result.nodes.set(node_id, std::move(node));
+  }
+  for (const auto& [old_id, old_submap] : map.submaps) {
+    Submap submap = old_submap;
+    submap.id.session = session_of(old_id.session);
+    for (auto& [node, pose] : submap.submap_from_node) node = node_of(node);
+    if (submap.frozen) submap.content = content_hash(submap, result.nodes);
+    const SubmapId submap_id = submap.id;
+    result.submaps.set(submap_id, std::move(submap));
+  }
+  for (const auto& [old_id, old_constraint] : map.constraints) {
+    Constraint constraint = old_constraint;
+    constraint.id.from = node_of(old_id.from);
+    constraint.id.to = node_of(old_id.to);
+    const ConstraintId constraint_id = constraint.id;
+    result.constraints.set(constraint_id, std::move(constraint));
+  }
+  return result;
+}
+
+Map map_of_grid(MapId id, OccupancyGrid grid) {
+  Map map;
+  map.id = id;
+  const SessionId session{{RobotId(id.str()), SensorId("grid")}, 0};
+  const NodeId node{session, 0};
+  map.nodes.set(node, Node{node, Stamp{}, Pose3{}, std::make_shared<const Payload>(std::move(grid))});
+  Submap submap;
+  submap.id = {session, 0};
+  submap.submap_from_node = {{node, Pose3{}}};
+  submap.frozen = true;
+  submap.content = content_hash(submap, map.nodes);
+  map.submaps.set(submap.id, submap);
+  return map;
+}
+
+std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes) {
+  std::sort(maps.begin(), maps.end(), [](const Map& a, const Map& b) { return a.id < b.id; });
+  std::map<RobotId, int> owners;
+  for (const Map& map : maps)
+    for (const RobotId robot : map.robots()) ++owners[robot];
+  std::set<RobotId> taken;
+  for (const auto& [robot, count] : owners) taken.insert(robot);
+  for (Map& map : maps) {
+    const std::vector<RobotId> robots = map.robots();
+    std::map<RobotId, RobotId> renamed;
+    for (const RobotId robot : robots) {
+      if (owners[robot] < 2 || (robots.size() == 1 && map.id.str() == robot.str())) continue;
+      const std::string base = robots.size() == 1 ? map.id.str() : map.id.str() + "." + robot.str();
+      std::string name = base;
+      for (int number = 2; !taken.insert(RobotId(name)).second; ++number) name = base + "-" + std::to_string(number);
+      renamed.emplace(robot, RobotId(name));
+      notes.push_back("robot '" + robot.str() + "' of map '" + map.id.str() + "' is called '" + name + "' here: another map has a robot of that name too");
+    }
+    if (!renamed.empty())
+      map = rekeyed(map, map.id, [&](RobotId robot) {
+        const auto other = renamed.find(robot);
+        return other == renamed.end() ? robot : other->second;
+      });
+  }
+  return maps;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,200 @@
+#include <mapweave/runtime/report.h>
+
+#include <mapweave/core/hash.h>
+
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+namespace mapweave::runtime {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
+  va_list arguments, again;
+  va_start(arguments, pattern);
+  va_copy(again, arguments);
+  std::string line(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, pattern, arguments)), '\0');
+  std::vsnprintf(line.data(), line.size() + 1, pattern, again);
+  va_end(again);
+  va_end(arguments);
+  return line;
+}
+
+std::size_t pairs(const FusionReport& fusion, Decision decision) {
+  std::size_t count = 0;
+  for (const Verdict& verdict : fusion.verdicts) count += verdict.decision == decision;
+  return count;
+}
+
+bool is_planar(const Sim3& motion) {
+  constexpr double kNothing = 1e-9;
+  return std::abs(motion.pose.t.z()) < kNothing && std::abs(motion.pose.q.x()) < kNothing && std::abs(motion.pose.q.y()) < kNothing &&
+         std::abs(motion.scale - 1.0) < kNothing;
+}
+
+// a_from_b the other way round.
+Json b_from_a(const Sim3& a_from_b) {
+  if (is_planar(a_from_b)) {
+    const Pose2 pose = inverse(planar(a_from_b.pose));
+    return {{"x", pose.x}, {"y", pose.y}, {"yaw", pose.phi}};
+  }
+  const Eigen::Quaterniond q = a_from_b.pose.q.conjugate();
+  const Eigen::Vector3d t = q * a_from_b.pose.t / -a_from_b.scale;
+  return {{"t", {t.x(), t.y(), t.z()}}, {"q", {q.x(), q.y(), q.z(), q.w()}}, {"scale", 1.0 / a_from_b.scale}};
+}
+
+// Rows of the covariance: x, y, yaw of a planar alignment, else all six.
+Json covariance(const Alignment& alignment) {
+  const std::vector<int> rows = is_planar(alignment.a_from_b) ? std::vector<int>{0, 1, 5} : std::vector<int>{0, 1, 2, 3, 4, 5};
+  Json matrix = Json::array();
+  for (const int row : rows) {
+    Json line = Json::array();
+    for (const int column : rows) line.push_back(alignment.covariance(row, column));
+    matrix.push_back(line);
+  }
+  return matrix;
+}
+
+Json verdict_json(const TierId& tier, const Verdict& verdict) {
+  Json witnesses = Json::array();
+  for (const Hash& witness : verdict.witnesses) witnesses.push_back(to_hex(witness));
+  return {{"tier", tier.str()},
+          {"a", verdict.a.str()},
+          {"b", verdict.b.str()},
+          {"kind", verdict.kind},
+          {"accepted", verdict.decision == Decision::accepted},
+          {"decision", to_text(verdict.decision)},
+          {"reason", to_text(verdict.reason)},
+          {"proposer", verdict.proposer},
+          {"probability", verdict.probability},
+          {"b_from_a", verdict.alignment ? b_from_a(verdict.alignment->a_from_b) : Json()},
+          {"covariance", verdict.alignment ? covariance(*verdict.alignment) : Json()},
+          {"overlap", verdict.overlap},
+          {"conflict", verdict.conflict},
+          {"second_best", verdict.second_best},
+          {"witnesses", witnesses},
+          {"seconds", verdict.seconds}};
+}
+
+Json fusion_json(const FusionReport& fusion) {
+  Json members = Json::array();
+  for (const auto& component : fusion.components) {
+    Json names = Json::array();
+    for (const MapId& id : component) names.push_back(id.str());
+    members.push_back(names);
+  }
+  return {{"components", fusion.components.size()},
+          {"merged_pairs", pairs(fusion, Decision::accepted)},
+          {"refused_pairs", pairs(fusion, Decision::refused)},
+          {"deferred_pairs", pairs(fusion, Decision::deferred)},
+          {"members", members}};
+}
+
+const char* reason_in_words(Reason reason) {
+  switch (reason) {
+    case Reason::none: return "no doubt";
+    case Reason::little_overlap: return "they show too little common ground";
+    case Reason::contradiction: return "one saw through walls of the other";
+    case Reason::ambiguous: return "they fit together in more than one way";
+    case Reason::unobservable: return "they could slide along each other";
+    case Reason::inconsistent: return "it disagrees with other alignments";
+    case Reason::vetoed: return "it was forbidden";
+    case Reason::too_few_witnesses: return "too few places agree on how they fit";
+  }
+  return "no reason given";
+}
+
+}  // namespace
+
+int Report::exit_code() const {
+  if (interrupted) return mapweave::exit_code(ErrorCode::kInterrupted);
+  for (const RobotReport& robot : robots)
+    if (robot.trouble) return mapweave::exit_code(robot.trouble->code());
+  constexpr int kStayedApart = 4;
+  return team.components.size() > 1 ? kStayedApart : 0;
+}
+
+Json summary_json(const Report& report) {
+  Json robots = Json::array(), edges = Json::array(), stages = Json::array();
+  for (const RobotReport& robot : report.robots) {
+    Json line = {{"id", robot.id.str()},
+                 {"scans", robot.scans},
+                 {"log_seconds", robot.log_seconds},
+                 {"wall_seconds", robot.wall_seconds},
+                 {"cpu_seconds", robot.cpu_seconds},
+                 {"real_time_factor", robot.real_time_factor()},
+                 {"mapped", robot.mapped}};
+    if (!robot.edge.empty()) line["edge"] = robot.edge.str();
+    if (robot.trouble) line["trouble"] = robot.trouble->what();
+    robots.push_back(line);
+  }
+  for (const FusionReport& edge : report.edges) {
+    Json line = {{"id", edge.tier.str()}};
+    line.update(fusion_json(edge));
+    edges.push_back(line);
+  }
+  for (const StageReport& stage : report.stages) stages.push_back({{"tier", stage.tier.str()}, {"name", stage.name}, {"seconds", stage.seconds}});
+  return {{"robots", robots},
+          {"edges", edges},
+          {"team", fusion_json(report.team)},
+          {"interrupted", report.interrupted},
+          {"exit_code", report.exit_code()},
+          {"wall_seconds", report.wall_seconds},
+          {"peak_rss_bytes", report.peak_rss_bytes},
+          {"stages", stages}};
+}
+
+Json merges_json(const Report& report) {
+  Json merges = Json::array();
+  for (const FusionReport& edge : report.edges)
+    for (const Verdict& verdict : edge.verdicts) merges.push_back(verdict_json(edge.tier, verdict));
+  for (const Verdict& verdict : report.team.verdicts) merges.push_back(verdict_json(report.team.tier, verdict));
+  return merges;
+}
+
+std::string in_words(const Verdict& verdict) {
+  const std::string pair = verdict.a.str() + " + " + verdict.b.str() + ": ";
+  const std::string numbers = format("probability %.2f, overlap %.0f %%, conflict %.1f %%", verdict.probability, 100.0 * verdict.overlap, 100.0 * verdict.conflict);
+  switch (verdict.decision) {
+    case Decision::accepted: {
+      std::string line = pair + format("joined (%s, %zu place%s agree%s)", numbers.c_str(), verdict.witnesses.size(),
+                                       verdict.witnesses.size() == 1 ? "" : "s", verdict.witnesses.size() == 1 ? "s" : "");
+      if (verdict.reason != Reason::none) line += format("; %s", reason_in_words(verdict.reason));
+      return line;
+    }
+    case Decision::refused: return pair + "kept apart: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
+    case Decision::deferred: return pair + "not decided: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
+  }
+  return pair;
+}
+
+std::string in_words(const Report& report, const std::string& folder) {
+  std::string text;
+  for (const RobotReport& robot : report.robots) {
+    text += format("robot %s: %llu scans of %.0f s in %.1f s (%.0f x real time)%s\n", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans),
+                   robot.log_seconds, robot.wall_seconds, robot.real_time_factor(), robot.mapped ? "" : "; no map");
+    if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
+  }
+  for (const FusionReport& edge : report.edges)
+    for (const Verdict& verdict : edge.verdicts) text += "edge " + edge.tier.str() + ": " + in_words(verdict) + "\n";
+  for (const Verdict& verdict : report.team.verdicts) text += report.team.tier.str() + ": " + in_words(verdict) + "\n";
+  for (const std::string& note : report.notes) text += "note: " + note + "\n";
+  if (report.interrupted) text += "interrupted: what was finished is saved\n";
+  const std::size_t components = report.team.components.size();
+  if (components > 1) {
+    text += format("the maps form %zu separate teams:", components);
+    for (std::size_t i = 0; i < components; ++i) {
+      text += i == 0 ? " " : "; ";
+      for (std::size_t j = 0; j < report.team.components[i].size(); ++j) text += (j == 0 ? "" : " + ") + report.team.components[i][j].str();
+    }
+    text += "\n";
+  }
+  text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds, static_cast<double>(report.peak_rss_bytes) / 1e6, folder.c_str());
+  return text;
+}
+
+}  // namespace mapweave::runtime

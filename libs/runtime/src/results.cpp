@@ -1,0 +1,76 @@
+#include "results.h"
+
+#include <mapweave/exporters/map_folder.h>
+#include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/metrics.h>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+
+namespace mapweave::runtime {
+namespace {
+
+// What a component's map rests on.
+mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused) {
+  mapdb::StoredMaps result;
+  result.maps = {component.map};
+  for (const Judgement& judgement : fused.judgements)
+    if (component.map.submaps.contains(judgement.a) && component.map.submaps.contains(judgement.b)) result.judgements.push_back(judgement);
+  const auto is_member = [&](const MapId& id) { return std::binary_search(component.members.begin(), component.members.end(), id); };
+  for (const Verdict& verdict : fused.verdicts)
+    if (is_member(verdict.a) || is_member(verdict.b)) result.verdicts.push_back(verdict);
+  result.metadata["program"] = "mapweave " + program_version();
+  return result;
+}
+
+}  // namespace
+
+Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool)
+    : configuration_(configuration), pool_(pool), folder_(out, force) {}
+
+void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
+  exporters::MapFolderOptions options = folder_options(configuration_.output, title);
+  options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
+  exporters::write_map_folder(folder_.staging() / folder, map, fusion::compose_grid(map, configuration_.compose, pool_), options);
+}
+
+void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
+  const Stopwatch watch;
+  draw(folder, title, false, map);
+  mapdb::StoredMaps store;
+  store.maps = {map};
+  store.metadata["program"] = "mapweave " + program_version();
+  mapdb::write_store(folder_.staging() / folder / "map.mwdb", store);
+  seconds_ += watch.seconds();
+}
+
+void Results::add_components(const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
+                             const fusion::FusionResult& fused) {
+  const Stopwatch watch;
+  for (std::size_t i = 0; i < fused.components.size(); ++i) {
+    const std::string place = i == 0 ? folder : further + std::to_string(i);
+    draw(place, i == 0 ? title : title + ", apart " + std::to_string(i), robot_trajectories, fused.components[i].map);
+    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
+  }
+  seconds_ += watch.seconds();
+}
+
+void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, const Report& report) {
+  const auto& staging = folder_.staging();
+  write_file(staging / "config.yaml", to_yaml(effective));
+  write_file(staging / "summary.json", summary_json(report).dump(2) + "\n");
+  if (verb != "slam") write_file(staging / "merges.json", merges_json(report).dump(2) + "\n");
+  write_file(staging / "manifest.json", manifest_json(verb, effective.seed, inputs, staging).dump(2) + "\n");
+  folder_.commit();
+}
+
+FusionReport Results::report_of(TierId tier, const fusion::FusionResult& fused) {
+  FusionReport report;
+  report.tier = tier;
+  for (const fusion::Component& component : fused.components) report.components.push_back(component.members);
+  report.verdicts = fused.verdicts;
+  return report;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,38 @@
+#pragma once
+// The folder that run, slam and merge leave: maps with their pictures, and the papers beside them.
+
+#include <mapweave/core/files.h>
+#include <mapweave/core/progress.h>
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/report.h>
+#include <mapweave/runtime/run_configuration.h>
+
+namespace mapweave::runtime {
+
+class Results {
+ public:
+  // Nothing is seen of it before commit(). Throws Error(kCannotWrite) at once where it could not be written.
+  Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool);
+
+  // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory.
+  void add_map(const std::string& folder, const std::string& title, const Map& map);
+  // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...
+  void add_components(const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
+                      const fusion::FusionResult& fused);
+  // Adds config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the folder appears.
+  void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, const Report& report);
+  double seconds() const { return seconds_; }  // spent on add_...
+
+  static FusionReport report_of(TierId tier, const fusion::FusionResult& fused);
+
+ private:
+  void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
+  const RunConfiguration& configuration_;
+  WorkerPool& pool_;
+  OutputFolder folder_;
+  double seconds_ = 0.0;
+};
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,81 @@
+#include <mapweave/runtime/robot_task.h>
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
+#include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/metrics.h>
+
+namespace mapweave::runtime {
+namespace {
+
+// Ends its task however it is left.
+class Task {
+ public:
+  Task(Progress& progress, const std::string& name, std::uint64_t total, std::string_view unit) : progress_(progress), id_(progress.begin(name, total, unit)) {}
+  ~Task() { progress_.end(id_); }
+  Task(const Task&) = delete;
+  Task& operator=(const Task&) = delete;
+  void advance(std::uint64_t done) { progress_.advance(id_, done); }
+
+ private:
+  Progress& progress_;
+  int id_;
+};
+
+// Feeds the log to the agent and its messages to the instance; answers the instance's last word where it has one before the log's end.
+std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent, tiers::RobotSlam& slam,
+                                          const std::atomic<bool>& give_up, Progress& progress) {
+  constexpr std::uint64_t kKilobyte = 1000;
+  const auto log = rawlog::open_log(robot.log, reading);
+  Task task(progress, "robot " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
+  while (const auto record = log->next()) {
+    throw_if_interrupted();
+    if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + robot.id.str());
+    if (const auto message = agent.step(*record))
+      if (auto outcome = slam.step(*message)) return outcome;
+    task.advance(log->bytes_read() / kKilobyte);
+  }
+  return std::nullopt;
+}
+
+tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent, tiers::RobotSlam& slam,
+                               const std::atomic<bool>& give_up, Progress& progress) {
+  std::optional<Error> trouble;
+  try {
+    if (auto outcome = replay(robot, reading, agent, slam, give_up, progress)) return std::move(*outcome);
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kInterrupted) throw;
+    trouble = error;
+  }
+  return *slam.step(agent.end(std::move(trouble)));
+}
+
+}  // namespace
+
+RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, const std::atomic<bool>& give_up, Progress& progress) {
+  RobotResult result;
+  result.report.id = robot.id;
+  result.report.edge = robot.edge;
+  result.input = {robot.log.string(), hash_of_file(robot.log)};
+
+  const Stopwatch watch;
+  const double cpu_before = thread_cpu_seconds();
+  tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan);
+  tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+  result.outcome = outcome_of(robot, configuration.reading, agent, slam, give_up, progress);
+  result.report.wall_seconds = watch.seconds();
+  result.report.cpu_seconds = thread_cpu_seconds() - cpu_before;
+  result.report.scans = agent.scans();
+  result.report.log_seconds = agent.seconds();
+  result.report.mapped = result.outcome.map.has_value();
+  result.report.trouble = result.outcome.trouble;
+
+  for (const auto& [label, count] : agent.packer().ignored_lasers())
+    log(LogLevel::info, "robot " + robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
+                            agent.packer().label() + "' is (choose with --set laser.scan.label=...)");
+  if (agent.packer().unusable() > 0)
+    log(LogLevel::warning, "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
+  return result;
+}
+
+}  // namespace mapweave::runtime

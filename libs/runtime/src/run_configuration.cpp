@@ -1,0 +1,116 @@
+#include <mapweave/runtime/run_configuration.h>
+
+#include <mapweave/core/error.h>
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <set>
+
+namespace mapweave::runtime {
+namespace {
+
+std::string key(const char* list, std::size_t index, const char* field) {
+  return std::string(list) + "." + std::to_string(index) + "." + field;
+}
+
+void expect_name(const std::string& name, const std::string& what, const std::string& where) {
+  if (!is_valid_name(name))
+    throw Error(ErrorCode::kBadInput, what + " '" + name + "' cannot be a name", where, "use 1 to 64 letters, digits, '_', '-' and '.', not '.' first");
+}
+
+// The names of all edges; those under `edges` come first in the order of robots without one.
+std::vector<std::string> edge_names(const RunConfiguration& configuration, const Origins& origins) {
+  std::vector<std::string> listed;
+  for (std::size_t i = 0; i < configuration.edges.size(); ++i) {
+    const std::string& id = configuration.edges[i].id;
+    const std::string where = origins.place_of(key("edges", i, "id"));
+    expect_name(id, "edge", where);
+    if (id == cloud_tier().str()) throw Error(ErrorCode::kBadInput, "'" + id + "' is the tier above all edges", where, "call the edge otherwise");
+    if (std::find(listed.begin(), listed.end(), id) != listed.end())
+      throw Error(ErrorCode::kBadInput, "two edges are called '" + id + "'", where, "remove one of them");
+    listed.push_back(id);
+  }
+  if (!listed.empty()) return listed;
+  std::set<std::string> named;
+  for (const RobotEntry& robot : configuration.robots)
+    if (!robot.edge.empty()) named.insert(robot.edge);
+  if (named.empty()) named.insert("edge");
+  return {named.begin(), named.end()};
+}
+
+}  // namespace
+
+TierId cloud_tier() { return TierId("cloud"); }
+
+RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins) {
+  if (configuration.robots.empty())
+    throw Error(ErrorCode::kBadInput, "no robots", origins.place_of("robots"), "list them: robots: [{id: alpha, log: alpha.rawlog}]");
+  RunPlan plan;
+  std::map<std::string, std::size_t> seen;  // id -> its place in the list
+  for (std::size_t i = 0; i < configuration.robots.size(); ++i) {
+    const RobotEntry& robot = configuration.robots[i];
+    const std::string where = origins.place_of(key("robots", i, "id"));
+    if (robot.log.empty()) throw Error(ErrorCode::kMissing, "a robot without a log", origins.place_of(key("robots", i, "log")), "add: log: FILE.rawlog");
+    const std::string id = robot.id.empty() ? name_of_file(robot.log) : robot.id;
+    expect_name(id, "robot", where);
+    if (const auto [other, is_new] = seen.emplace(id, i); !is_new)
+      throw Error(ErrorCode::kBadInput, "two robots are called '" + id + "'; the other one is at " + origins.place_of(key("robots", other->second, "id")), where,
+                  "give one of them another id");
+    if (!robot.edge.empty()) {
+      const std::string edge_where = origins.place_of(key("robots", i, "edge"));
+      expect_name(robot.edge, "edge", edge_where);
+      if (robot.edge == cloud_tier().str())
+        throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' is the tier above all edges", edge_where, "call the edge otherwise");
+    }
+    std::error_code unreadable;
+    const std::filesystem::path log = std::filesystem::absolute(origins.file_of(key("robots", i, "log")).parent_path() / robot.log).lexically_normal();
+    if (!std::filesystem::is_regular_file(log, unreadable))
+      throw Error(ErrorCode::kMissing, "there is no log " + log.string(), origins.place_of(key("robots", i, "log")), "paths are relative to the configuration file");
+    plan.robots.push_back({RobotId(id), TierId(robot.edge), log});
+  }
+  std::sort(plan.robots.begin(), plan.robots.end(), [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
+
+  const std::vector<std::string> edges = edge_names(configuration, origins);
+  std::size_t turn = 0;
+  std::set<TierId> used;
+  for (PlannedRobot& robot : plan.robots) {
+    if (robot.edge.empty()) robot.edge = TierId(edges[turn++ % edges.size()]);
+    used.insert(robot.edge);
+  }
+  for (std::size_t i = 0; i < configuration.edges.size(); ++i)
+    if (used.count(TierId(configuration.edges[i].id)) == 0)
+      throw Error(ErrorCode::kBadInput, "no robot uses edge '" + configuration.edges[i].id + "'", origins.place_of(key("edges", i, "id")),
+                  "remove it, or give it a robot: {id: ..., log: ..., edge: " + configuration.edges[i].id + "}");
+  plan.edges.assign(used.begin(), used.end());
+  return plan;
+}
+
+RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
+  configuration.robots.clear();
+  configuration.edges.clear();
+  for (const PlannedRobot& robot : plan.robots) configuration.robots.push_back({robot.id.str(), robot.log.string(), robot.edge.str()});
+  return configuration;
+}
+
+exporters::MapFolderOptions folder_options(const OutputOptions& output, const std::string& title) {
+  exporters::MapFolderOptions options{{output.png, output.pgm, output.pcd, output.tum, false, output.g2o}, output.picture, output.cloud};
+  if (options.picture.title.empty()) options.picture.title = title;
+  return options;
+}
+
+std::string name_of_file(const std::filesystem::path& path) {
+  std::string name = path.filename().string();
+  for (const char* ending : {".gz", ".rawlog", ".clf", ".log", ".g2o", ".zip", ".mwdb", ".yaml"}) {
+    const std::string text(ending);
+    if (name.size() > text.size() && name.compare(name.size() - text.size(), text.size(), text) == 0) name.resize(name.size() - text.size());
+  }
+  for (char& letter : name)
+    if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';
+  while (!name.empty() && name.front() == '.') name.erase(0, 1);
+  constexpr std::size_t kLongest = 64;
+  name.resize(std::min(name.size(), kLongest));
+  return name;
+}
+
+}  // namespace mapweave::runtime

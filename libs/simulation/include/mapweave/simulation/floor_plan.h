@@ -1,0 +1,146 @@
+#pragma once
+// Buildings seen from above. A plan is made from options and a seed, and is content: nothing moves in it.
+
+#include <mapweave/core/geometry.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace mapweave::simulation {
+
+struct Point2 {
+  double x = 0.0, y = 0.0;  // metres, world frame
+};
+
+// One straight piece of a vertical surface, seen from both sides.
+struct Wall {
+  Point2 from, to;
+};
+
+struct Box {
+  double low_x = 0.0, low_y = 0.0, high_x = 0.0, high_y = 0.0;  // metres
+  Point2 centre() const { return {0.5 * (low_x + high_x), 0.5 * (low_y + high_y)}; }
+  double width() const { return high_x - low_x; }
+  double height() const { return high_y - low_y; }
+  bool overlaps(const Box& other) const {
+    return low_x < other.high_x && other.low_x < high_x && low_y < other.high_y && other.low_y < high_y;
+  }
+  bool contains(Point2 p) const { return low_x <= p.x && p.x <= high_x && low_y <= p.y && p.y <= high_y; }
+};
+
+// A place that a tour visits: a room, or a stretch of a corridor or hall. Its middle is free of furniture.
+struct Room {
+  std::string name;
+  Box inside;
+};
+
+struct FloorPlan {
+  std::vector<Wall> walls;  // and the outlines of furniture
+  std::vector<Room> rooms;  // neighbours follow one another
+};
+Box bounds(const FloorPlan&);
+FloorPlan moved(FloorPlan plan, double x_m, double y_m);
+double distance_to_wall(const Wall&, Point2);
+
+// A straight corridor along x from the origin. Doors are closed and set back into the wall.
+struct CorridorOptions {
+  double length_m = 20.0;
+  double width_m = 2.0;
+  int doors = 8;
+  int clutter = 8;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("length_m", length_m, 2.0, 1000.0, "length of the corridor");
+    v.number("width_m", width_m, 1.2, 10.0, "distance of its walls");
+    v.integer("doors", doors, 0, 2000, "closed doors, set back into the walls at random places");
+    v.integer("clutter", clutter, 0, 2000, "boxes along the walls");
+  }
+};
+
+// Rooms on both sides of corridors (on one side where there is little depth); corridors of a large apartment form loops.
+struct ApartmentOptions {
+  double width_m = 18.0;
+  double height_m = 13.0;
+  double corridor_width_m = 1.6;
+  double room_width_m = 4.0;
+  double door_width_m = 0.95;
+  double wall_thickness_m = 0.12;
+  double connecting_doors = 0.2;
+  int furniture = 4;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("width_m", width_m, 3.5, 200.0, "outer size along x");
+    v.number("height_m", height_m, 3.5, 200.0, "outer size along y");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
+    v.number("room_width_m", room_width_m, 2.0, 50.0, "rooms are between 0.7 and 1.3 times as wide");
+    v.number("door_width_m", door_width_m, 0.7, 2.0, "free width of doors");
+    v.number("wall_thickness_m", wall_thickness_m, 0.0, 0.5, "0: walls without thickness");
+    v.fraction("connecting_doors", connecting_doors, "chance of a door between neighbouring rooms");
+    v.integer("furniture", furniture, 0, 20, "pieces in a room at most");
+  }
+};
+
+// Rooms off one side of a corridor, all alike down to the furniture: each a shifted copy of the first (repeated), or every second one its
+// mirror image (mirrored).
+struct RoomRowOptions {
+  int rooms = 6;
+  double room_width_m = 4.0;
+  double room_depth_m = 5.0;
+  double corridor_width_m = 1.8;
+  double door_width_m = 0.95;
+  int furniture = 4;
+  int clutter = 0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("rooms", rooms, 2, 100, "number of rooms");
+    v.number("room_width_m", room_width_m, 2.0, 10.0, "size of a room along the corridor");
+    v.number("room_depth_m", room_depth_m, 2.0, 20.0, "size of a room across it");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
+    v.number("door_width_m", door_width_m, 0.7, 1.5, "free width of doors");
+    v.integer("furniture", furniture, 0, 20, "pieces in a room at most");
+    v.integer("clutter", clutter, 0, 2000, "boxes along the corridor's outer wall, which tell the rooms apart");
+  }
+};
+
+struct HallOptions {
+  double width_m = 30.0;
+  double height_m = 20.0;
+  int pillars = 6;
+  int clutter = 10;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("width_m", width_m, 4.0, 200.0, "size along x");
+    v.number("height_m", height_m, 4.0, 200.0, "size along y");
+    v.integer("pillars", pillars, 0, 1000, "square pillars in the hall");
+    v.integer("clutter", clutter, 0, 2000, "boxes along its walls");
+  }
+};
+
+// A corridor that closes on itself: a rectangle within a rectangle.
+struct RingOptions {
+  double width_m = 24.0;
+  double height_m = 16.0;
+  double corridor_width_m = 2.0;
+  int doors = 12;
+  int clutter = 10;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("width_m", width_m, 5.0, 300.0, "outer size along x");
+    v.number("height_m", height_m, 5.0, 300.0, "outer size along y");
+    v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
+    v.integer("doors", doors, 0, 2000, "closed doors, set back into the outer walls at random places");
+    v.integer("clutter", clutter, 0, 2000, "boxes along the walls");
+  }
+};
+
+// Each is a pure function of its arguments and stands in the quadrant x >= 0, y >= 0 (set-back doors reach 0.25 m out of it).
+// Options that contradict one another (a ring narrower than its corridors) throw Error kBadInput.
+FloorPlan make_corridor_plan(const CorridorOptions&, std::uint64_t seed);
+FloorPlan make_apartment_plan(const ApartmentOptions&, std::uint64_t seed);
+FloorPlan make_repeated_rooms_plan(const RoomRowOptions&, std::uint64_t seed);
+FloorPlan make_mirrored_rooms_plan(const RoomRowOptions&, std::uint64_t seed);
+FloorPlan make_hall_plan(const HallOptions&, std::uint64_t seed);
+FloorPlan make_ring_plan(const RingOptions&, std::uint64_t seed);
+
+}  // namespace mapweave::simulation

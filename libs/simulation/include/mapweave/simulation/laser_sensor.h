@@ -1,0 +1,61 @@
+#pragma once
+// A planar laser scanner: exact ranges from the plan, then noise, outliers and dropouts.
+
+#include <mapweave/simulation/random.h>
+#include <mapweave/simulation/ray_caster.h>
+
+#include <cmath>
+#include <vector>
+
+namespace mapweave::simulation {
+
+struct LaserOptions {
+  int rays = 181;
+  double field_of_view_deg = 180.0;
+  double max_range_m = 20.0;
+  double scans_per_second = 5.0;
+  double x_m = 0.0, y_m = 0.0, yaw_deg = 0.0;
+  double noise_m = 0.01;
+  double noise_per_m = 0.001;
+  double outliers = 0.001;
+  double dropouts = 0.002;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("rays", rays, 2, 4000, "rays of a scan");
+    v.number("field_of_view_deg", field_of_view_deg, 1.0, 360.0, "from the first ray to the last, ahead in the middle");
+    v.number("max_range_m", max_range_m, 0.5, 200.0, "nothing is seen beyond");
+    v.number("scans_per_second", scans_per_second, 0.1, 100.0, "scan rate");
+    v.number("x_m", x_m, -2.0, 2.0, "where the laser sits on the robot: ahead");
+    v.number("y_m", y_m, -2.0, 2.0, "to the left");
+    v.number("yaw_deg", yaw_deg, -180.0, 180.0, "turned counter-clockwise");
+    v.number("noise_m", noise_m, 0.0, 1.0, "standard deviation of a range");
+    v.number("noise_per_m", noise_per_m, 0.0, 0.2, "and what each metre of range adds to it");
+    v.fraction("outliers", outliers, "share of rays that end anywhere before the wall");
+    v.fraction("dropouts", dropouts, "share of rays that see nothing");
+  }
+  double first_angle_rad() const { return -0.5 * field_of_view_deg * (M_PI / 180.0); }  // in the laser's frame
+  double angle_step_rad() const { return field_of_view_deg * (M_PI / 180.0) / (rays - 1); }
+  Pose2 robot_from_laser() const { return {x_m, y_m, yaw_deg * (M_PI / 180.0)}; }
+};
+
+// Something round that moves: a person's legs, another robot.
+struct Disc {
+  Point2 centre_in_world;
+  double radius_m = 0.2;
+};
+
+// Immutable; may be used by many threads. The caster must outlive it.
+class LaserSensor {
+ public:
+  LaserSensor(const RayCaster& building, const LaserOptions& options);
+  // Ranges in metres, ray by ray counter-clockwise; 0: no return. A disc that covers the laser itself is not seen.
+  std::vector<float> scan(const Pose2& world_from_robot, const std::vector<Disc>& moving, RandomNumbers noise) const;
+  const LaserOptions& options() const { return options_; }
+
+ private:
+  const RayCaster* building_;
+  LaserOptions options_;
+  std::vector<Point2> directions_;  // of the rays, in the robot's frame
+};
+
+}  // namespace mapweave::simulation

@@ -1,0 +1,25 @@
+#pragma once
+// Writes a world as files: what `mapweave simulate` does.
+
+#include <mapweave/core/progress.h>
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/simulation/world_options.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mapweave::simulation {
+
+struct SimulatedLog {
+  std::string robot;
+  std::size_t scans = 0;
+  double length_m = 0.0, duration_s = 0.0;
+};
+
+// Into an existing folder: <robot>.rawlog (odometry, and scans after the odometry of the same stamp), <robot>.truth.tum (the robot's pose
+// in the world at every scan) and run.yaml, a configuration that `mapweave run` takes as it is. Returns a line per robot, in the order of
+// the options. Throws Error kBadInput for an impossible world, kCannotWrite, kInterrupted.
+std::vector<SimulatedLog> simulate(const WorldOptions&, const std::filesystem::path& folder, WorkerPool&, Progress&);
+
+}  // namespace mapweave::simulation

@@ -1,0 +1,52 @@
+#pragma once
+// The cloud's role: collects the robots' maps from every edge and commits over all of them (RecSLAM's global fusion). Edges' judgements
+// are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
+
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/maps/map_update.h>
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::tiers {
+
+// What the cloud has of one origin.
+struct Receipt {
+  Origin origin;
+  std::uint64_t stored = 0;    // every update up to this one
+  std::uint64_t awaited = 0;   // 0, or the number of the update that is missing: later ones have come
+};
+
+class CloudMerger {
+ public:
+  static constexpr std::size_t kMaxWaiting = 1024;  // updates of one origin that wait for a missing one
+  CloudMerger(TierId cloud, fusion::FusionOptions options);
+
+  // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt, kBadInput) for one that
+  // cannot be decoded, that does not fit what it builds on (this one, or one that waited for it), or that names a map of another tier; nothing
+  // is stored of it then.
+  Receipt receive(std::string_view bytes, const std::string& where);
+  // Every origin, in order: the sender repeats what is awaited.
+  std::vector<Receipt> receipts() const;
+  // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among them
+  // change a byte.
+  fusion::FusionResult seal(WorkerPool&, Progress&);
+
+ private:
+  struct Collected {
+    TierId tier;
+    Map map;
+    std::uint64_t stored = 0;
+    std::map<std::uint64_t, MapUpdate> waiting;
+    Receipt receipt() const;
+  };
+  void store(Collected&, const MapUpdate&);
+  TierId cloud_;
+  fusion::FusionOptions options_;
+  std::map<MapId, Collected> collected_;
+  fusion::Memo memo_;
+};
+
+}  // namespace mapweave::tiers

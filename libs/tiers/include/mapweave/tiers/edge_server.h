@@ -1,0 +1,40 @@
+#pragma once
+// The edge's role: keeps the maps of its robots, fuses them (RecSLAM's preparative fusion) and tells the cloud. Its commitments are
+// provisional: what travels are the robots' own maps and the judgements made here. A state machine: no thread, no clock, no file.
+
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/tiers/robot_slam.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+namespace mapweave::tiers {
+
+class EdgeServer {
+ public:
+  // `robots`: those that will ship to this edge.
+  EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options);
+
+  // What one event makes the edge do.
+  struct Effects {
+    std::vector<std::string> for_cloud;  // encoded MapUpdates, in the order of their sequence
+    bool fused = false;                  // all robots have ended: result() is there
+  };
+  // A robot's stream has ended. Throws Error(kBadInput) for a robot that is not this edge's, or that has ended already. The edge's result
+  // does not depend on the order in which robots end.
+  Effects step(RobotOutcome, WorkerPool&, Progress&);
+
+  TierId id() const { return edge_; }
+  const Table<MapId, Map>& maps() const { return maps_; }            // the store: every robot's own map
+  const fusion::FusionResult& result() const { return result_; }    // empty before all robots have ended, and where none left a map
+
+ private:
+  TierId edge_;
+  fusion::FusionOptions options_;
+  std::set<RobotId> awaited_;
+  Table<MapId, Map> maps_;
+  fusion::FusionResult result_;
+};
+
+}  // namespace mapweave::tiers

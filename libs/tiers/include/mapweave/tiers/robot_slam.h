@@ -1,0 +1,37 @@
+#pragma once
+// One SLAM instance of an edge: one robot's messages in, its map out when the stream has ended. Instances share nothing, so that an edge
+// can run each on a thread of its own. A state machine: no thread, no clock, no file.
+
+#include <mapweave/laser/laser_mapper.h>
+#include <mapweave/tiers/robot_agent.h>
+
+#include <memory>
+#include <optional>
+
+namespace mapweave::tiers {
+
+// How a robot's stream ended: a map, or trouble, or both (a log cut short: the map of what came before).
+struct RobotOutcome {
+  RobotId robot;
+  std::optional<Map> map;
+  std::optional<Error> trouble;
+};
+
+class RobotSlam {
+ public:
+  RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper);
+
+  // The outcome, once: at the end of the stream, or where the engine failed. Messages after it, and those that came before, are ignored; a gap
+  // in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
+  std::optional<RobotOutcome> step(const RobotMessage&);
+
+ private:
+  std::optional<RobotOutcome> act(const RobotMessage&);
+  RobotOutcome finished(std::optional<Error> trouble);
+  RobotId robot_;
+  std::unique_ptr<laser::LaserMapper> mapper_;  // null after the outcome
+  std::uint64_t expected_ = 1;
+  bool anything_ = false;
+};
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,46 @@
+#include <mapweave/tiers/robot_agent.h>
+
+namespace mapweave::tiers {
+namespace {
+
+Stamp stamp_of(const laser::LaserInput& input) {
+  return std::visit([](const auto& any) { return any.stamp; }, input);
+}
+
+}  // namespace
+
+RobotAgent::RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options)
+    : robot_(robot), edge_(edge), packer_(std::move(options)) {}
+
+RobotMessage RobotAgent::message(std::variant<laser::LaserInput, StreamEnd> body) { return {robot_, edge_, ++sequence_, std::move(body)}; }
+
+std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
+  MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
+  std::optional<laser::LaserInput> input = packer_(record);
+  if (!input) return std::nullopt;
+  const Stamp stamp = stamp_of(*input);
+  if (latest_ && stamp < *latest_)
+    throw Error(ErrorCode::kBadInput,
+                "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " + std::to_string(latest_->seconds()) + " s",
+                "robot " + robot_.str(), "sort or cut the log (mapweave split --at), or run with --keep-going to keep what came before");
+  latest_ = stamp;
+  if (std::holds_alternative<laser::ScanInput>(*input)) {
+    if (scans_++ == 0) first_ = stamp;
+    last_ = stamp;
+  }
+  return message(std::move(*input));
+}
+
+RobotMessage RobotAgent::end(std::optional<Error> trouble) {
+  MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
+  ended_ = true;
+  if (!trouble && scans_ == 0) {
+    std::string others;
+    for (const auto& [label, count] : packer_.ignored_lasers()) others += (others.empty() ? "" : ", ") + label + " (" + std::to_string(count) + ")";
+    trouble = Error(ErrorCode::kBadInput, "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others),
+                    "robot " + robot_.str(), others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
+  }
+  return message(StreamEnd{std::move(trouble)});
+}
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,22 @@
+# What every script here uses: sourced, never run. Sets `root` to the project's folder and makes it the working folder.
+# shellcheck shell=bash
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+cd "$root"
+unset DISPLAY   # nothing of ours needs a screen, and nothing may start to
+
+step() { printf '\n== %s   [%d:%02d]\n' "$*" $((SECONDS / 60)) $((SECONDS % 60)); }
+say() { printf '   %s\n' "$*"; }
+
+# fail CODE WHAT [REMEDY]...: exit codes as the program's (2 wrong command line, 3 bad or missing input, 1 the rest).
+fail() {
+  local code=$1 what=$2
+  shift 2
+  printf '\n%s: %s\n' "scripts/$(basename "$0")" "$what" >&2
+  local remedy
+  for remedy in "$@"; do printf '   %s\n' "$remedy" >&2; done
+  exit "$code"
+}
+
+# The comment block at the top of a script is its help.
+show_help() { awk 'NR > 1 && !/^#/ {exit} NR > 1 {sub(/^# ?/, ""); print}' "$0"; }

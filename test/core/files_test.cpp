@@ -1,0 +1,85 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <sys/mount.h>
+#include <sys/stat.h>
+
+#include <cstring>
+#include <support/temporary_folder.h>
+
+namespace mapweave {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+template <class Function>
+Error error_of(Function function) {
+  try {
+    function();
+  } catch (const Error& error) {
+    return error;
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return Error(ErrorCode::kInternal, "nothing was thrown");
+}
+
+std::size_t entries_in(const fs::path& folder) { return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), {})); }
+
+TEST(WriteFile, writes_what_read_file_reads) {
+  const test::TemporaryFolder folder;
+  const std::string bytes("\0\r\n\xFF text", 9);
+  write_file(folder / "a", bytes);
+  EXPECT_EQ(read_file(folder / "a"), bytes);
+  write_file(folder / "a", "");
+  EXPECT_EQ(read_file(folder / "a"), "");
+  const std::string large(300'000, 'y');
+  write_file(folder / "a", large);
+  EXPECT_EQ(read_file(folder / "a"), large);
+  EXPECT_EQ(entries_in(folder.path()), 1u);
+}
+
+TEST(WriteFile, leaves_nothing_behind_where_it_cannot_write) {
+  const test::TemporaryFolder folder;
+  const Error error = error_of([&] { write_file(folder / "absent/a", "x"); });
+  EXPECT_EQ(error.code(), ErrorCode::kCannotWrite);
+  EXPECT_EQ(error.where(), (folder / "absent/a").string());
+  fs::create_directory(folder / "taken");
+  write_file(folder / "taken/inside", "x");
+  EXPECT_EQ(error_of([&] { write_file(folder / "taken", "x"); }).code(), ErrorCode::kCannotWrite) << "a folder is not replaced by a file";
+  EXPECT_EQ(entries_in(folder.path()), 1u);
+}
+
+TEST(WriteFile, keeps_the_old_file_and_says_what_is_free_when_the_disk_is_full) {
+  const test::TemporaryFolder folder;
+  if (::mount("tmpfs", folder.path().c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "may not mount a small disk here: " << std::strerror(errno);
+  write_file(folder / "map", "old");
+  const Error error = error_of([&] { write_file(folder / "map", std::string(200'000, 'x')); });
+  EXPECT_EQ(error.code(), ErrorCode::kCannotWrite);
+  EXPECT_EQ(error.where(), (folder / "map").string());
+  EXPECT_THAT(error.problem(), HasSubstr("cannot write 200000 bytes: No space left on device ("));
+  EXPECT_THAT(error.problem(), HasSubstr(" bytes free)"));
+  EXPECT_EQ(read_file(folder / "map"), "old");
+  EXPECT_EQ(entries_in(folder.path()), 1u);
+  ::umount(folder.path().c_str());
+}
+
+TEST(ReadFile, names_the_file_that_is_missing) {
+  const test::TemporaryFolder folder;
+  const Error error = error_of([&] { read_file(folder / "absent.yaml"); });
+  EXPECT_EQ(error.code(), ErrorCode::kMissing);
+  EXPECT_EQ(std::string(error.what()), (folder / "absent.yaml").string() + ": cannot be read: No such file or directory");
+  EXPECT_EQ(error_of([&] { read_file(folder.path()); }).code(), ErrorCode::kMissing);
+}
+
+TEST(ReadFile, reads_no_more_than_its_caller_can_hold) {
+  const test::TemporaryFolder folder;
+  write_file(folder / "a", "12345");
+  EXPECT_EQ(read_file(folder / "a", 5), "12345");
+  EXPECT_EQ(error_of([&] { read_file(folder / "a", 4); }).code(), ErrorCode::kBadInput);
+  EXPECT_EQ(error_of([&] { read_file("/dev/zero", 1'000'000); }).code(), ErrorCode::kBadInput);
+}
+
+}  // namespace
+}  // namespace mapweave

@@ -1,0 +1,39 @@
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
+
+namespace mapweave {
+namespace {
+
+std::string logged(LogLevel lowest, LogLevel level, const std::string& message) {
+  set_log_level(lowest);
+  testing::internal::CaptureStderr();
+  log(level, message);
+  set_log_level(LogLevel::info);
+  return testing::internal::GetCapturedStderr();
+}
+
+TEST(Log, is_one_line_on_stderr_with_time_and_level) {
+  const std::string line = logged(LogLevel::info, LogLevel::warning, "alpha: 3 scans without a match {} %s");
+  const std::string expected = " warning: alpha: 3 scans without a match {} %s\n";
+  ASSERT_EQ(line.size(), std::string("2001-02-03 04:05:06").size() + expected.size()) << line;
+  EXPECT_EQ(line.substr(line.size() - expected.size()), expected);
+  EXPECT_EQ(line.find_first_not_of("0123456789-: "), line.find("warning")) << line;
+}
+
+TEST(Log, leaves_out_what_is_below_its_level) {
+  EXPECT_EQ(logged(LogLevel::warning, LogLevel::info, "chatter"), "");
+  EXPECT_NE(logged(LogLevel::debug, LogLevel::debug, "chatter"), "");
+  EXPECT_NE(logged(LogLevel::error, LogLevel::error, "trouble"), "");
+}
+
+TEST(Log, knows_the_names_of_its_levels) {
+  EXPECT_EQ(log_level_from_text("debug"), LogLevel::debug);
+  EXPECT_EQ(log_level_from_text("info"), LogLevel::info);
+  EXPECT_EQ(log_level_from_text("warning"), LogLevel::warning);
+  EXPECT_EQ(log_level_from_text("error"), LogLevel::error);
+  EXPECT_THROW(log_level_from_text("loud"), Error);
+}
+
+}  // namespace
+}  // namespace mapweave

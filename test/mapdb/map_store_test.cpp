@@ -1,0 +1,179 @@
+#include <gmock/gmock.h>
+#include <mapweave/maps/map_update.h>
+
+#include "stored.h"
+
+namespace mapweave::mapdb {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using test::RandomMaps;
+using test::TemporaryFolder;
+
+std::string bytes_of(const Map& map) { return encode(difference({}, map)); }
+
+TEST(MapStore, gives_back_what_it_was_given) {
+  const TemporaryFolder folder;
+  const StoredMaps stored = some_maps();
+  write_store(folder / "team.mwdb", stored);
+  const StoredMaps again = read_store(folder / "team.mwdb");
+  ASSERT_EQ(again.maps.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(again.maps[i].id, stored.maps[i].id);
+    EXPECT_EQ(bytes_of(again.maps[i]), bytes_of(stored.maps[i]));
+  }
+  ASSERT_EQ(again.judgements.size(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(encode(again.judgements[i]), encode(stored.judgements[i]));
+  ASSERT_EQ(again.verdicts.size(), 1U);
+  EXPECT_EQ(encode(again.verdicts[0]), encode(stored.verdicts[0]));
+  EXPECT_EQ(again.metadata, stored.metadata);
+  EXPECT_EQ(identity(again), identity(stored));
+}
+
+TEST(MapStore, keeps_maps_of_more_nodes_than_one_update_holds) {
+  const TemporaryFolder folder;
+  StoredMaps stored;
+  stored.maps = {RandomMaps(2).map("alpha", 4321, 4)};
+  write_store(folder / "map.mwdb", stored);
+  EXPECT_EQ(bytes_of(read_store(folder / "map.mwdb").maps.at(0)), bytes_of(stored.maps[0]));
+}
+
+TEST(MapStore, keeps_nothing_and_maps_of_nothing) {
+  const TemporaryFolder folder;
+  write_store(folder / "nothing.mwdb", {});
+  EXPECT_TRUE(read_store(folder / "nothing.mwdb").maps.empty());
+  StoredMaps stored;
+  stored.maps.resize(1);
+  stored.maps[0].id = MapId("empty");
+  write_store(folder / "empty.mwdb", stored);
+  EXPECT_EQ(read_store(folder / "empty.mwdb").maps.at(0).id, MapId("empty"));
+  EXPECT_EQ(summarize_store(folder / "empty.mwdb").maps.at(0).nodes, 0U);
+}
+
+TEST(MapStore, has_the_same_bytes_for_the_same_content_in_any_order) {
+  const TemporaryFolder folder;
+  StoredMaps stored = some_maps(3, 200);
+  stored.verdicts.push_back(RandomMaps(9).verdict(MapId("alpha"), MapId("team")));
+  write_store(folder / "one.mwdb", stored);
+  std::reverse(stored.maps.begin(), stored.maps.end());
+  std::reverse(stored.judgements.begin(), stored.judgements.end());
+  std::reverse(stored.verdicts.begin(), stored.verdicts.end());
+  stored.verdicts[0].seconds = 12.5;
+  write_store(folder / "two.mwdb", stored);
+  write_store(folder / "two.mwdb", read_store(folder / "two.mwdb"));
+  EXPECT_TRUE(read_file(folder / "one.mwdb") == read_file(folder / "two.mwdb"));
+}
+
+TEST(MapStore, has_another_identity_for_any_other_content_or_belief) {
+  const StoredMaps stored = some_maps();
+  std::set<Hash> identities = {identity(stored)};
+  const auto changed = [&](const std::function<void(StoredMaps&)>& change) {
+    StoredMaps copy = stored;
+    change(copy);
+    identities.insert(identity(copy));
+  };
+  changed([](StoredMaps& s) { (s.maps[0].nodes.begin() + 3)->second.map_from_node.t.x() += 1e-12; });
+  changed([](StoredMaps& s) { (s.maps[0].nodes.begin() + 3)->second.stamp.ns += 1; });
+  changed([](StoredMaps& s) { s.maps[0].constraints.erase(s.maps[0].constraints.front().first); });
+  changed([](StoredMaps& s) { s.maps[1].id = MapId("gamma"); });
+  changed([](StoredMaps& s) { s.maps.pop_back(); });
+  changed([](StoredMaps& s) { s.judgements[0].probability /= 2; });
+  changed([](StoredMaps& s) { s.verdicts.clear(); });
+  EXPECT_EQ(identities.size(), 8U);
+  changed([](StoredMaps& s) { s.metadata["note"] = "metadata are beside the point"; });
+  EXPECT_EQ(identities.size(), 8U);
+}
+
+TEST(MapStore, leaves_one_file_that_any_sqlite_opens_without_writing) {
+  const TemporaryFolder folder;
+  write_store(folder / "map.mwdb", some_maps());
+  EXPECT_EQ(count_files(folder.path()), 1U);
+  const std::string bytes = read_file(folder / "map.mwdb");
+  EXPECT_EQ(bytes[18], 1) << "not in write-ahead mode";
+  EXPECT_EQ(bytes[19], 1);
+  EXPECT_EQ(bytes.substr(68, 4), "MWDB") << "the application id";
+  read_store(folder / "map.mwdb");
+  summarize_store(folder / "map.mwdb");
+  EXPECT_EQ(count_files(folder.path()), 1U);
+  EXPECT_TRUE(read_file(folder / "map.mwdb") == bytes);
+}
+
+TEST(MapStore, takes_any_file_name) {
+  const TemporaryFolder folder;
+  const auto path = folder / "a b?mode=memory#100%\xc3\xa4.mwdb";
+  write_store(path, some_maps());
+  EXPECT_EQ(read_store(path).maps.size(), 3U);
+}
+
+TEST(MapStore, replaces_an_old_store) {
+  const TemporaryFolder folder;
+  write_store(folder / "map.mwdb", some_maps(1));
+  write_store(folder / "map.mwdb", some_maps(2));
+  EXPECT_EQ(summarize_store(folder / "map.mwdb").identity, identity(some_maps(2)));
+  EXPECT_EQ(count_files(folder.path()), 1U);
+}
+
+TEST(MapStore, is_summarised_without_reading_the_maps) {
+  const TemporaryFolder folder;
+  const StoredMaps stored = some_maps(4, 40);
+  write_store(folder / "map.mwdb", stored);
+  const StoreSummary summary = summarize_store(folder / "map.mwdb");
+  EXPECT_EQ(summary.schema, kSchemaVersion);
+  EXPECT_EQ(summary.file_bytes, std::filesystem::file_size(folder / "map.mwdb"));
+  EXPECT_EQ(summary.judgements, 5U);
+  EXPECT_EQ(summary.verdicts, 1U);
+  EXPECT_EQ(summary.metadata, stored.metadata);
+  EXPECT_EQ(summary.identity, identity(stored));
+  ASSERT_EQ(summary.maps.size(), 3U);
+  const Map& alpha = stored.maps[0];
+  const MapSummary& map = summary.maps[0];
+  EXPECT_EQ(map.id, MapId("alpha"));
+  EXPECT_EQ(map.nodes, 40U);
+  EXPECT_EQ(map.contents, static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(), [](const auto& e) { return e.second.payload != nullptr; })));
+  EXPECT_EQ(map.submaps, alpha.submaps.size());
+  EXPECT_EQ(map.constraints, alpha.constraints.size());
+  EXPECT_EQ(map.first, alpha.nodes.front().second.stamp);
+  EXPECT_EQ(map.last, alpha.nodes.back().second.stamp);
+  EXPECT_EQ(map.content, content_hash(alpha));
+  EXPECT_LT(map.stored_bytes, map.bytes);
+  for (const auto& [id, node] : alpha.nodes) {
+    EXPECT_TRUE(node.map_from_node.t.x() >= map.min_x_m && node.map_from_node.t.x() <= map.max_x_m);
+    EXPECT_TRUE(node.map_from_node.t.y() >= map.min_y_m && node.map_from_node.t.y() <= map.max_y_m);
+  }
+  ASSERT_EQ(map.sessions.size(), 1U);
+  EXPECT_EQ(map.sessions[0].id, alpha.sessions()[0]);
+  EXPECT_EQ(map.sessions[0].nodes, 40U);
+  ASSERT_EQ(summary.maps[2].sessions.size(), 2U);
+  EXPECT_EQ(summary.maps[2].sessions[1].nodes, 20U);
+}
+
+TEST(MapStore, expects_maps_that_can_be_kept) {
+  const TemporaryFolder folder;
+  const auto refuses = [&](const std::function<void(StoredMaps&)>& spoil) {
+    StoredMaps stored = some_maps();
+    spoil(stored);
+    EXPECT_THROW(write_store(folder / "map.mwdb", stored), ContractViolation);
+  };
+  refuses([](StoredMaps& s) { s.maps[1].id = s.maps[0].id; });
+  refuses([](StoredMaps& s) { s.maps[1].id = MapId("../beta"); });
+  refuses([](StoredMaps& s) { s.judgements.push_back(s.judgements[0]); });
+  refuses([](StoredMaps& s) { s.maps[0].nodes.begin()->second.map_from_node.t.x() = NAN; });
+  refuses([](StoredMaps& s) { s.maps[0].submaps.begin()->second.content.bytes[0] ^= 1; });
+  refuses([](StoredMaps& s) { s.metadata["name"] = "M\xe1laga"; });
+  EXPECT_EQ(count_files(folder.path()), 0U);
+}
+
+TEST(MapStore, says_where_it_cannot_write) {
+  const TemporaryFolder folder;
+  const auto no_folder = error_of([&] { write_store(folder / "nowhere/map.mwdb", some_maps()); });
+  ASSERT_TRUE(no_folder);
+  EXPECT_EQ(no_folder->code(), ErrorCode::kCannotWrite);
+  EXPECT_THAT(no_folder->what(), ::testing::AllOf(HasSubstr("nowhere/map.mwdb"), HasSubstr("No such file"), HasSubstr("check that the folder exists")));
+  const auto is_folder = error_of([&] { write_store(folder.path(), some_maps()); });
+  ASSERT_TRUE(is_folder);
+  EXPECT_EQ(is_folder->code(), ErrorCode::kCannotWrite);
+}
+
+}  // namespace
+}  // namespace mapweave::mapdb

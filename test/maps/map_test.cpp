@@ -1,0 +1,92 @@
+#include <gmock/gmock.h>
+#include <mapweave/core/error.h>
+#include <mapweave/maps/judgement.h>
+#include <support/pose_matchers.h>
+#include <support/random_map.h>
+
+#include <cmath>
+#include <functional>
+#include <set>
+
+namespace mapweave {
+namespace {
+
+using test::IsNear;
+using test::RandomMaps;
+using ::testing::ElementsAre;
+
+TEST(PlanarConstraint, gives_back_what_it_was_built_from) {
+  Eigen::Matrix3d information;
+  information << 3, 1, 2, 1, 5, 4, 2, 4, 9;
+  const Constraint constraint = planar_constraint({}, Pose2(1, -2, 3), information);
+  EXPECT_EQ(planar_information(constraint), information);
+  EXPECT_THAT(planar(constraint.from_from_to.pose), IsNear(Pose2(1, -2, 3), 1e-12, 1e-12));
+  EXPECT_EQ(constraint.information(5, 5), 9) << "yaw is the last of the six";
+  EXPECT_TRUE(constraint.information.row(2).isZero(0.0)) << "height is left open";
+}
+
+TEST(Map, lists_its_sessions_and_robots_in_order) {
+  Map map;
+  for (const char* robot : {"beta", "alpha"})
+    for (const std::int64_t run : {9, 4})
+      for (const std::uint32_t index : {1U, 0U}) {
+        Node node;
+        node.id = {{{RobotId(robot), SensorId("laser")}, run}, index};
+        map.nodes.set(node.id, node);
+      }
+  const auto session = [](const char* robot, std::int64_t run) { return SessionId{{RobotId(robot), SensorId("laser")}, run}; };
+  EXPECT_THAT(map.sessions(), ElementsAre(session("alpha", 4), session("alpha", 9), session("beta", 4), session("beta", 9)));
+  EXPECT_THAT(map.robots(), ElementsAre(RobotId("alpha"), RobotId("beta")));
+}
+
+TEST(ContentHash, does_not_see_belief) {
+  Map map = RandomMaps(1).map("alpha", 30);
+  const Hash before = content_hash(map);
+  for (auto& entry : map.nodes) entry.second.map_from_node.t.x() += 1.0;
+  map.constraints = {};
+  EXPECT_EQ(content_hash(map), before);
+}
+
+TEST(ContentHash, sees_any_change_of_content) {
+  const Map map = RandomMaps(1).map("alpha", 30);
+  const Submap& submap = map.submaps.begin()->second;
+  const NodeId id = submap.anchor();
+  std::set<Hash> hashes = {content_hash(map)};
+  const auto changed = [&](const std::function<void(Map&, Node&)>& change) {
+    Map copy = map;
+    change(copy, *copy.nodes.find(id));
+    hashes.insert(content_hash(copy));
+    return copy;
+  };
+  changed([](Map&, Node& node) { node.stamp.ns += 1; });
+  const Map other_range = changed([](Map&, Node& node) {
+    PackedScan scan = std::get<PackedScan>(*node.payload);
+    scan.ranges[3] += 1;
+    node.payload = std::make_shared<const Payload>(scan);
+  });
+  EXPECT_NE(content_hash(submap, other_range.nodes), submap.content);
+  changed([](Map&, Node& node) {
+    PackedScan scan = std::get<PackedScan>(*node.payload);
+    ScanGeometry geometry = *scan.geometry;
+    geometry.robot_from_laser.t.x() = std::nextafter(geometry.robot_from_laser.t.x(), 1e9);
+    scan.geometry = std::make_shared<const ScanGeometry>(geometry);
+    node.payload = std::make_shared<const Payload>(scan);
+  });
+  const Map bare = changed([](Map&, Node& node) { node.payload = nullptr; });
+  EXPECT_THROW(content_hash(submap, bare.nodes), ContractViolation);
+  changed([](Map& copy, Node&) { copy.submaps.erase(copy.submaps.front().first); });
+  EXPECT_EQ(hashes.size(), 6U);
+}
+
+TEST(ToText, names_every_reason_and_decision) {
+  std::set<std::string_view> texts;
+  for (int reason = 0; reason <= static_cast<int>(Reason::too_few_witnesses); ++reason) texts.insert(to_text(static_cast<Reason>(reason)));
+  EXPECT_EQ(texts.size(), 8U);
+  EXPECT_EQ(texts.count("unknown"), 0U);
+  EXPECT_EQ(to_text(Decision::accepted), "accepted");
+  EXPECT_EQ(to_text(Decision::refused), "refused");
+  EXPECT_EQ(to_text(Decision::deferred), "deferred");
+}
+
+}  // namespace
+}  // namespace mapweave

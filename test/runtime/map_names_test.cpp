@@ -1,0 +1,83 @@
+#include <mapweave/runtime/map_names.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/error.h>
+#include <mapweave/maps/map_update.h>
+#include <support/fake_mapper.h>
+
+namespace mapweave::runtime {
+namespace {
+
+using testing::ElementsAre;
+
+std::vector<std::string> texts(const std::vector<MapId>& names) {
+  std::vector<std::string> result;
+  for (const MapId name : names) result.push_back(name.str());
+  return result;
+}
+
+TEST(MapNames, are_the_files_stems) {
+  EXPECT_THAT(texts(names_of({"x/alpha.mwdb", "y/hall.yaml"})), ElementsAre("alpha", "hall"));
+}
+
+TEST(MapNames, are_the_folders_names_where_stems_are_alike) {
+  EXPECT_THAT(texts(names_of({"robots/beta/map.mwdb", "robots/alpha/map.mwdb", "hall.yaml"})), ElementsAre("beta", "alpha", "hall"));
+}
+
+TEST(MapNames, are_numbered_where_folders_are_alike_too_whatever_the_order) {
+  EXPECT_THAT(texts(names_of({"b/alpha/map.mwdb", "a/alpha/map.mwdb"})), ElementsAre("alpha-2", "alpha"));
+  EXPECT_THAT(texts(names_of({"a/alpha/map.mwdb", "b/alpha/map.mwdb"})), ElementsAre("alpha", "alpha-2"));
+}
+
+TEST(MapNames, refuse_a_file_given_twice) { EXPECT_THROW(names_of({"a/map.mwdb", "a/../a/map.mwdb"}), Error); }
+
+TEST(Rekeyed, keeps_content_and_belief) {
+  const Map map = test::make_map("alpha", 5);
+  const Map other = rekeyed(map, MapId("hall"), [](RobotId) { return RobotId("gamma"); });
+  EXPECT_THAT(other.robots(), ElementsAre(RobotId("gamma")));
+  EXPECT_EQ(other.id, MapId("hall"));
+  ASSERT_EQ(other.nodes.size(), map.nodes.size());
+  for (auto a = map.nodes.begin(), b = other.nodes.begin(); a != map.nodes.end(); ++a, ++b) {
+    EXPECT_EQ(a->second.payload, b->second.payload);
+    EXPECT_EQ(a->second.map_from_node.t, b->second.map_from_node.t);
+  }
+  const Map back = rekeyed(other, map.id, [](RobotId) { return RobotId("alpha"); });
+  EXPECT_EQ(encode(difference(Map{}, back)), encode(difference(Map{}, map)));
+}
+
+TEST(RobotsApart, renames_robots_that_two_maps_share_and_says_so) {
+  Map monday = test::make_map("alpha", 3), tuesday = test::make_map("alpha", 4, 900.0), other = test::make_map("beta", 2);
+  monday.id = MapId("monday");
+  tuesday.id = MapId("tuesday");
+  std::vector<std::string> notes;
+  const auto maps = with_robots_apart({tuesday, other, monday}, notes);
+  ASSERT_EQ(maps.size(), 3u);
+  EXPECT_THAT(maps[0].robots(), ElementsAre(RobotId("beta")));
+  EXPECT_THAT(maps[1].robots(), ElementsAre(RobotId("monday")));
+  EXPECT_THAT(maps[2].robots(), ElementsAre(RobotId("tuesday")));
+  EXPECT_EQ(notes.size(), 2u);
+}
+
+TEST(RobotsApart, leaves_a_map_alone_that_is_called_as_its_robot) {
+  Map alpha = test::make_map("alpha", 3), other = test::make_map("alpha", 4, 900.0);
+  other.id = MapId("tuesday");
+  std::vector<std::string> notes;
+  const auto maps = with_robots_apart({alpha, other}, notes);
+  EXPECT_THAT(maps[0].robots(), ElementsAre(RobotId("alpha")));
+  EXPECT_THAT(maps[1].robots(), ElementsAre(RobotId("tuesday")));
+}
+
+TEST(GridAsMap, is_one_node_in_one_frozen_submap) {
+  OccupancyGrid grid;
+  grid.columns = grid.rows = 2;
+  grid.log_odds = {100, -100, 0, 100};
+  const Map map = map_of_grid(MapId("hall"), grid);
+  ASSERT_EQ(map.nodes.size(), 1u);
+  ASSERT_EQ(map.submaps.size(), 1u);
+  EXPECT_TRUE(map.submaps.front().second.frozen);
+  EXPECT_EQ(std::get<OccupancyGrid>(*map.nodes.front().second.payload).log_odds, grid.log_odds);
+  EXPECT_NO_THROW(updated(Map{}, difference(Map{}, map)));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime

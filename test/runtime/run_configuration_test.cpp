@@ -1,0 +1,108 @@
+#include <mapweave/runtime/run_configuration.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <support/temporary_folder.h>
+
+namespace mapweave::runtime {
+namespace {
+
+using testing::HasSubstr;
+
+struct PlanTest : testing::Test {
+  PlanTest() {
+    for (const char* log : {"a.rawlog", "b.rawlog", "c.rawlog"}) write_file(folder / log, "a log");
+    for (const char* list : {"robots", "edges"})
+      for (const char* number : {".0", ".1", ".2"})
+        for (const char* field : {".id", ".log", ".edge"})
+          origins.set(std::string(list) + number + field, {std::string("team.yaml: ") + list + number + field, folder / "team.yaml"});
+  }
+  RunPlan plan() { return make_plan(configuration, origins); }
+  std::string complaint() {
+    try {
+      plan();
+    } catch (const Error& error) {
+      EXPECT_EQ(exit_code(error.code()), 3);
+      return error.what();
+    }
+    return "none";
+  }
+  test::TemporaryFolder folder;
+  RunConfiguration configuration;
+  Origins origins;
+};
+
+TEST_F(PlanTest, sorts_robots_and_finds_their_logs_beside_the_configuration) {
+  configuration.robots = {{"beta", "b.rawlog", "south"}, {"alpha", "a.rawlog", "north"}};
+  const RunPlan made = plan();
+  ASSERT_EQ(made.robots.size(), 2u);
+  EXPECT_EQ(made.robots[0].id, RobotId("alpha"));
+  EXPECT_EQ(made.robots[0].edge, TierId("north"));
+  EXPECT_EQ(made.robots[0].log, folder / "a.rawlog");
+  EXPECT_THAT(made.edges, testing::ElementsAre(TierId("north"), TierId("south")));
+}
+
+TEST_F(PlanTest, gives_robots_without_an_edge_to_the_edges_in_turn_whatever_the_order_of_the_list) {
+  configuration.edges = {{"west"}, {"east"}};
+  configuration.robots = {{"r1", "a.rawlog", ""}, {"r2", "b.rawlog", ""}, {"r3", "c.rawlog", ""}};
+  for (int order = 0; order < 2; ++order) {
+    const RunPlan made = plan();
+    EXPECT_EQ(made.robots[0].edge, TierId("west"));
+    EXPECT_EQ(made.robots[1].edge, TierId("east"));
+    EXPECT_EQ(made.robots[2].edge, TierId("west"));
+    std::reverse(configuration.robots.begin(), configuration.robots.end());
+  }
+}
+
+TEST_F(PlanTest, names_robots_after_their_logs_and_needs_no_edges) {
+  configuration.robots = {{"", "b.rawlog", ""}, {"", "a.rawlog", ""}};
+  const RunPlan made = plan();
+  EXPECT_EQ(made.robots[0].id, RobotId("a"));
+  EXPECT_EQ(made.edges.size(), 1u);
+}
+
+TEST_F(PlanTest, carries_out_the_effective_configuration_as_the_first_one) {
+  configuration.robots = {{"beta", "b.rawlog", ""}, {"", "a.rawlog", ""}};
+  configuration.edges = {{"west"}, {"east"}};
+  const RunPlan first = plan();
+  configuration = effective(configuration, first);
+  const RunPlan second = plan();
+  ASSERT_EQ(second.robots.size(), 2u);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(first.robots[i].id, second.robots[i].id);
+    EXPECT_EQ(first.robots[i].edge, second.robots[i].edge);
+    EXPECT_EQ(first.robots[i].log, second.robots[i].log);
+  }
+}
+
+TEST_F(PlanTest, refuses_what_cannot_be_run_and_says_where_it_stands) {
+  EXPECT_THAT(complaint(), HasSubstr("no robots"));
+  configuration.robots = {{"alpha", "a.rawlog", "north"}, {"alpha", "b.rawlog", "north"}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("two robots are called 'alpha'"), HasSubstr("team.yaml: robots.1.id"), HasSubstr("robots.0.id")));
+  configuration.robots = {{"../alpha", "a.rawlog", ""}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("'../alpha'"), HasSubstr("robots.0.id")));
+  configuration.robots = {{"alpha", "a.rawlog", "no/rth"}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("'no/rth'"), HasSubstr("robots.0.edge")));
+  configuration.robots = {{"alpha", "a.rawlog", "cloud"}};
+  EXPECT_THAT(complaint(), HasSubstr("tier above"));
+  configuration.robots = {{"alpha", "", ""}};
+  EXPECT_THAT(complaint(), HasSubstr("without a log"));
+  configuration.robots = {{"alpha", "none.rawlog", ""}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("there is no log"), HasSubstr("robots.0.log")));
+  configuration.robots = {{"alpha", "a.rawlog", "north"}};
+  configuration.edges = {{"north"}, {"south"}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("no robot uses edge 'south'"), HasSubstr("edges.1.id"), HasSubstr("remove it")));
+  configuration.edges = {{"north"}, {"north"}};
+  EXPECT_THAT(complaint(), HasSubstr("two edges are called 'north'"));
+}
+
+TEST(NameOfFile, is_fit_for_a_robot) {
+  EXPECT_EQ(name_of_file("logs/office east.rawlog.gz"), "office-east");
+  EXPECT_EQ(name_of_file("intel.clf.gz"), "intel");
+  EXPECT_EQ(name_of_file("2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog"), "2006-01ENE-21-SENA_Telecom-Faculty_one_loop_only");
+  EXPECT_EQ(name_of_file(std::string(100, 'x') + ".rawlog"), std::string(64, 'x'));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime

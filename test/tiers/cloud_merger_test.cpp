@@ -1,0 +1,89 @@
+#include <mapweave/tiers/cloud_merger.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/error.h>
+#include <support/fake_mapper.h>
+
+namespace mapweave::tiers {
+namespace {
+
+// A map told in two updates: its first scans, then all of it.
+std::vector<std::string> told_in_two(const Map& whole, const std::string& tier) {
+  Map first = whole;
+  first.submaps = {};
+  while (first.nodes.size() > whole.nodes.size() / 2) first.nodes.erase(NodeId(first.nodes.back().first));
+  MapUpdate one = difference(Map{}, first), two = difference(first, whole);
+  one.origin = two.origin = {TierId(tier), whole.id};
+  one.sequence = two.base = 1;
+  two.sequence = 2;
+  return {encode(one), encode(two)};
+}
+
+std::string everything(const fusion::FusionResult& result) {
+  std::string bytes;
+  for (const auto& component : result.components) bytes += encode(difference(Map{}, component.map));
+  for (Verdict verdict : result.verdicts) {
+    verdict.seconds = 0.0;
+    bytes += encode(verdict);
+  }
+  return bytes;
+}
+
+struct CloudTest : testing::Test {
+  WorkerPool pool{1};
+  std::unique_ptr<Progress> progress = make_silent_progress();
+  CloudMerger cloud{TierId("cloud"), {}};
+};
+
+TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetition) {
+  const auto alpha = told_in_two(test::make_map("alpha", 6), "north"), beta = told_in_two(test::make_map("beta", 4, 900.0), "south");
+  for (const auto& bytes : {alpha[0], alpha[1], beta[0], beta[1]}) cloud.receive(bytes, "test");
+  CloudMerger other(TierId("cloud"), {});
+  for (const auto& bytes : {beta[1], alpha[1], alpha[1], alpha[0], beta[1], alpha[0], beta[0], alpha[1]}) other.receive(bytes, "test");
+  EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(other.seal(pool, *progress)));
+}
+
+TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {
+  const auto alpha = told_in_two(test::make_map("alpha", 6), "north");
+  const Receipt gap = cloud.receive(alpha[1], "test");
+  EXPECT_EQ(gap.stored, 0u);
+  EXPECT_EQ(gap.awaited, 1u);
+  EXPECT_THROW(cloud.seal(pool, *progress), Error);
+  const Receipt whole = cloud.receive(alpha[0], "test");
+  EXPECT_EQ(whole.stored, 2u);
+  EXPECT_EQ(whole.awaited, 0u);
+  const auto result = cloud.seal(pool, *progress);
+  ASSERT_EQ(result.components.size(), 1u);
+  EXPECT_EQ(result.components[0].map.nodes.size(), 6u);
+}
+
+TEST_F(CloudTest, stores_nothing_of_bytes_that_cannot_be_decoded) {
+  std::string bytes = told_in_two(test::make_map("alpha", 6), "north")[0];
+  bytes.resize(bytes.size() / 2);
+  EXPECT_THROW(cloud.receive(bytes, "test"), Error);
+  EXPECT_THROW(cloud.receive("not a message", "test"), Error);
+  EXPECT_TRUE(cloud.receipts().empty());
+}
+
+TEST_F(CloudTest, stores_nothing_of_an_update_that_does_not_fit) {
+  const Map alpha = test::make_map("alpha", 6);
+  MapUpdate update;
+  update.origin = {TierId("north"), alpha.id};
+  update.sequence = 1;
+  update.moved.push_back({alpha.nodes.front().first, Pose3{}});  // of a node that was never told
+  EXPECT_THROW(cloud.receive(encode(update), "test"), Error);
+  EXPECT_TRUE(cloud.receipts().empty());
+  update.moved.clear();
+  update.base = 1;  // builds on itself
+  EXPECT_THROW(cloud.receive(encode(update), "test"), Error);
+}
+
+TEST_F(CloudTest, refuses_a_map_that_two_edges_tell) {
+  cloud.receive(told_in_two(test::make_map("alpha", 6), "north")[0], "test");
+  EXPECT_THROW(cloud.receive(told_in_two(test::make_map("alpha", 6), "south")[1], "test"), Error);
+  ASSERT_EQ(cloud.receipts().size(), 1u);
+  EXPECT_EQ(cloud.receipts()[0].origin.tier, TierId("north"));
+}
+
+}  // namespace
+}  // namespace mapweave::tiers

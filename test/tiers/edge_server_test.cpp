@@ -1,0 +1,68 @@
+#include <mapweave/tiers/edge_server.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/maps/map_update.h>
+#include <support/fake_mapper.h>
+
+namespace mapweave::tiers {
+namespace {
+
+const TierId kEdge("north");
+
+struct EdgeTest : testing::Test {
+  WorkerPool pool{1};
+  std::unique_ptr<Progress> progress = make_silent_progress();
+  EdgeServer edge{kEdge, {RobotId("alpha"), RobotId("beta")}, {}};
+  EdgeServer::Effects end(const std::string& robot, std::optional<Map> map) {
+    return edge.step({RobotId(robot), std::move(map), std::nullopt}, pool, *progress);
+  }
+};
+
+TEST_F(EdgeTest, tells_the_cloud_a_map_as_soon_as_its_robot_ends) {
+  const Map alpha = test::make_map("alpha", 4);
+  const auto effects = end("alpha", alpha);
+  EXPECT_FALSE(effects.fused);
+  ASSERT_EQ(effects.for_cloud.size(), 1u);
+  const MapUpdate update = decode_map_update(effects.for_cloud[0], "test");
+  EXPECT_EQ(update.origin.tier, kEdge);
+  EXPECT_EQ(update.origin.map, MapId("alpha"));
+  EXPECT_EQ(update.sequence, 1u);
+  EXPECT_EQ(content_hash(updated(Map{}, update)), content_hash(alpha));
+}
+
+TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {
+  const Map alpha = test::make_map("alpha", 4), beta = test::make_map("beta", 5, 900.0);
+  end("alpha", alpha);
+  EXPECT_TRUE(end("beta", beta).fused);
+  EdgeServer other(kEdge, {RobotId("beta"), RobotId("alpha")}, {});
+  other.step({RobotId("beta"), beta, std::nullopt}, pool, *progress);
+  EXPECT_TRUE(other.step({RobotId("alpha"), alpha, std::nullopt}, pool, *progress).fused);
+  ASSERT_EQ(edge.result().verdicts.size(), other.result().verdicts.size());
+  for (std::size_t i = 0; i < edge.result().verdicts.size(); ++i) EXPECT_EQ(encode(edge.result().verdicts[i]).size(), encode(other.result().verdicts[i]).size());
+  ASSERT_EQ(edge.result().components.size(), other.result().components.size());
+  for (std::size_t i = 0; i < edge.result().components.size(); ++i)
+    EXPECT_EQ(encode(difference(Map{}, edge.result().components[i].map)), encode(difference(Map{}, other.result().components[i].map)));
+}
+
+TEST_F(EdgeTest, goes_on_with_the_others_when_a_robot_leaves_no_map) {
+  end("alpha", std::nullopt);
+  const auto effects = end("beta", test::make_map("beta", 5));
+  EXPECT_TRUE(effects.fused);
+  ASSERT_EQ(edge.result().components.size(), 1u);
+  EXPECT_THAT(edge.result().components[0].members, testing::ElementsAre(MapId("beta")));
+}
+
+TEST_F(EdgeTest, has_nothing_when_no_robot_leaves_a_map) {
+  end("alpha", std::nullopt);
+  EXPECT_TRUE(end("beta", std::nullopt).fused);
+  EXPECT_TRUE(edge.result().components.empty());
+}
+
+TEST_F(EdgeTest, refuses_a_robot_that_is_not_its_own_or_ends_twice) {
+  EXPECT_THROW(end("gamma", std::nullopt), Error);
+  end("alpha", std::nullopt);
+  EXPECT_THROW(end("alpha", std::nullopt), Error);
+}
+
+}  // namespace
+}  // namespace mapweave::tiers
