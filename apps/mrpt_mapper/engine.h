@@ -18,7 +18,8 @@ class Engine {
   virtual ~Engine() = default;
 };
 
-constexpr int kMinReturns = 10;  // scans with fewer are placed by their motion alone
+constexpr int kMinReturns = 10;          // scans with fewer are placed by their motion alone
+constexpr double kBytesPerPoint = 60.0;  // of a map of points, with a point's share of the search tree
 
 std::unique_ptr<Engine> make_engine(const laser::RbpfOptions&);
 std::unique_ptr<Engine> make_engine(const laser::IcpOptions&);

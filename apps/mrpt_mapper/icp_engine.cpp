@@ -8,14 +8,12 @@
 namespace mapweave::mrpt_mapper {
 namespace {
 
-constexpr double kBytesPerPoint = 60.0;  // with its share of the search tree
-
 class IcpEngine : public Engine {
  public:
   explicit IcpEngine(const laser::IcpOptions& options) : options_(options) {
     builder_.setVerbosityLevel(mrpt::system::LVL_ERROR);
     builder_.ICP_params = icp_parameters(options.icp);
-    builder_.ICP_params.onlyUniqueRobust = true;
+    builder_.ICP_params.skip_cov_calculation = true;
     auto& chosen = builder_.ICP_options;
     chosen.matchAgainstTheGrid = false;
     chosen.localizationLinDistance = options.update_distance_m;

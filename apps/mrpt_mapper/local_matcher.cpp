@@ -11,7 +11,6 @@ constexpr std::size_t kKeyScans = 12;
 constexpr double kKeyDistance_m = 0.4, kKeyTurn_rad = 0.3, kPointDistance_m = 0.03;
 constexpr double kGoodMatch = 0.75, kBearableMatch = 0.4;  // shares of paired points
 constexpr double kTurns_rad[] = {0.0, 0.2, -0.2, 0.45, -0.45, 0.75, -0.75};
-const laser::IcpSearchOptions kSearch{80, 0.5, 0.05, 0.8, 5};
 
 }  // namespace
 
@@ -24,8 +23,7 @@ std::optional<Pose2> LocalMatcher::place(const mrpt::obs::CObservation2DRangeSca
     remember(guess, std::move(points));
     return std::nullopt;
   }
-  auto parameters = icp_parameters(kSearch);
-  parameters.onlyUniqueRobust = true;
+  auto parameters = icp_parameters({});
   parameters.skip_cov_calculation = true;
   mrpt::slam::CICP icp(parameters);
   double goodness = 0.0;

@@ -40,9 +40,10 @@ mrpt::slam::CICP::TConfigParams icp_parameters(const laser::IcpSearchOptions& op
   parameters.maxIterations = static_cast<unsigned>(options.iterations);
   parameters.thresholdDist = options.match_distance_m;
   parameters.thresholdAng = 0.0;  // its pivot is wrong before MRPT 2.6: the reach would grow with the distance from the map's origin
+  parameters.onlyUniqueRobust = true;
   parameters.smallestThresholdDist = std::min(options.final_match_distance_m, options.match_distance_m);
   parameters.ALFA = options.shrink;
-  parameters.corresponding_points_decimation = static_cast<std::uint32_t>(options.ray_decimation);
+  parameters.corresponding_points_decimation = static_cast<std::uint32_t>(options.point_decimation);
   return parameters;
 }
 

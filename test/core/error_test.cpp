@@ -16,7 +16,8 @@ TEST(Error, says_where_what_and_what_to_do) {
 
 TEST(Error, has_the_exit_code_that_scripts_rely_on) {
   EXPECT_EQ(exit_code(ErrorCode::kUsage), 2);
-  for (const auto code : {ErrorCode::kBadInput, ErrorCode::kMissing, ErrorCode::kCorrupt, ErrorCode::kUnsupported}) EXPECT_EQ(exit_code(code), 3);
+  for (const auto code : {ErrorCode::kBadInput, ErrorCode::kMissing, ErrorCode::kCorrupt, ErrorCode::kUnsupported})
+    EXPECT_EQ(exit_code(code), 3);
   for (const auto code : {ErrorCode::kCannotWrite, ErrorCode::kHelperFailed, ErrorCode::kInternal}) EXPECT_EQ(exit_code(code), 1);
   EXPECT_EQ(exit_code(ErrorCode::kInterrupted), 130);
 }

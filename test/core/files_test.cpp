@@ -1,11 +1,10 @@
+#include "small_disk.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
-#include <sys/mount.h>
-#include <sys/stat.h>
 
-#include <cstring>
 #include <support/temporary_folder.h>
 
 namespace mapweave {
@@ -52,8 +51,8 @@ TEST(WriteFile, leaves_nothing_behind_where_it_cannot_write) {
 }
 
 TEST(WriteFile, keeps_the_old_file_and_says_what_is_free_when_the_disk_is_full) {
-  const test::TemporaryFolder folder;
-  if (::mount("tmpfs", folder.path().c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "may not mount a small disk here: " << std::strerror(errno);
+  const test::SmallDisk folder;
+  if (!folder.is_mounted()) GTEST_SKIP() << "may not mount a small disk here: " << folder.problem();
   write_file(folder / "map", "old");
   const Error error = error_of([&] { write_file(folder / "map", std::string(200'000, 'x')); });
   EXPECT_EQ(error.code(), ErrorCode::kCannotWrite);
@@ -62,7 +61,6 @@ TEST(WriteFile, keeps_the_old_file_and_says_what_is_free_when_the_disk_is_full) 
   EXPECT_THAT(error.problem(), HasSubstr(" bytes free)"));
   EXPECT_EQ(read_file(folder / "map"), "old");
   EXPECT_EQ(entries_in(folder.path()), 1u);
-  ::umount(folder.path().c_str());
 }
 
 TEST(ReadFile, names_the_file_that_is_missing) {

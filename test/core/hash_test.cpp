@@ -3,8 +3,8 @@
 #include <mapweave/core/files.h>
 #include <mapweave/core/hash.h>
 
-#include <cstdint>
 #include <support/temporary_folder.h>
+#include <cstdint>
 
 namespace mapweave {
 namespace {

@@ -43,7 +43,8 @@ TEST(Ids, are_ordered_by_robot_sensor_run_and_index) {
   const auto node = [](const char* robot, const char* sensor, std::int64_t run, std::uint32_t index) {
     return NodeId{{{RobotId(robot), SensorId(sensor)}, run}, index};
   };
-  const std::vector<NodeId> sorted = {node("a", "laser", 5, 9), node("b", "camera", 9, 9), node("b", "laser", 1, 7), node("b", "laser", 1, 8), node("b", "laser", 2, 0)};
+  const std::vector<NodeId> sorted = {node("a", "laser", 5, 9), node("b", "camera", 9, 9), node("b", "laser", 1, 7),
+                                      node("b", "laser", 1, 8), node("b", "laser", 2, 0)};
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     for (std::size_t j = 0; j < sorted.size(); ++j) {
       EXPECT_EQ(sorted[i] < sorted[j], i < j);

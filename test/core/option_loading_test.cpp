@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/files.h>
 
+#include <support/temporary_folder.h>
 #include <algorithm>
 #include <cstdlib>
-#include <support/temporary_folder.h>
 
 namespace mapweave {
 namespace {
@@ -32,7 +32,8 @@ class OptionLoading : public testing::Test {
   }
 
   // The message, without the folder.
-  std::string refusal(const std::vector<std::string>& texts, ErrorCode code = ErrorCode::kBadInput, const std::vector<std::string>& settings = {},
+  std::string refusal(const std::vector<std::string>& texts, ErrorCode code = ErrorCode::kBadInput,
+                      const std::vector<std::string>& settings = {},
                       const std::vector<std::pair<std::string, std::string>>& environment = {}) {
     try {
       load_texts(texts, settings, environment);
@@ -43,7 +44,9 @@ class OptionLoading : public testing::Test {
     }
     return "accepted";
   }
-  std::string refusal_of_setting(const std::string& setting) { return refusal({"robots: [{id: a}, {id: b}]"}, ErrorCode::kUsage, {setting}); }
+  std::string refusal_of_setting(const std::string& setting) {
+    return refusal({"robots: [{id: a}, {id: b}]"}, ErrorCode::kUsage, {setting});
+  }
   std::string refusal_of_variable(const std::string& name, const std::string& value) {
     return refusal({"robots: [{id: a}, {id: b}]"}, ErrorCode::kBadInput, {}, {{name, value}});
   }
@@ -59,7 +62,9 @@ class OptionLoading : public testing::Test {
 };
 
 TEST_F(OptionLoading, puts_a_file_over_the_defaults) {
-  load_texts({"seed: 7\nlaser:\n  engine: icp\n  graph: {min_score: 0.25}\n  close_loops: false\n  height_m: -1e-1\nrobots:\n  - id: alpha\n    waypoints: [{x_m: 1}, {x_m: +2.5}]\n  - {id: '17', start: {x_m: 3}}\n"});
+  load_texts(
+      {"seed: 7\nlaser:\n  engine: icp\n  graph: {min_score: 0.25}\n  close_loops: false\n  height_m: -1e-1\nrobots:\n  - id: alpha\n    "
+       "waypoints: [{x_m: 1}, {x_m: +2.5}]\n  - {id: '17', start: {x_m: 3}}\n"});
   EXPECT_EQ(options_.seed, 7u);
   EXPECT_EQ(options_.laser.engine, Engine::icp);
   EXPECT_EQ(options_.laser.graph.min_score, 0.25);
@@ -90,7 +95,8 @@ TEST_F(OptionLoading, takes_text_for_what_it_says) {
 }
 
 TEST_F(OptionLoading, refuses_unknown_keys_with_the_nearest_name) {
-  EXPECT_EQ(refusal({"laser:\n  graph:\n    search_radius: 4\n"}), "a.yaml:3: unknown key 'search_radius'; did you mean 'search_radius_m'?");
+  EXPECT_EQ(refusal({"laser:\n  graph:\n    search_radius: 4\n"}),
+            "a.yaml:3: unknown key 'search_radius'; did you mean 'search_radius_m'?");
   EXPECT_EQ(refusal({"sede: 4\n"}), "a.yaml:1: unknown key 'sede'; did you mean 'seed'?");
   EXPECT_EQ(refusal({"robots:\n  - id: a\n    egde: north\n"}), "a.yaml:3: unknown key 'egde'; did you mean 'edge'?");
   EXPECT_EQ(refusal({"# x\nmin_score: 0.5\n"}), "a.yaml:2: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
@@ -129,7 +135,8 @@ TEST_F(OptionLoading, refuses_values_of_another_type) {
   EXPECT_EQ(refusal({"robots: {id: a}"}), "a.yaml:1: 'robots' is a section; it must be a list");
   EXPECT_EQ(refusal({"robots:\n"}), "a.yaml:1: 'robots' has no value; write [] for an empty list");
   EXPECT_EQ(refusal({"robots:\n  - alpha\n"}), "a.yaml:2: 'robots.0' is 'alpha'; each element has keys of its own, like 'id: ...'");
-  EXPECT_EQ(refusal({"robots: [{id: ~}]"}), "a.yaml:1: 'id' has no value; write \"\" for an empty text, and quotes around a text like null or ~");
+  EXPECT_EQ(refusal({"robots: [{id: ~}]"}),
+            "a.yaml:1: 'id' has no value; write \"\" for an empty text, and quotes around a text like null or ~");
   EXPECT_EQ(refusal({"just words"}), "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
   EXPECT_EQ(refusal({"- seed\n"}), "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
 }
@@ -151,7 +158,8 @@ TEST_F(OptionLoading, names_a_file_that_is_missing) {
 }
 
 TEST_F(OptionLoading, puts_later_layers_over_earlier_ones) {
-  const std::vector<std::string> files = {"seed: 1\ndecay_s: 1\nlaser: {height_m: 1, graph: {min_score: 0.1}}", "seed: 2\nlaser: {height_m: 2, engine: icp}"};
+  const std::vector<std::string> files = {"seed: 1\ndecay_s: 1\nlaser: {height_m: 1, graph: {min_score: 0.1}}",
+                                          "seed: 2\nlaser: {height_m: 2, engine: icp}"};
   load_texts(files, {"seed=4"}, {{"MAPWEAVE_SEED", "3"}, {"MAPWEAVE_LASER__HEIGHT_M", "0.5"}});
   EXPECT_EQ(options_.seed, 4u);
   EXPECT_EQ(options_.laser.height_m, 0.5);
@@ -171,8 +179,9 @@ TEST_F(OptionLoading, replaces_a_list_by_that_of_a_later_layer) {
 }
 
 TEST_F(OptionLoading, reads_settings_as_yaml) {
-  load_texts({"robots: [{id: a}, {id: b}]"}, {"robots.1.edge=north", "robots[0].edge=south", "laser={engine: rbpf, close_loops: false}", "decay_s=2", "laser.graph.min_score=0.5",
-                                              "robots.0.waypoints=[{x_m: 1}, {x_m: 2}]", "robots.0.waypoints.1.x_m=3", "robots.0.id=\"x=y\""});
+  load_texts({"robots: [{id: a}, {id: b}]"},
+             {"robots.1.edge=north", "robots[0].edge=south", "laser={engine: rbpf, close_loops: false}", "decay_s=2",
+              "laser.graph.min_score=0.5", "robots.0.waypoints=[{x_m: 1}, {x_m: 2}]", "robots.0.waypoints.1.x_m=3", "robots.0.id=\"x=y\""});
   EXPECT_EQ(options_.robots[1].edge, "north");
   EXPECT_EQ(options_.robots[0].edge, "south");
   EXPECT_EQ(options_.robots[0].id, "x=y");
@@ -186,14 +195,16 @@ TEST_F(OptionLoading, reads_settings_as_yaml) {
 }
 
 TEST_F(OptionLoading, refuses_settings_that_say_nothing) {
-  EXPECT_EQ(refusal_of_setting("laser.graph.min_scor=0.5"), "--set laser.graph.min_scor=0.5: unknown key 'laser.graph.min_scor'; did you mean 'laser.graph.min_score'?");
+  EXPECT_EQ(refusal_of_setting("laser.graph.min_scor=0.5"),
+            "--set laser.graph.min_scor=0.5: unknown key 'laser.graph.min_scor'; did you mean 'laser.graph.min_score'?");
   EXPECT_EQ(refusal_of_setting("min_score=0.5"), "--set min_score=0.5: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
   EXPECT_EQ(refusal_of_setting("laser.graph.min_score=6"), "--set laser.graph.min_score=6: 'min_score' is 6; it must lie in 0..1");
   EXPECT_EQ(refusal_of_setting("seed"), "--set seed: has no '='; write --set key=value");
   EXPECT_EQ(refusal_of_setting("seed="), "--set seed=: 'seed' has no value; it must lie in 0..4294967295");
   EXPECT_EQ(refusal_of_setting("robots.2.edge=x"), "--set robots.2.edge=x: 'robots' has no element '2'; its elements are 0..1");
   EXPECT_EQ(refusal_of_setting("robots.-1.edge=x"), "--set robots.-1.edge=x: 'robots' has no element '-1'; its elements are 0..1");
-  EXPECT_EQ(refusal_of_setting("robots.0.waypoints.0.x_m=1"), "--set robots.0.waypoints.0.x_m=1: 'robots.0.waypoints' has no element '0'; it is empty; give the list first");
+  EXPECT_EQ(refusal_of_setting("robots.0.waypoints.0.x_m=1"),
+            "--set robots.0.waypoints.0.x_m=1: 'robots.0.waypoints' has no element '0'; it is empty; give the list first");
   EXPECT_EQ(refusal_of_setting("robots.0=a"), "--set robots.0=a: 'robots.0' is 'a'; each element has keys of its own, like 'id: ...'");
   EXPECT_THAT(refusal_of_setting("robots.0.egde=x"), HasSubstr("did you mean 'robots.0.edge'?"));
   EXPECT_THAT(refusal_of_setting("seed.x=1"), HasSubstr("unknown key 'seed.x'"));
@@ -205,15 +216,19 @@ TEST_F(OptionLoading, refuses_settings_that_say_nothing) {
 }
 
 TEST_F(OptionLoading, reads_the_environment) {
-  load_texts({"robots: [{id: a}]"}, {}, {{"HOME", "/root"}, {"MAPWEAVE_DATA", "/data"}, {"MAPWEAVE_LASER__GRAPH__MIN_SCORE", "0.75"}, {"MAPWEAVE_ROBOTS__0__EDGE", "west"}});
+  load_texts(
+      {"robots: [{id: a}]"}, {},
+      {{"HOME", "/root"}, {"MAPWEAVE_DATA", "/data"}, {"MAPWEAVE_LASER__GRAPH__MIN_SCORE", "0.75"}, {"MAPWEAVE_ROBOTS__0__EDGE", "west"}});
   EXPECT_EQ(options_.laser.graph.min_score, 0.75);
   EXPECT_EQ(options_.robots[0].edge, "west");
 }
 
 TEST_F(OptionLoading, refuses_variables_that_mean_nothing) {
   EXPECT_EQ(refusal_of_variable("MAPWEAVE_LASER__GRAPH__MIN_SCOER", "0.5"),
-            "environment variable MAPWEAVE_LASER__GRAPH__MIN_SCOER: unknown key 'laser.graph.min_scoer'; did you mean 'MAPWEAVE_LASER__GRAPH__MIN_SCORE'?");
-  EXPECT_EQ(refusal_of_variable("MAPWEAVE_SEED", "many"), "environment variable MAPWEAVE_SEED: 'seed' is 'many'; it must be a whole number");
+            "environment variable MAPWEAVE_LASER__GRAPH__MIN_SCOER: unknown key 'laser.graph.min_scoer'; did you mean "
+            "'MAPWEAVE_LASER__GRAPH__MIN_SCORE'?");
+  EXPECT_EQ(refusal_of_variable("MAPWEAVE_SEED", "many"),
+            "environment variable MAPWEAVE_SEED: 'seed' is 'many'; it must be a whole number");
   EXPECT_THAT(refusal_of_variable("MAPWEAVE_", "1"), HasSubstr("unknown key ''"));
   EXPECT_THAT(refusal_of_variable("MAPWEAVE_LASER_ENGINE", "icp"), HasSubstr("did you mean 'MAPWEAVE_LASER__ENGINE'?"));
 }
@@ -229,7 +244,8 @@ TEST_F(OptionLoading, knows_the_environment_of_the_process) {
 }
 
 TEST_F(OptionLoading, remembers_where_each_value_came_from) {
-  const auto origins = load_texts({"seed: 1\nrobots:\n  - id: a\n  - id: a\nlaser:\n  engine: icp\n", "decay_s: 1"}, {"robots.1.edge=north"}, {{"MAPWEAVE_LASER__HEIGHT_M", "1"}});
+  const auto origins = load_texts({"seed: 1\nrobots:\n  - id: a\n  - id: a\nlaser:\n  engine: icp\n", "decay_s: 1"},
+                                  {"robots.1.edge=north"}, {{"MAPWEAVE_LASER__HEIGHT_M", "1"}});
   EXPECT_EQ(in_folder(origins.place_of("seed")), "a.yaml:1");
   EXPECT_EQ(in_folder(origins.place_of("robots.1.id")), "a.yaml:4");
   EXPECT_EQ(in_folder(origins.place_of("robots[1].id")), "a.yaml:4");

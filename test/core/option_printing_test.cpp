@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/files.h>
 
+#include <support/temporary_folder.h>
 #include <cmath>
 #include <limits>
-#include <support/temporary_folder.h>
 
 namespace mapweave {
 namespace {
@@ -71,16 +71,63 @@ TEST(ToYaml, loads_to_the_same_options) {
 }
 
 TEST(ToYaml, keeps_numbers_to_the_last_bit) {
-  for (const double value : {0.1, 1.0 / 3.0, 1e-300, 1.7976931348623157e308, 5e-324, 123456789.0, 1e22, 0.1 + 0.2, 976052857.217426, 1e-7}) {
+  for (const double value :
+       {0.1, 1.0 / 3.0, 1e-300, 1.7976931348623157e308, 5e-324, 123456789.0, 1e22, 0.1 + 0.2, 976052857.217426, 1e-7}) {
     TeamOptions options;
     options.decay_s = value;
     EXPECT_EQ(loaded(to_yaml(options)).decay_s, value);
   }
 }
 
+TEST(ToYaml, writes_numbers_of_daily_use_without_exponents) {
+  for (const auto& [value, text] : std::vector<std::pair<double, std::string>>{
+           {100000.0, "100000"}, {0.0001, "0.0001"}, {1e-7, "1e-07"}, {1e20, "1e+20"}, {0.1, "0.1"}}) {
+    TeamOptions options;
+    options.decay_s = value;
+    EXPECT_THAT(to_yaml(options), HasSubstr("\ndecay_s: " + text + "\n"));
+  }
+}
+
 TEST(ToYaml, keeps_texts_to_the_last_letter) {
-  for (const std::string text : {"", " ", "true", "No", "null", "~", "17", "1e5", "-", "- a", "a: b", "a #b", "#b", "'", "\"", "\\", "a\nb", "a\tb", "\x01\x7F", "/data/log 1.rawlog",
-                                 "{a}", "[a]", "*a", "&a", "!a", "%a", "@a", "`a", "|", ">", "?", "\xC3\xA4\xE2\x82\xAC", ".inf", "a,b", "alpha.rawlog", "0x1F", "2001-01-01", "=", "<<"}) {
+  for (const std::string text : {"",
+                                 " ",
+                                 "true",
+                                 "No",
+                                 "null",
+                                 "~",
+                                 "17",
+                                 "1e5",
+                                 "-",
+                                 "- a",
+                                 "a: b",
+                                 "a #b",
+                                 "#b",
+                                 "'",
+                                 "\"",
+                                 "\\",
+                                 "a\nb",
+                                 "a\tb",
+                                 "\x01\x7F",
+                                 "/data/log 1.rawlog",
+                                 "{a}",
+                                 "[a]",
+                                 "*a",
+                                 "&a",
+                                 "!a",
+                                 "%a",
+                                 "@a",
+                                 "`a",
+                                 "|",
+                                 ">",
+                                 "?",
+                                 "\xC3\xA4\xE2\x82\xAC",
+                                 ".inf",
+                                 "a,b",
+                                 "alpha.rawlog",
+                                 "0x1F",
+                                 "2001-01-01",
+                                 "=",
+                                 "<<"}) {
     TeamOptions options;
     options.robots.resize(1);
     options.robots[0].id = text;
@@ -122,14 +169,16 @@ TEST(ReferencePage, explains_every_option) {
 }
 
 TEST(ReferencePage, is_itself_a_configuration_of_the_same_options) {
-  for (const TeamOptions& options : {TeamOptions(), busy_team()}) EXPECT_EQ(to_yaml(loaded(reference_page(options, "x"))), to_yaml(options));
+  for (const TeamOptions& options : {TeamOptions(), busy_team()})
+    EXPECT_EQ(to_yaml(loaded(reference_page(options, "x"))), to_yaml(options));
 }
 
 TEST(ReferencePage, shows_an_element_that_works_when_its_marks_are_removed) {
   std::string page = reference_page(TeamOptions(), "x");
   const auto begin = page.find("robots: []"), end = page.find("# one robot's mapping");
   std::string uncommented = "robots:\n";
-  for (std::size_t at = page.find('\n', begin) + 1; at < end; at = page.find('\n', at) + 1) uncommented += page.substr(at + 2, page.find('\n', at) - at - 1);
+  for (std::size_t at = page.find('\n', begin) + 1; at < end; at = page.find('\n', at) + 1)
+    uncommented += page.substr(at + 2, page.find('\n', at) - at - 1);
   const TeamOptions options = loaded(uncommented);
   EXPECT_EQ(options.robots.size(), 1u) << uncommented;
 }

@@ -1,15 +1,15 @@
+#include "small_disk.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
-#include <sys/mount.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstring>
+#include <support/temporary_folder.h>
 #include <optional>
 #include <set>
-#include <support/temporary_folder.h>
 
 namespace mapweave {
 namespace {
@@ -145,7 +145,7 @@ TEST(OutputFolder, clears_away_what_a_crashed_run_left) {
   const test::TemporaryFolder folder;
   const std::string dead = std::to_string(number_of_a_dead_process());
   fs::create_directories(folder / ("out.partial-" + dead) / "robots");
-  fs::create_directories(folder / ("out.partial-" + std::to_string(::getpid())));  // a number that came back
+  fs::create_directories(folder / ("out.partial-" + std::to_string(::getpid())));   // a number that came back
   fs::create_directories(folder / ("out.partial-" + std::to_string(::getppid())));  // a run still going on
   fs::create_directories(folder / "out.partial-notes");
   fs::create_directories(folder / ("other.partial-" + dead));
@@ -171,8 +171,8 @@ TEST(OutputFolder, is_committed_once) {
 }
 
 TEST(OutputFolder, leaves_a_full_disk_as_it_was) {
-  const test::TemporaryFolder folder;
-  if (::mount("tmpfs", folder.path().c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "may not mount a small disk here: " << std::strerror(errno);
+  const test::SmallDisk folder;
+  if (!folder.is_mounted()) GTEST_SKIP() << "may not mount a small disk here: " << folder.problem();
   make_results(folder / "out", "old");
   {
     OutputFolder output(folder / "out", true);
@@ -180,7 +180,6 @@ TEST(OutputFolder, leaves_a_full_disk_as_it_was) {
   }
   EXPECT_EQ(read_file(folder / "out/manifest.json"), "old");
   EXPECT_THAT(names_in(folder.path()), UnorderedElementsAre("out"));
-  ::umount(folder.path().c_str());
 }
 
 }  // namespace

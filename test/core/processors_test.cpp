@@ -31,7 +31,9 @@ TEST(AvailableProcessors, are_those_of_the_cgroup_quota) {
 }
 
 TEST(AvailableProcessors, heed_the_smallest_quota_on_the_way_up) {
-  EXPECT_EQ(processors("0::/a/b/c\n", {{"a/cpu.max", "200000 100000\n"}, {"a/b/cpu.max", "max 100000\n"}, {"a/b/c/cpu.max", "800000 100000\n"}}), 2);
+  EXPECT_EQ(
+      processors("0::/a/b/c\n", {{"a/cpu.max", "200000 100000\n"}, {"a/b/cpu.max", "max 100000\n"}, {"a/b/c/cpu.max", "800000 100000\n"}}),
+      2);
 }
 
 TEST(AvailableProcessors, know_the_older_form_of_cgroups) {

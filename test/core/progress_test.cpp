@@ -17,8 +17,8 @@ struct Screen {
   std::vector<std::string> lines, live;
   double now_s = 100.0;
   std::unique_ptr<Progress> progress(bool is_live) {
-    return make_progress({is_live, [this](std::string_view line) { lines.emplace_back(line); }, [this](std::string_view line) { live.emplace_back(line); },
-                          [this] { return now_s; }});
+    return make_progress({is_live, [this](std::string_view line) { lines.emplace_back(line); },
+                          [this](std::string_view line) { live.emplace_back(line); }, [this] { return now_s; }});
   }
 };
 
@@ -63,7 +63,8 @@ TEST(LiveProgress, shows_all_tasks_in_one_line_ten_times_a_second_at_most) {
   }
   EXPECT_LE(screen.live.size(), 11u);
   EXPECT_GE(screen.live.size(), 9u);
-  EXPECT_TRUE(screen.live.back().rfind("alpha: ", 0) == 0 && screen.live.back().find(" | beta: 0 scans (0 %)") != std::string::npos) << screen.live.back();
+  EXPECT_TRUE(screen.live.back().rfind("alpha: ", 0) == 0 && screen.live.back().find(" | beta: 0 scans (0 %)") != std::string::npos)
+      << screen.live.back();
   progress->end(alpha);
   progress->end(beta);
   EXPECT_EQ(screen.live.back(), "") << "nothing stays behind";
@@ -109,7 +110,8 @@ TEST(Progress, may_be_told_by_many_threads) {
     for (auto& thread : threads) thread.join();
   }
   const std::string text = testing::internal::GetCapturedStderr();
-  for (int robot = 0; robot < 4; ++robot) EXPECT_NE(text.find("robot" + std::to_string(robot) + ": done, 100 scans"), std::string::npos) << text;
+  for (int robot = 0; robot < 4; ++robot)
+    EXPECT_NE(text.find("robot" + std::to_string(robot) + ": done, 100 scans"), std::string::npos) << text;
 }
 
 TEST(SilentProgress, says_nothing) {

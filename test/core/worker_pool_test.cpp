@@ -41,9 +41,7 @@ TEST_P(WorkerPoolOf, returns_results_that_can_only_be_moved) {
 TEST_P(WorkerPoolOf, nests_without_waiting_for_ever) {
   WorkerPool pool(GetParam());
   std::atomic<int> calls{0};
-  pool.for_each(7, [&](std::size_t) {
-    pool.for_each(5, [&](std::size_t) { pool.for_each(3, [&](std::size_t) { ++calls; }); });
-  });
+  pool.for_each(7, [&](std::size_t) { pool.for_each(5, [&](std::size_t) { pool.for_each(3, [&](std::size_t) { ++calls; }); }); });
   EXPECT_EQ(calls, 7 * 5 * 3);
 }
 
@@ -67,7 +65,13 @@ TEST_P(WorkerPoolOf, rethrows_the_exception_of_the_lowest_number_after_all_have_
 
 TEST_P(WorkerPoolOf, carries_an_exception_out_of_a_nested_call) {
   WorkerPool pool(GetParam());
-  EXPECT_THROW(pool.for_each(4, [&](std::size_t i) { pool.for_each(4, [&](std::size_t j) { if (i == 2 && j == 1) throw Error(ErrorCode::kCorrupt, "x"); }); }), Error);
+  EXPECT_THROW(pool.for_each(4,
+                             [&](std::size_t i) {
+                               pool.for_each(4, [&](std::size_t j) {
+                                 if (i == 2 && j == 1) throw Error(ErrorCode::kCorrupt, "x");
+                               });
+                             }),
+               Error);
 }
 
 TEST_P(WorkerPoolOf, serves_several_callers_at_once) {

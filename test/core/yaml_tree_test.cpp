@@ -70,12 +70,16 @@ TEST(YamlTree, refuses_what_a_configuration_does_not_need) {
 TEST(YamlTree, refuses_bytes_that_are_not_text) {
   EXPECT_EQ(refusal(std::string("a: 1\nb: \0\n", 10)), "line 2: byte 0 is not text; a configuration is YAML in UTF-8");
   EXPECT_THAT(refusal("a: 1\n\x04 hidden"), HasSubstr("byte 4 is not text"));
-  EXPECT_THAT(refusal(std::string("\xFF\xFE" "a\0:\0", 6)), HasSubstr("is not text"));
+  EXPECT_THAT(refusal(std::string("\xFF\xFE"
+                                  "a\0:\0",
+                                  6)),
+              HasSubstr("is not text"));
 }
 
 TEST(YamlTree, survives_bombs) {
   std::string laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
-  for (int i = 1; i < 12; ++i) laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + repeated("*a" + std::to_string(i - 1) + ", ", 9) + "]\n";
+  for (int i = 1; i < 12; ++i)
+    laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + repeated("*a" + std::to_string(i - 1) + ", ", 9) + "]\n";
   EXPECT_THAT(refusal(laughs), HasSubstr("anchors and aliases"));
   EXPECT_THAT(refusal(repeated("[", 200) + repeated("]", 200)), HasSubstr("nested more than 32 deep"));
   EXPECT_THAT(refusal(repeated("{a: ", 200) + repeated("}", 200)), HasSubstr("nested more than 32 deep"));
@@ -97,7 +101,9 @@ TEST(YamlTree, reads_many_keys_in_a_moment) {
 }
 
 TEST(YamlTree, survives_a_file_cut_at_any_byte_or_damaged) {
-  const std::string text = "robots:\n  - {id: alpha, log: \"a b.rawlog\"}\n  - id: 'beta'\n    log: |\n      x\nlaser: {graph: {min_score: 0.5, list: [1, 2, >-\n x]}}\n# end\n";
+  const std::string text =
+      "robots:\n  - {id: alpha, log: \"a b.rawlog\"}\n  - id: 'beta'\n    log: |\n      x\nlaser: {graph: {min_score: 0.5, list: [1, 2, "
+      ">-\n x]}}\n# end\n";
   for (std::size_t length = 0; length <= text.size(); ++length) EXPECT_NO_FATAL_FAILURE(refusal(text.substr(0, length)));
   std::mt19937_64 random(7);
   const std::string spice = "[]{}:,-?&*!|>'\"%@`#\n\t ~\\=<.0a\xC3\xFF";

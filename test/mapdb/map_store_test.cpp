@@ -6,10 +6,10 @@
 namespace mapweave::mapdb {
 namespace {
 
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using test::RandomMaps;
 using test::TemporaryFolder;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 std::string bytes_of(const Map& map) { return encode(difference({}, map)); }
 
@@ -130,7 +130,8 @@ TEST(MapStore, is_summarised_without_reading_the_maps) {
   const MapSummary& map = summary.maps[0];
   EXPECT_EQ(map.id, MapId("alpha"));
   EXPECT_EQ(map.nodes, 40U);
-  EXPECT_EQ(map.contents, static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(), [](const auto& e) { return e.second.payload != nullptr; })));
+  EXPECT_EQ(map.contents, static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(),
+                                                                   [](const auto& e) { return e.second.payload != nullptr; })));
   EXPECT_EQ(map.submaps, alpha.submaps.size());
   EXPECT_EQ(map.constraints, alpha.constraints.size());
   EXPECT_EQ(map.first, alpha.nodes.front().second.stamp);
@@ -169,7 +170,8 @@ TEST(MapStore, says_where_it_cannot_write) {
   const auto no_folder = error_of([&] { write_store(folder / "nowhere/map.mwdb", some_maps()); });
   ASSERT_TRUE(no_folder);
   EXPECT_EQ(no_folder->code(), ErrorCode::kCannotWrite);
-  EXPECT_THAT(no_folder->what(), ::testing::AllOf(HasSubstr("nowhere/map.mwdb"), HasSubstr("No such file"), HasSubstr("check that the folder exists")));
+  EXPECT_THAT(no_folder->what(),
+              ::testing::AllOf(HasSubstr("nowhere/map.mwdb"), HasSubstr("No such file"), HasSubstr("check that the folder exists")));
   const auto is_folder = error_of([&] { write_store(folder.path(), some_maps()); });
   ASSERT_TRUE(is_folder);
   EXPECT_EQ(is_folder->code(), ErrorCode::kCannotWrite);

@@ -13,9 +13,9 @@
 namespace mapweave::mapdb {
 namespace {
 
-using ::testing::HasSubstr;
 using test::RandomMaps;
 using test::TemporaryFolder;
+using ::testing::HasSubstr;
 
 namespace fs = std::filesystem;
 
@@ -67,7 +67,8 @@ TEST_F(DamagedStore, is_noticed_when_cut_at_any_size) {
     EXPECT_TRUE(is_refused()) << size;
   }
   put(bytes_.substr(0, bytes_.size() - 1));
-  expect_refused(ErrorCode::kCorrupt, "cut short: it needs " + std::to_string(bytes_.size()) + " bytes, " + std::to_string(bytes_.size() - 1) + " are there");
+  expect_refused(ErrorCode::kCorrupt,
+                 "cut short: it needs " + std::to_string(bytes_.size()) + " bytes, " + std::to_string(bytes_.size() - 1) + " are there");
 }
 
 TEST_F(DamagedStore, is_noticed_or_does_no_harm_when_a_byte_flips) {

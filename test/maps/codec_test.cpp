@@ -135,13 +135,15 @@ TEST(Codec, spends_little_on_a_planar_node_beside_its_ranges) {
   RandomMaps random(2);
   const auto geometry = random.geometry(180);
   const SessionId session{{RobotId("alpha"), SensorId("laser")}, 976052857217000000};
-  for (std::uint32_t i = 0; i < 1000; ++i) update.nodes.push_back({{session, i}, {session.run + i * 200'000'000LL}, random.pose(true), random.scan(geometry)});
+  for (std::uint32_t i = 0; i < 1000; ++i)
+    update.nodes.push_back({{session, i}, {session.run + i * 200'000'000LL}, random.pose(true), random.scan(geometry)});
   EXPECT_LT(encode(update).size() / 1000, 360U + 70U);
 }
 
 TEST(Codec, notices_an_update_cut_at_any_byte) {
   const std::string bytes = encode(some_update(4, 12));
-  for (std::size_t size = 0; size < bytes.size(); ++size) ASSERT_TRUE(is_refused(decode_map_update, std::string_view(bytes).substr(0, size))) << size;
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    ASSERT_TRUE(is_refused(decode_map_update, std::string_view(bytes).substr(0, size))) << size;
 }
 
 TEST(Codec, survives_any_flipped_bit) {
@@ -198,7 +200,8 @@ TEST(Codec, refuses_a_newer_form_and_says_so) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
-    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 2"), HasSubstr("up to 1"), HasSubstr("newer mapweave")));
+    EXPECT_THAT(error.what(),
+                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 2"), HasSubstr("up to 1"), HasSubstr("newer mapweave")));
   }
 }
 
@@ -251,7 +254,12 @@ TEST(Codec, writes_nothing_that_could_not_be_read) {
   refuses("a probability of 2", [&](MapUpdate& u) { u.judgements[0].probability = 2; });
   refuses("scores without hypotheses", [&](MapUpdate& u) { u.judgements[0].scores.push_back(1); });
   refuses("a missing range", [&](MapUpdate& u) { first_scan(u, [](PackedScan& s, ScanGeometry&) { s.ranges.pop_back(); }); });
-  refuses("no rays", [&](MapUpdate& u) { first_scan(u, [](PackedScan& s, ScanGeometry& g) { s.ranges.clear(); g.ray_count = 0; }); });
+  refuses("no rays", [&](MapUpdate& u) {
+    first_scan(u, [](PackedScan& s, ScanGeometry& g) {
+      s.ranges.clear();
+      g.ray_count = 0;
+    });
+  });
   refuses("an infinite range", [&](MapUpdate& u) { first_scan(u, [](PackedScan&, ScanGeometry& g) { g.max_range_m = INFINITY; }); });
   refuses("a grid of other size", [&](MapUpdate& u) {
     OccupancyGrid grid = std::get<OccupancyGrid>(*u.nodes[5].payload);

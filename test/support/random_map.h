@@ -53,7 +53,8 @@ class RandomMaps {
   Eigen::Matrix<double, 6, 6> symmetric() {
     Eigen::Matrix<double, 6, 6> matrix;
     for (int row = 0; row < 6; ++row)
-      for (int column = row; column < 6; ++column) matrix(row, column) = matrix(column, row) = row == column ? uniform(1, 1e4) : uniform(-1, 1);
+      for (int column = row; column < 6; ++column)
+        matrix(row, column) = matrix(column, row) = row == column ? uniform(1, 1e4) : uniform(-1, 1);
     return matrix;
   }
 
@@ -63,12 +64,15 @@ class RandomMaps {
   Map map(const std::string& name, std::uint32_t node_count, std::uint32_t ray_count = 20) {
     Map map;
     map.id = MapId(name);
-    const SessionId session{{RobotId(name), SensorId("laser")}, static_cast<std::int64_t>(1'000'000'000'000'000'000 + below(1'000'000'000))};
+    const SessionId session{{RobotId(name), SensorId("laser")},
+                            static_cast<std::int64_t>(1'000'000'000'000'000'000 + below(1'000'000'000))};
     const auto first = geometry(ray_count), second = geometry(ray_count);
     for (std::uint32_t i = 0; i < node_count; ++i) {
       Node node{{session, i}, {session.run + std::int64_t{i} * 200'000'000}, pose(i % 2 == 0), nullptr};
-      if (i == 5) node.payload = grid(7, 3);
-      else if (i % 3 != 1) node.payload = scan(i % 4 == 0 ? second : first);
+      if (i == 5)
+        node.payload = grid(7, 3);
+      else if (i % 3 != 1)
+        node.payload = scan(i % 4 == 0 ? second : first);
       map.nodes.set(node.id, node);
       if (i == 0) continue;
       const ConstraintId id{i % 2 == 0 ? ConstraintKind::odometry : ConstraintKind::scan_match, {session, i - 1}, {session, i}, 0};

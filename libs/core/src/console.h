@@ -6,8 +6,8 @@
 namespace mapweave::console {
 
 bool is_terminal();
-int columns();                             // of the terminal; 80 where unknown
-void write_line(std::string_view line);    // stays; the live line moves below it
-void show_live(std::string_view line);     // replaces the live line (terminals only); empty: none
+int columns();                           // of the terminal; 80 where unknown
+void write_line(std::string_view line);  // stays; the live line moves below it
+void show_live(std::string_view line);   // replaces the live line (terminals only); empty: none
 
 }  // namespace mapweave::console

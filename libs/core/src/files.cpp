@@ -101,7 +101,8 @@ std::string read_file(const fs::path& path, std::uint64_t most_bytes) {
     file.read(&bytes[before], kBlock);
     bytes.resize(before + static_cast<std::size_t>(file.gcount()));
     if (bytes.size() > most_bytes) {
-      throw Error(ErrorCode::kBadInput, "is larger than the " + std::to_string(most_bytes) + " bytes that such a file may have", path.string());
+      throw Error(ErrorCode::kBadInput, "is larger than the " + std::to_string(most_bytes) + " bytes that such a file may have",
+                  path.string());
     }
   }
   if (file.bad()) throw Error(ErrorCode::kMissing, "reading stopped before the end of the file", path.string());
@@ -142,7 +143,9 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
       if (!fs::is_directory(goal_)) {
         throw Error(ErrorCode::kCannotWrite, "is a file; results go to a folder", goal_.string(), "choose another name");
       }
-      if (!force_) throw Error(ErrorCode::kCannotWrite, "exists and is not empty", goal_.string(), "choose another folder, or replace it with --force");
+      if (!force_)
+        throw Error(ErrorCode::kCannotWrite, "exists and is not empty", goal_.string(),
+                    "choose another folder, or replace it with --force");
       if (!fs::exists(goal_ / "manifest.json")) {
         throw Error(ErrorCode::kCannotWrite, "has no manifest.json, so it is not a folder of results", goal_.string(),
                     "it is not replaced, even with --force; choose another folder");

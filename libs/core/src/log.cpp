@@ -43,7 +43,9 @@ spdlog::level::level_enum spdlog_level(LogLevel level) {
 
 }  // namespace
 
-void log(LogLevel level, std::string_view message) { logger().log(spdlog_level(level), spdlog::string_view_t(message.data(), message.size())); }
+void log(LogLevel level, std::string_view message) {
+  logger().log(spdlog_level(level), spdlog::string_view_t(message.data(), message.size()));
+}
 
 void set_log_level(LogLevel lowest) { logger().set_level(spdlog_level(lowest)); }
 

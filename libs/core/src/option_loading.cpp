@@ -77,7 +77,9 @@ struct Layer {
 
   std::string place(int line) const { return file.empty() || line <= 0 ? name : name + ":" + std::to_string(line); }
   std::string spelt(const std::string& key) const { return is_environment ? variable_of_key(key) : key; }
-  Error error(int line, std::string problem, std::string remedy) const { return {code, std::move(problem), place(line), std::move(remedy)}; }
+  Error error(int line, std::string problem, std::string remedy) const {
+    return {code, std::move(problem), place(line), std::move(remedy)};
+  }
 };
 
 class Loader {
@@ -89,7 +91,8 @@ class Loader {
     const Layer layer{ErrorCode::kBadInput, file.string(), file, false};
     const YamlNode tree = parsed(bytes, layer);
     if (tree.kind == Kind::null) return;  // an empty file sets nothing
-    if (tree.kind != Kind::map) throw layer.error(tree.line, "has no keys at its top", "a configuration consists of lines like 'key: value'");
+    if (tree.kind != Kind::map)
+      throw layer.error(tree.line, "has no keys at its top", "a configuration consists of lines like 'key: value'");
     apply_section(root_, tree, {}, layer);
   }
 
@@ -121,7 +124,8 @@ class Loader {
 
  private:
   static YamlNode parsed(std::string_view bytes, const Layer& layer) {
-    return parse_yaml(bytes, [&](int line, std::string problem, std::string remedy) { return layer.error(line, std::move(problem), std::move(remedy)); });
+    return parse_yaml(
+        bytes, [&](int line, std::string problem, std::string remedy) { return layer.error(line, std::move(problem), std::move(remedy)); });
   }
 
   static std::size_t index_in(const OptionList& list, const std::string& key, std::size_t begin, std::size_t end, const Layer& layer) {
@@ -182,13 +186,16 @@ class Loader {
       if (node.kind != Kind::map) throw wrong(option.name, node, line, requirement(option), layer);
       return apply_section(section->fields, node, key, layer);
     }
-    if (node.kind == Kind::null) throw layer.error(key_line > 0 ? key_line : line, "'" + option.name + "' has no value", remedy_of_null(option));
+    if (node.kind == Kind::null)
+      throw layer.error(key_line > 0 ? key_line : line, "'" + option.name + "' has no value", remedy_of_null(option));
     note_origin(key, key_line, layer);
     if (auto* list = std::get_if<OptionList>(&option.as)) return apply_list(option, *list, node, key, line, layer);
-    if (node.kind != Kind::scalar || !set_scalar(option, node, line, layer)) throw wrong(option.name, node, line, requirement_of_type(option), layer);
+    if (node.kind != Kind::scalar || !set_scalar(option, node, line, layer))
+      throw wrong(option.name, node, line, requirement_of_type(option), layer);
   }
 
-  void apply_list(const Option& option, const OptionList& list, const YamlNode& node, const std::string& key, int line, const Layer& layer) {
+  void apply_list(const Option& option, const OptionList& list, const YamlNode& node, const std::string& key, int line,
+                  const Layer& layer) {
     if (node.kind != Kind::list) throw wrong(option.name, node, line, requirement(option), layer);
     origins_.forget_below(key);
     list.resize(0);

@@ -18,7 +18,9 @@ bool is_option_name(std::string_view name) {
 void check_below(const OptionFields& fields, const std::string& prefix) {
   for (const auto& option : fields) {
     const std::string key = prefix + option.name;
-    const auto refuse = [&](const std::string& value) { throw Error(ErrorCode::kBadInput, "'" + key + "' is " + value, {}, requirement(option)); };
+    const auto refuse = [&](const std::string& value) {
+      throw Error(ErrorCode::kBadInput, "'" + key + "' is " + value, {}, requirement(option));
+    };
     if (const auto* number = std::get_if<OptionNumber>(&option.as)) {
       if (!is_in_range(*number, *number->value)) refuse(text_of_number(*number->value));
     } else if (const auto* integer = std::get_if<OptionInteger>(&option.as)) {
@@ -46,7 +48,9 @@ void check_fields(const OptionFields& fields) { check_below(fields, {}); }
 std::string text_of_number(double value) {
   if (!std::isfinite(value)) return std::isnan(value) ? ".nan" : value > 0.0 ? ".inf" : "-.inf";
   char buffer[64];
-  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
+  const double size = std::abs(value);
+  const auto format = size == 0.0 || (size >= 1e-4 && size < 1e15) ? std::chars_format::fixed : std::chars_format::scientific;
+  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value, format);
   return {buffer, result.ptr};
 }
 
@@ -61,10 +65,12 @@ std::string range_text(const Option& option) {
     if (std::isfinite(number->high)) return text_of_number(number->low) + ".." + text_of_number(number->high);
     return number->above_low ? "greater than " + text_of_number(number->low) : text_of_number(number->low) + " or more";
   }
-  if (const auto* integer = std::get_if<OptionInteger>(&option.as)) return std::to_string(integer->low) + ".." + std::to_string(integer->high);
+  if (const auto* integer = std::get_if<OptionInteger>(&option.as))
+    return std::to_string(integer->low) + ".." + std::to_string(integer->high);
   if (const auto* choice = std::get_if<OptionChoice>(&option.as)) {
     std::string text;
-    for (std::size_t i = 0; i < choice->names.size(); ++i) text += (i == 0 ? "" : i + 1 < choice->names.size() ? ", " : " or ") + choice->names[i];
+    for (std::size_t i = 0; i < choice->names.size(); ++i)
+      text += (i == 0 ? "" : i + 1 < choice->names.size() ? ", " : " or ") + choice->names[i];
     return text;
   }
   return std::holds_alternative<OptionFlag>(option.as) ? "true or false" : "";

@@ -37,7 +37,7 @@ std::optional<int> processors_of_cgroup(const std::filesystem::path& membership,
     if (controllers != ",," && controllers.find(",cpu,") == std::string::npos) continue;
     const auto hierarchy = controllers == ",," ? root : root / "cpu";
     const auto path = std::filesystem::path(line.substr(second + 1)).relative_path();
-    for (auto group = path; ; group = group.parent_path()) {
+    for (auto group = path;; group = group.parent_path()) {
       const auto quota = quota_of_group(hierarchy / group);
       if (quota) fewest = std::min(fewest.value_or(*quota), *quota);
       if (group.empty()) break;

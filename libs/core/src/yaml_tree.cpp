@@ -48,7 +48,8 @@ class TreeBuilder final : public YAML::EventHandler {
   };
 
   [[noreturn]] void refuse_anchor(int line) const {
-    throw error_at_(line, "anchors and aliases ('&name', '*name') are not understood", "write the values out, or quote a text that begins so");
+    throw error_at_(line, "anchors and aliases ('&name', '*name') are not understood",
+                    "write the values out, or quote a text that begins so");
   }
 
   YamlNode made(YamlNode::Kind kind, const YAML::Mark& mark, YAML::anchor_t anchor, const std::string& tag) const {
@@ -57,7 +58,8 @@ class TreeBuilder final : public YAML::EventHandler {
     node.line = mark.line + 1;
     if (anchor != 0) refuse_anchor(node.line);
     if (!tag.empty() && tag != "?" && tag != "!") {
-      throw error_at_(node.line, "tags ('" + shown_text(tag) + "') are not understood", "leave it out, or quote a text that begins with '!'");
+      throw error_at_(node.line, "tags ('" + shown_text(tag) + "') are not understood",
+                      "leave it out, or quote a text that begins with '!'");
     }
     return node;
   }
@@ -87,7 +89,8 @@ class TreeBuilder final : public YAML::EventHandler {
       if (!keys_seen.insert(node.text).second) {
         const auto first = std::find(map.keys.begin(), map.keys.end(), node.text) - map.keys.begin();
         const int first_line = map.key_lines[static_cast<std::size_t>(first)];
-        throw error_at_(node.line, "key '" + shown_text(node.text) + "' comes twice", "it is on line " + std::to_string(first_line) + " already");
+        throw error_at_(node.line, "key '" + shown_text(node.text) + "' comes twice",
+                        "it is on line " + std::to_string(first_line) + " already");
       }
       map.keys.push_back(std::move(node.text));
       map.key_lines.push_back(node.line);
@@ -104,7 +107,8 @@ class TreeBuilder final : public YAML::EventHandler {
 }  // namespace
 
 YamlNode parse_yaml(std::string_view bytes, const YamlErrorAt& error_at) {
-  if (bytes.size() > kMostYamlBytes) throw error_at(0, "is larger than the " + std::to_string(kMostYamlBytes) + " bytes of a configuration", {});
+  if (bytes.size() > kMostYamlBytes)
+    throw error_at(0, "is larger than the " + std::to_string(kMostYamlBytes) + " bytes of a configuration", {});
   int line = 1;
   for (const char c : bytes) {
     const auto byte = static_cast<unsigned char>(c);
@@ -119,8 +123,7 @@ YamlNode parse_yaml(std::string_view bytes, const YamlErrorAt& error_at) {
   try {
     std::istringstream stream{std::string(bytes)};
     YAML::Parser parser(stream);
-    while (parser.HandleNextDocument(builder)) {
-    }
+    while (parser.HandleNextDocument(builder)) {}
   } catch (const Error&) {
     throw;
   } catch (const YAML::Exception& error) {

@@ -16,12 +16,12 @@ constexpr std::size_t kMostYamlBytes = 1 << 20;
 struct YamlNode {
   enum class Kind { null, scalar, list, map };
   Kind kind = Kind::null;
-  int line = 0;           // from 1; 0: unknown
-  std::string text;       // of a scalar
+  int line = 0;      // from 1; 0: unknown
+  std::string text;  // of a scalar
   bool is_quoted = false;
   std::vector<std::string> keys;  // of a map, one for each item
   std::vector<int> key_lines;
-  std::vector<YamlNode> items;    // of a list or map
+  std::vector<YamlNode> items;  // of a list or map
 };
 
 // Makes the Error of a problem on a line (0: unknown).

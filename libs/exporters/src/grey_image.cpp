@@ -4,6 +4,7 @@
 
 #include <cctype>
 #include <opencv2/imgcodecs.hpp>
+#include <zlib.h>
 
 namespace mapweave::exporters {
 namespace {
@@ -97,7 +98,7 @@ GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
   return image;
 }
 
-// The chunks of a PNG, as far as needed to know that all of it is there before a decoder is trusted with it.
+// The chunks of a PNG with their checksums: all of it is there and whole before a decoder is trusted with it.
 void check_png(std::string_view bytes, const std::string& where) {
   const auto number_at = [&](std::size_t at) {
     std::uint32_t value = 0;
@@ -108,8 +109,10 @@ void check_png(std::string_view bytes, const std::string& where) {
   check_size(number_at(16), number_at(20), where);
   for (std::size_t at = 8; at + 12 <= bytes.size();) {
     const std::size_t length = number_at(at);
-    if (bytes.substr(at + 4, 4) == "IEND") return;
     if (length > bytes.size() - at - 12) break;
+    const auto checksum = crc32(0, reinterpret_cast<const unsigned char*>(bytes.data()) + at + 4, static_cast<unsigned>(length) + 4);
+    if (checksum != number_at(at + 8 + length)) refuse("the image is damaged: a checksum does not match", where + " at byte " + std::to_string(at));
+    if (bytes.substr(at + 4, 4) == "IEND") return;
     at += length + 12;
   }
   refuse("the image is cut short: its " + std::to_string(bytes.size()) + " bytes have no end mark", where);

@@ -196,7 +196,7 @@ OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
   if (!std::filesystem::is_regular_file(description.image, ignored))
     throw Error(ErrorCode::kMissing, "the image '" + description.image.string() + "' is not there", yaml_file.string() + ":" + std::to_string(description.image_line),
                 "put it beside the YAML file, or correct the key 'image'");
-  const GreyImage image = decode_image(read_file(description.image), description.image.string());
+  const GreyImage image = decode_image(read_file(description.image, std::uint64_t{1} << 30), description.image.string());
 
   OccupancyGrid grid;
   grid.resolution_m = description.resolution_m;

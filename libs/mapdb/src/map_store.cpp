@@ -92,7 +92,8 @@ struct Ordered {
   explicit Ordered(const StoredMaps& stored)
       : maps(sorted_by_id(stored.maps, "every map has its own id")),
         judgements(sorted_by_id(stored.judgements, "every judgement has its own id")),
-        verdicts(sorted(stored.verdicts, [](const Verdict& a, const Verdict& b) { return std::tie(a.a, a.b, a.by) < std::tie(b.a, b.b, b.by); })) {
+        verdicts(sorted(stored.verdicts,
+                        [](const Verdict& a, const Verdict& b) { return std::tie(a.a, a.b, a.by) < std::tie(b.a, b.b, b.by); })) {
     for (const Map* map : maps) MAPWEAVE_EXPECT(is_valid_name(map->id.str()), "a map has a valid name: '" + map->id.str() + "'");
   }
   std::vector<const Map*> maps;
@@ -157,13 +158,15 @@ void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) 
   for (const Map* map : ordered.maps) {
     const auto place = static_cast<std::int64_t>(index.summary.maps.size());
     for (const auto& [id, submap] : map->submaps)
-      MAPWEAVE_EXPECT(!submap.frozen || submap.content == content_hash(submap, map->nodes), "a frozen submap holds what its hash says: " + to_string(id));
+      MAPWEAVE_EXPECT(!submap.frozen || submap.content == content_hash(submap, map->nodes),
+                      "a frozen submap holds what its hash says: " + to_string(id));
     for_each_update(*map, [&](const MapUpdate& update) { insert_blob(database, index, BlobKind::update, place, encode(update)); });
     index.summary.maps.push_back(summary_of(*map));
   }
   for (std::size_t begin = 0; begin < ordered.judgements.size(); begin += kMostJudgements) {
     MapUpdate update;
-    for (std::size_t i = begin; i < std::min(begin + kMostJudgements, ordered.judgements.size()); ++i) update.judgements.push_back(*ordered.judgements[i]);
+    for (std::size_t i = begin; i < std::min(begin + kMostJudgements, ordered.judgements.size()); ++i)
+      update.judgements.push_back(*ordered.judgements[i]);
     insert_blob(database, index, BlobKind::judgements, 0, encode(update));
   }
   for (const Verdict* verdict : ordered.verdicts) insert_blob(database, index, BlobKind::verdict, 0, encode(*verdict));
@@ -177,22 +180,26 @@ void expect_store(const fs::path& path) {
   const auto corrupt = [&](const std::string& what) {
     return Error(ErrorCode::kCorrupt, what, path.string(), "make it again, or take an undamaged copy");
   };
-  if (!fs::exists(status)) throw Error(ErrorCode::kMissing, "the map store does not exist", path.string(), "check its name; maps are kept in files named *.mwdb");
-  if (fs::is_directory(status)) throw Error(ErrorCode::kBadInput, "it is a folder; a map store is a file", path.string(), "name the *.mwdb file in it");
+  if (!fs::exists(status))
+    throw Error(ErrorCode::kMissing, "the map store does not exist", path.string(), "check its name; maps are kept in files named *.mwdb");
+  if (fs::is_directory(status))
+    throw Error(ErrorCode::kBadInput, "it is a folder; a map store is a file", path.string(), "name the *.mwdb file in it");
   if (!fs::is_regular_file(status)) throw Error(ErrorCode::kBadInput, "it is not a regular file", path.string(), "name a *.mwdb file");
   std::ifstream file(path, std::ios::binary);
   if (!file) throw Error(ErrorCode::kMissing, "the map store cannot be opened", path.string(), "check that you may read it");
   std::string header(100, '\0');
   file.read(header.data(), static_cast<std::streamsize>(header.size()));
   if (file.gcount() == 0) throw corrupt("it is empty; a map store is expected");
-  if (file.gcount() < 100 || header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0) throw corrupt("it is no SQLite file; a map store (.mwdb) is expected");
+  if (file.gcount() < 100 || header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0)
+    throw corrupt("it is no SQLite file; a map store (.mwdb) is expected");
   const auto big_endian = [&](std::size_t at, std::size_t size) {
-    return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at), header.begin() + static_cast<std::ptrdiff_t>(at + size), std::uint64_t{0},
-                           [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
+    return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at), header.begin() + static_cast<std::ptrdiff_t>(at + size),
+                           std::uint64_t{0}, [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
   };
   const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2), needed = page * big_endian(28, 4);
   const std::uint64_t there = fs::file_size(path);
-  if (there < needed) throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) + " are there");
+  if (there < needed)
+    throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) + " are there");
 }
 
 StoreIndex open_index(Database& database, const fs::path& path) {
@@ -214,8 +221,8 @@ void write_store(const fs::path& path, const StoredMaps& stored) {
     throw Error(ErrorCode::kCannotWrite, "it is a folder; a map store is a file", path.string(), "choose another name");
   PartialFile partial(path);
   Database database(partial.path(), Database::Use::create, path);
-  // The file is nobody's until it is renamed: no other process looks at it, and PartialFile syncs it. Each blob is a transaction of its own, so
-  // that the log beside it stays small.
+  // The file is nobody's until it is renamed: no other process looks at it, and PartialFile syncs it. Each blob is a transaction of its
+  // own, so that the log beside it stays small.
   database.run("PRAGMA page_size = 4096; PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF");
   fill(database, ordered, stored);
   database.run("PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode = DELETE");
@@ -237,7 +244,8 @@ StoredMaps read_store(const fs::path& path) {
   try {
     for (const BlobEntry& entry : index.updates) {
       Map& map = stored.maps[static_cast<std::size_t>(entry.owner)];
-      map = updated(std::move(map), decode_map_update(read_blob(database, BlobKind::update, entry), where + ", map '" + map.id.str() + "'"));
+      map =
+          updated(std::move(map), decode_map_update(read_blob(database, BlobKind::update, entry), where + ", map '" + map.id.str() + "'"));
     }
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kBadInput) throw;
@@ -249,7 +257,8 @@ StoredMaps read_store(const fs::path& path) {
       database.corrupt("its judgements are not in order");
     std::move(update.judgements.begin(), update.judgements.end(), std::back_inserter(stored.judgements));
   }
-  for (const BlobEntry& entry : index.verdicts) stored.verdicts.push_back(decode_verdict(read_blob(database, BlobKind::verdict, entry), where + ", verdicts"));
+  for (const BlobEntry& entry : index.verdicts)
+    stored.verdicts.push_back(decode_verdict(read_blob(database, BlobKind::verdict, entry), where + ", verdicts"));
   const bool counts = stored.judgements.size() == index.summary.judgements && stored.verdicts.size() == index.summary.verdicts;
   if (!counts || identity(stored) != index.summary.identity) database.corrupt("it does not hold what it says");
   return stored;

@@ -18,10 +18,12 @@ std::string file_uri(const std::filesystem::path& path, const std::string& query
   std::string uri = "file://";
   for (const char letter : std::filesystem::absolute(path).string()) {
     const auto byte = static_cast<unsigned char>(letter);
-    const bool is_plain = (byte >= 'a' && byte <= 'z') || (byte >= 'A' && byte <= 'Z') || (byte >= '0' && byte <= '9') || byte == '/' || byte == '.' ||
-                          byte == '_' || byte == '-';
-    if (is_plain) uri += letter;
-    else uri += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
+    const bool is_plain = (byte >= 'a' && byte <= 'z') || (byte >= 'A' && byte <= 'Z') || (byte >= '0' && byte <= '9') || byte == '/' ||
+                          byte == '.' || byte == '_' || byte == '-';
+    if (is_plain)
+      uri += letter;
+    else
+      uri += {'%', kDigits[byte >> 4], kDigits[byte & 15]};
   }
   return uri + "?" + query;
 }
@@ -61,12 +63,14 @@ void Database::fail(int sqlite_code) const {
   if (use_ == Use::create) {
     if (primary != SQLITE_FULL && system != ENOSPC && system != EDQUOT)
       throw Error(ErrorCode::kCannotWrite,
-                  "the map store cannot be written: " + words + (system == 0 ? std::string() : " (" + std::generic_category().message(system) + ")"), shown_.string(),
-                  "check that the folder exists and that you may write there");
+                  "the map store cannot be written: " + words +
+                      (system == 0 ? std::string() : " (" + std::generic_category().message(system) + ")"),
+                  shown_.string(), "check that the folder exists and that you may write there");
     std::error_code ignored;
     const auto space = std::filesystem::space(std::filesystem::absolute(shown_).parent_path(), ignored);
-    throw Error(ErrorCode::kCannotWrite, "the disk is full" + (ignored ? std::string() : " (" + std::to_string(space.available) + " bytes free)"),
-                shown_.string(), "free some space or choose another folder");
+    throw Error(ErrorCode::kCannotWrite,
+                "the disk is full" + (ignored ? std::string() : " (" + std::to_string(space.available) + " bytes free)"), shown_.string(),
+                "free some space or choose another folder");
   }
   if (primary == SQLITE_CANTOPEN || primary == SQLITE_PERM || primary == SQLITE_AUTH)
     throw Error(ErrorCode::kMissing, "the map store cannot be opened: " + words, shown_.string(), "check that you may read it");
@@ -74,7 +78,8 @@ void Database::fail(int sqlite_code) const {
 }
 
 void Database::corrupt(const std::string& what) const {
-  throw Error(ErrorCode::kCorrupt, "this is no map store, or it is damaged: " + what, shown_.string(), "make it again, or take an undamaged copy");
+  throw Error(ErrorCode::kCorrupt, "this is no map store, or it is damaged: " + what, shown_.string(),
+              "make it again, or take an undamaged copy");
 }
 
 void Database::run(const std::string& sql) {
@@ -151,7 +156,8 @@ std::string_view Statement::bytes(int column) const {
 }
 
 void Statement::require_type(int column, int type) const {
-  if (sqlite3_column_type(handle_, column) != type) database_.corrupt("column '" + std::string(sqlite3_column_name(handle_, column)) + "' holds another type");
+  if (sqlite3_column_type(handle_, column) != type)
+    database_.corrupt("column '" + std::string(sqlite3_column_name(handle_, column)) + "' holds another type");
 }
 
 }  // namespace mapweave::mapdb

@@ -48,15 +48,17 @@ class Statement {
 
   Statement& bind(std::int64_t number);
   Statement& bind(double number);
-  Statement& bind_text(std::string_view text);   // must live until run() or the last step()
+  Statement& bind_text(std::string_view text);    // must live until run() or the last step()
   Statement& bind_bytes(std::string_view bytes);  // as bind_text
   bool step();                                    // to the next row; false: there is none, and the statement can be bound again
-  void run() { while (step()) {} }
+  void run() {
+    while (step()) {}
+  }
 
   std::int64_t integer(int column) const;
   double real(int column) const;
   std::string text(int column) const;
-  std::string_view bytes(int column) const;       // until the next step()
+  std::string_view bytes(int column) const;  // until the next step()
 
  private:
   void require_type(int column, int type) const;

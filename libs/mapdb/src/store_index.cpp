@@ -8,14 +8,17 @@ namespace {
 
 constexpr std::int64_t kApplicationId = 0x4d574442;  // "MWDB"
 
-// In place of a list of migrations: schema 1, the first. WITHOUT ROWID where rows are small and found by their key.
+// Schema 1. WITHOUT ROWID where rows are small and found by their key.
 constexpr const char* kTables[] = {
-    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER NOT NULL, "
+    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
+    "NOT NULL, "
     "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
     "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL) STRICT",
-    "CREATE TABLE sessions (map INTEGER NOT NULL, robot TEXT NOT NULL, sensor TEXT NOT NULL, run_ns INTEGER NOT NULL, nodes INTEGER NOT NULL, "
+    "CREATE TABLE sessions (map INTEGER NOT NULL, robot TEXT NOT NULL, sensor TEXT NOT NULL, run_ns INTEGER NOT NULL, nodes INTEGER NOT "
+    "NULL, "
     "PRIMARY KEY (map, robot, sensor, run_ns)) STRICT, WITHOUT ROWID",
-    "CREATE TABLE updates (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL, "
+    "CREATE TABLE updates (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT "
+    "NULL, "
     "PRIMARY KEY (map, sequence)) STRICT",
     "CREATE TABLE judgements (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
     "CREATE TABLE verdicts (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
@@ -47,7 +50,11 @@ std::string name_from(const std::string& text, const Database& database) {
 bool is_utf8(std::string_view text) {
   for (std::size_t i = 0; i < text.size();) {
     const auto first = static_cast<std::uint8_t>(text[i]);
-    const std::size_t length = first < 0x80 ? 1 : first >= 0xc2 && first < 0xe0 ? 2 : first >= 0xe0 && first < 0xf0 ? 3 : first >= 0xf0 && first < 0xf5 ? 4 : 0;
+    const std::size_t length = first < 0x80                    ? 1
+                               : first >= 0xc2 && first < 0xe0 ? 2
+                               : first >= 0xe0 && first < 0xf0 ? 3
+                               : first >= 0xf0 && first < 0xf5 ? 4
+                                                               : 0;
     if (length == 0 || length > text.size() - i) return false;
     std::uint32_t letter = length == 1 ? first : first & (0x7f >> length);
     for (std::size_t k = 1; k < length; ++k) {
@@ -55,7 +62,9 @@ bool is_utf8(std::string_view text) {
       if ((next & 0xc0) != 0x80) return false;
       letter = letter << 6 | (next & 0x3f);
     }
-    if ((length == 3 && (letter < 0x800 || (letter >= 0xd800 && letter < 0xe000))) || (length == 4 && (letter < 0x10000 || letter > 0x10ffff))) return false;
+    if ((length == 3 && (letter < 0x800 || (letter >= 0xd800 && letter < 0xe000))) ||
+        (length == 4 && (letter < 0x10000 || letter > 0x10ffff)))
+      return false;
     i += length;
   }
   return true;
@@ -96,7 +105,8 @@ std::vector<BlobEntry> read_entries(Database& database, const char* sql) {
   while (rows.step()) {
     BlobEntry entry{rows.integer(0), rows.integer(1), rows.integer(2), rows.integer(3), hash_from(rows.bytes(4), database)};
     const bool follows = !entries.empty() && entries.back().owner == entry.owner;
-    if (entry.sequence != (follows ? entries.back().sequence + 1 : 1)) database.corrupt("blob " + std::to_string(entry.sequence) + " does not follow the one before");
+    if (entry.sequence != (follows ? entries.back().sequence + 1 : 1))
+      database.corrupt("blob " + std::to_string(entry.sequence) + " does not follow the one before");
     entries.push_back(entry);
   }
   return entries;
@@ -126,7 +136,8 @@ MapSummary summary_of(const Map& map) {
     summary.max_x_m = std::max(summary.max_x_m, node.map_from_node.t.x());
     summary.max_y_m = std::max(summary.max_y_m, node.map_from_node.t.y());
   }
-  for (double* bound : {&summary.min_x_m, &summary.min_y_m, &summary.max_x_m, &summary.max_y_m}) *bound += 0.0;  // SQLite keeps no negative zero
+  for (double* bound : {&summary.min_x_m, &summary.min_y_m, &summary.max_x_m, &summary.max_y_m})
+    *bound += 0.0;  // SQLite keeps no negative zero
   return summary;
 }
 
@@ -139,8 +150,10 @@ void expect_tables(Database& database) {
   if (database.number("PRAGMA application_id") != kApplicationId) database.corrupt("it is an SQLite file of another program");
   const std::int64_t version = database.number("PRAGMA user_version");
   if (version > kSchemaVersion)
-    throw Error(ErrorCode::kUnsupported, "the map store has schema " + std::to_string(version) + "; this program knows schemas up to " + std::to_string(kSchemaVersion),
-                database.shown().string(), "read it with a newer mapweave, or make it again with this one");
+    throw Error(
+        ErrorCode::kUnsupported,
+        "the map store has schema " + std::to_string(version) + "; this program knows schemas up to " + std::to_string(kSchemaVersion),
+        database.shown().string(), "read it with a newer mapweave, or make it again with this one");
   if (version < 1) database.corrupt("its schema is " + std::to_string(version));
   Statement rows(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid");
   for (const char* table : kTables)
@@ -158,7 +171,8 @@ void insert_blob(Database& database, StoreIndex& index, BlobKind kind, std::int6
     Statement insert(database, "INSERT INTO updates VALUES (?, ?, ?, ?, ?)");
     insert.bind(owner).bind(entry.sequence).bind(entry.bytes).bind_bytes(bytes_of(entry.sha256)).bind_bytes(blob.zstd).run();
   } else {
-    Statement insert(database, kind == BlobKind::judgements ? "INSERT INTO judgements VALUES (?, ?, ?, ?)" : "INSERT INTO verdicts VALUES (?, ?, ?, ?)");
+    Statement insert(
+        database, kind == BlobKind::judgements ? "INSERT INTO judgements VALUES (?, ?, ?, ?)" : "INSERT INTO verdicts VALUES (?, ?, ?, ?)");
     insert.bind(entry.sequence).bind(entry.bytes).bind_bytes(bytes_of(entry.sha256)).bind_bytes(blob.zstd).run();
   }
 }
@@ -170,7 +184,13 @@ void write_index(Database& database, const StoreIndex& index) {
   for (std::size_t place = 0; place < summary.maps.size(); ++place) {
     const MapSummary& map = summary.maps[place];
     insert_map.bind(number(place)).bind_text(map.id.str()).bind(number(map.nodes)).bind(number(map.contents)).bind(number(map.submaps));
-    insert_map.bind(number(map.constraints)).bind(map.first.ns).bind(map.last.ns).bind(map.min_x_m).bind(map.min_y_m).bind(map.max_x_m).bind(map.max_y_m);
+    insert_map.bind(number(map.constraints))
+        .bind(map.first.ns)
+        .bind(map.last.ns)
+        .bind(map.min_x_m)
+        .bind(map.min_y_m)
+        .bind(map.max_x_m)
+        .bind(map.max_y_m);
     insert_map.bind_bytes(bytes_of(map.content)).run();
     for (const SessionSummary& session : map.sessions) {
       insert_session.bind(number(place)).bind_text(session.id.client.robot.str()).bind_text(session.id.client.sensor.str());
@@ -184,7 +204,11 @@ void write_index(Database& database, const StoreIndex& index) {
   }
   const Hash seal = seal_of(index);
   Statement insert_seal(database, "INSERT INTO seal VALUES (?, ?, ?, ?)");
-  insert_seal.bind_bytes(bytes_of(summary.identity)).bind(number(summary.judgements)).bind(number(summary.verdicts)).bind_bytes(bytes_of(seal)).run();
+  insert_seal.bind_bytes(bytes_of(summary.identity))
+      .bind(number(summary.judgements))
+      .bind(number(summary.verdicts))
+      .bind_bytes(bytes_of(seal))
+      .run();
 }
 
 StoreIndex read_index(Database& database) {
@@ -211,12 +235,14 @@ StoreIndex read_index(Database& database) {
     summary.maps.push_back(std::move(map));
   }
   const auto map_of = [&](std::int64_t place) -> MapSummary& {
-    if (place < 0 || place >= number(summary.maps.size())) database.corrupt("it speaks of map " + std::to_string(place) + " of " + std::to_string(summary.maps.size()));
+    if (place < 0 || place >= number(summary.maps.size()))
+      database.corrupt("it speaks of map " + std::to_string(place) + " of " + std::to_string(summary.maps.size()));
     return summary.maps[static_cast<std::size_t>(place)];
   };
   Statement sessions(database, "SELECT * FROM sessions ORDER BY map, robot, sensor, run_ns");
   while (sessions.step()) {
-    const SessionId id{{RobotId(name_from(sessions.text(1), database)), SensorId(name_from(sessions.text(2), database))}, sessions.integer(3)};
+    const SessionId id{{RobotId(name_from(sessions.text(1), database)), SensorId(name_from(sessions.text(2), database))},
+                       sessions.integer(3)};
     map_of(sessions.integer(0)).sessions.push_back({id, count_from(sessions.integer(4), database)});
   }
   index.updates = read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM updates ORDER BY map, sequence");

@@ -9,8 +9,8 @@ namespace {
 using google::protobuf::MessageLite;
 
 constexpr std::uint32_t kVersion = 1;
-constexpr std::size_t kMostBytes = std::size_t{1} << 30;         // of a message
-constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;    // of the header and any element but a node
+constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
+constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
 
 // Fields of form::MapUpdate, written and read one by one.
 enum Field : int { kHeader = 1, kNodes, kMoved, kSubmaps, kConstraints, kJudgements, kRemovedNodes, kRemovedSubmaps, kRemovedConstraints };
@@ -19,14 +19,16 @@ const NodeId& id_of(const NodeId& id) { return id; }
 const SubmapId& id_of(const SubmapId& id) { return id; }
 const ConstraintId& id_of(const ConstraintId& id) { return id; }
 template <class Element>
-const auto& id_of(const Element& element) { return element.id; }
+const auto& id_of(const Element& element) {
+  return element.id;
+}
 
 template <class Value>
 void expect_sound(const Value& value) {
   const std::string problem = flaw(value);
   MAPWEAVE_EXPECT(problem.empty(), "only sound values are written: " + problem);
 }
-void expect_sound(const NodeId&) {}    // their sessions are checked
+void expect_sound(const NodeId&) {}  // their sessions are checked
 void expect_sound(const SubmapId&) {}
 
 void append_varint(std::string& bytes, std::uint64_t number) {
@@ -83,8 +85,9 @@ Form parsed(std::string_view bytes, const FormReader& reader) {
 
 void check_version(std::uint32_t version, const FormReader& reader, const std::string& where) {
   if (version > kVersion)
-    throw Error(ErrorCode::kUnsupported, "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(kVersion),
-                where, "read it with a newer mapweave");
+    throw Error(ErrorCode::kUnsupported,
+                "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(kVersion), where,
+                "read it with a newer mapweave");
   if (version == 0) reader.corrupt("no version stands where it should");
 }
 
@@ -169,7 +172,8 @@ std::string encode(const MapUpdate& update) {
 MapUpdate decode_map_update(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   if (bytes.empty()) reader.corrupt("it is empty");
-  if (bytes.size() > kMostBytes) reader.corrupt("it has " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) + " are expected");
+  if (bytes.size() > kMostBytes)
+    reader.corrupt("it has " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) + " are expected");
   google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
   MapUpdate update;
   int last_field = 0;
@@ -184,8 +188,10 @@ MapUpdate decode_map_update(std::string_view bytes, const std::string& where) {
     if (size > bytes.size() - begin)
       reader.corrupt("a field needs " + std::to_string(size) + " bytes, " + std::to_string(bytes.size() - begin) + " remain");
     if (field != kNodes && size > kMostFieldBytes)
-      reader.corrupt("field " + std::to_string(field) + " has " + std::to_string(size) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
-    if (field < last_field || (field == kHeader) != (last_field == 0)) reader.corrupt("field " + std::to_string(field) + " does not belong here");
+      reader.corrupt("field " + std::to_string(field) + " has " + std::to_string(size) + " bytes; at most " +
+                     std::to_string(kMostFieldBytes) + " are expected");
+    if (field < last_field || (field == kHeader) != (last_field == 0))
+      reader.corrupt("field " + std::to_string(field) + " does not belong here");
     last_field = field;
     const std::string_view content = bytes.substr(begin, size);
     if (field == kHeader) {
@@ -221,7 +227,9 @@ std::string encode(const Judgement& judgement) {
 
 Judgement decode_judgement(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  if (bytes.size() > kMostFieldBytes) reader.corrupt("a judgement of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
+  if (bytes.size() > kMostFieldBytes)
+    reader.corrupt("a judgement of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) +
+                   " are expected");
   const auto form = parsed<form::LoneJudgement>(bytes, reader);
   check_version(form.version(), reader, where);
   for (const auto& session : form.sessions()) reader.take_session(session);
@@ -237,7 +245,8 @@ std::string encode(const Verdict& verdict) {
 
 Verdict decode_verdict(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  if (bytes.size() > kMostFieldBytes) reader.corrupt("a verdict of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
+  if (bytes.size() > kMostFieldBytes)
+    reader.corrupt("a verdict of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
   const auto form = parsed<form::Verdict>(bytes, reader);
   check_version(form.version(), reader, where);
   return reader.verdict(form);

@@ -32,7 +32,7 @@ class GeometryTable {
 
  private:
   std::vector<std::shared_ptr<const ScanGeometry>> geometries_;
-  std::map<const ScanGeometry*, std::uint32_t> places_;     // never walked: the order of pointers stays inside
+  std::map<const ScanGeometry*, std::uint32_t> places_;  // never walked: the order of pointers stays inside
   std::map<std::string, std::uint32_t> place_by_bytes_;
 };
 
@@ -53,7 +53,7 @@ class FormReader {
  public:
   explicit FormReader(const std::string& where) : where_(where) {}
 
-  void take_session(const form::Session&);        // in the order of the table
+  void take_session(const form::Session&);  // in the order of the table
   void take_geometry(const form::ScanGeometry&);
   void locate(std::string place) { place_ = std::move(place); }  // what follows stands there, for messages
   [[noreturn]] void corrupt(const std::string& what) const;

@@ -10,7 +10,8 @@ std::string named(const ConstraintId& id) { return "constraint from " + to_strin
 
 [[noreturn]] void does_not_fit(const MapUpdate& update, const std::string& what) {
   throw Error(ErrorCode::kBadInput, "the update does not fit: " + what,
-              "update " + std::to_string(update.sequence) + " of map '" + update.origin.map.str() + "'", "send the map again from its first update");
+              "update " + std::to_string(update.sequence) + " of map '" + update.origin.map.str() + "'",
+              "send the map again from its first update");
 }
 
 template <class Key, class Value>
@@ -125,7 +126,8 @@ Map updated(Map older, const MapUpdate& update) {
     if (submap.submap_from_node.empty()) does_not_fit(update, to_string(submap.id) + " holds no nodes");
     expect_nodes_of(submap, map, update);
     const Submap* before = map.submaps.find(submap.id);
-    if (before != nullptr && before->frozen && !same(*before, submap)) does_not_fit(update, to_string(submap.id) + " is frozen and would change");
+    if (before != nullptr && before->frozen && !same(*before, submap))
+      does_not_fit(update, to_string(submap.id) + " is frozen and would change");
     if (submap.frozen && submap.content != content_hash(submap, map.nodes))
       does_not_fit(update, to_string(submap.id) + " is frozen with other content than its hash says");
   }

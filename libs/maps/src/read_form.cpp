@@ -19,7 +19,8 @@ Enumeration enumerated(std::uint32_t number) {
 }  // namespace
 
 void FormReader::corrupt(const std::string& what) const {
-  throw Error(ErrorCode::kCorrupt, what, place_.empty() ? where_ : where_ + ", " + place_, "make the file again, or take an undamaged copy");
+  throw Error(ErrorCode::kCorrupt, what, place_.empty() ? where_ : where_ + ", " + place_,
+              "make the file again, or take an undamaged copy");
 }
 
 template <class Value>
@@ -75,9 +76,7 @@ Pose3 FormReader::pose(const form::Pose& form) const {
   return pose;
 }
 
-Sim3 FormReader::similarity(const form::Similarity& form) const {
-  return {pose(form.pose()), form.scale() == 0.0 ? 1.0 : form.scale()};
-}
+Sim3 FormReader::similarity(const form::Similarity& form) const { return {pose(form.pose()), form.scale() == 0.0 ? 1.0 : form.scale()}; }
 
 Eigen::Matrix<double, 6, 6> FormReader::matrix(const form::Matrix6& form) const {
   Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
@@ -118,7 +117,8 @@ std::shared_ptr<const Payload> FormReader::payload(const form::Node& form) const
       corrupt("geometry " + std::to_string(form.scan().geometry()) + " of a table of " + std::to_string(geometries_.size()));
     const auto& geometry = geometries_[form.scan().geometry()];
     if (form.scan().ranges().size() != std::size_t{2} * geometry->ray_count)
-      corrupt("a scan of " + std::to_string(form.scan().ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) + " rays need twice as many");
+      corrupt("a scan of " + std::to_string(form.scan().ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) +
+              " rays need twice as many");
     return std::make_shared<const Payload>(PackedScan{geometry, unpacked<std::uint16_t>(form.scan().ranges())});
   }
   if (form.has_grid()) {
@@ -142,7 +142,8 @@ std::shared_ptr<const Payload> FormReader::payload(const form::Node& form) const
 Node FormReader::node(const form::Node& form) const {
   Node node;
   node.id = node_id(form.id());
-  node.stamp.ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(node.id.session.run) + static_cast<std::uint64_t>(form.stamp_after_run_ns()));
+  node.stamp.ns =
+      static_cast<std::int64_t>(static_cast<std::uint64_t>(node.id.session.run) + static_cast<std::uint64_t>(form.stamp_after_run_ns()));
   node.map_from_node = pose(form.map_from_node());
   node.payload = payload(form);
   require_sound(node);

@@ -12,7 +12,8 @@ bool operator==(const ScanGeometry& a, const ScanGeometry& b) {
 }
 
 std::vector<ScanPoint> points_in_robot(const PackedScan& scan, double min_range_m, double max_range_m) {
-  MAPWEAVE_EXPECT(scan.geometry != nullptr && scan.ranges.size() == scan.geometry->ray_count, "a scan has one range per ray of its geometry");
+  MAPWEAVE_EXPECT(scan.geometry != nullptr && scan.ranges.size() == scan.geometry->ray_count,
+                  "a scan has one range per ray of its geometry");
   const ScanGeometry& geometry = *scan.geometry;
   const Eigen::Matrix3d rotation = geometry.robot_from_laser.q.toRotationMatrix();
   const Eigen::Vector3d& origin = geometry.robot_from_laser.t;

@@ -29,10 +29,11 @@ std::string flaw(const OccupancyGrid& grid) {
   if (!(std::isfinite(grid.origin_x_m) && std::isfinite(grid.origin_y_m))) return "a grid's origin is not finite";
   if (grid.columns < 1 || grid.rows < 1 || grid.columns > kMostGridSide || grid.rows > kMostGridSide ||
       std::int64_t{grid.columns} * grid.rows > kMostGridCells)
-    return "a grid has " + std::to_string(grid.columns) + " x " + std::to_string(grid.rows) + " cells; 1 to " + std::to_string(kMostGridSide) +
-           " a side and at most " + std::to_string(kMostGridCells) + " in all are expected";
+    return "a grid has " + std::to_string(grid.columns) + " x " + std::to_string(grid.rows) + " cells; 1 to " +
+           std::to_string(kMostGridSide) + " a side and at most " + std::to_string(kMostGridCells) + " in all are expected";
   if (grid.log_odds.size() != static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows))
-    return "a grid of " + std::to_string(grid.columns) + " x " + std::to_string(grid.rows) + " cells holds " + std::to_string(grid.log_odds.size());
+    return "a grid of " + std::to_string(grid.columns) + " x " + std::to_string(grid.rows) + " cells holds " +
+           std::to_string(grid.log_odds.size());
   return {};
 }
 
@@ -42,9 +43,10 @@ std::string flaw(const Alignment& alignment) {
 }
 
 std::string flaw(const Evidence& evidence) {
-  for (const double number : {evidence.overlap_m2, evidence.overlap, evidence.inliers, evidence.conflict, evidence.longest_contradiction_m[0],
-                              evidence.longest_contradiction_m[1], evidence.second_best_ratio, evidence.verifier_inliers,
-                              evidence.verifier_disagreement_m, evidence.observability.x(), evidence.observability.y(), evidence.observability.z()})
+  for (const double number :
+       {evidence.overlap_m2, evidence.overlap, evidence.inliers, evidence.conflict, evidence.longest_contradiction_m[0],
+        evidence.longest_contradiction_m[1], evidence.second_best_ratio, evidence.verifier_inliers, evidence.verifier_disagreement_m,
+        evidence.observability.x(), evidence.observability.y(), evidence.observability.z()})
     if (!std::isfinite(number)) return "a number of the evidence is not finite";
   return {};
 }
@@ -61,7 +63,8 @@ std::string flaw(const SessionId& session) {
 
 std::string flaw(const Pose3& pose) {
   if (!is_finite(pose)) return "a pose holds a number that is not finite";
-  if (std::abs(pose.q.norm() - 1.0) > kUnitTolerance) return "a pose's quaternion has norm " + std::to_string(pose.q.norm()) + "; 1 is expected";
+  if (std::abs(pose.q.norm() - 1.0) > kUnitTolerance)
+    return "a pose's quaternion has norm " + std::to_string(pose.q.norm()) + "; 1 is expected";
   return {};
 }
 
@@ -112,13 +115,15 @@ std::string flaw(const Judgement& judgement) {
   if (!(judgement.a < judgement.b)) return "a judgement's submaps are not in order";
   if (judgement.hypotheses.size() > kMostHypotheses) return "a judgement has more than " + std::to_string(kMostHypotheses) + " hypotheses";
   if (judgement.scores.size() != judgement.hypotheses.size())
-    return "a judgement has " + std::to_string(judgement.scores.size()) + " scores of " + std::to_string(judgement.hypotheses.size()) + " hypotheses";
+    return "a judgement has " + std::to_string(judgement.scores.size()) + " scores of " + std::to_string(judgement.hypotheses.size()) +
+           " hypotheses";
   for (const Alignment& alignment : judgement.hypotheses)
     if (auto problem = flaw(alignment); !problem.empty()) return problem;
   if (!std::all_of(judgement.scores.begin(), judgement.scores.end(), [](double score) { return std::isfinite(score); }))
     return "a judgement's score is not finite";
   if (!is_probability(judgement.probability)) return "a judgement's probability is not within 0..1";
-  if (judgement.doubt > Reason::too_few_witnesses) return "a judgement has unknown doubt " + std::to_string(static_cast<int>(judgement.doubt));
+  if (judgement.doubt > Reason::too_few_witnesses)
+    return "a judgement has unknown doubt " + std::to_string(static_cast<int>(judgement.doubt));
   return flaw(judgement.evidence);
 }
 
@@ -126,8 +131,10 @@ std::string flaw(const Verdict& verdict) {
   if (!is_valid_name(verdict.a.str()) || !is_valid_name(verdict.b.str())) return "a verdict has no valid name of a map";
   if (!(verdict.a < verdict.b)) return "a verdict's maps are not in order";
   if (!verdict.by.empty() && !is_valid_name(verdict.by.str())) return "a verdict has no valid name of a tier";
-  if (verdict.kind != "laser" && verdict.kind != "vision" && verdict.kind != "grid") return "a verdict's kind is none of laser, vision, grid";
-  if (verdict.proposer.size() > 256 || !std::all_of(verdict.proposer.begin(), verdict.proposer.end(), [](char c) { return c >= ' ' && c <= '~'; }))
+  if (verdict.kind != "laser" && verdict.kind != "vision" && verdict.kind != "grid")
+    return "a verdict's kind is none of laser, vision, grid";
+  if (verdict.proposer.size() > 256 ||
+      !std::all_of(verdict.proposer.begin(), verdict.proposer.end(), [](char c) { return c >= ' ' && c <= '~'; }))
     return "a verdict's proposer is not up to 256 printable letters";
   if (verdict.decision > Decision::deferred) return "a verdict has unknown decision " + std::to_string(static_cast<int>(verdict.decision));
   if (verdict.reason > Reason::too_few_witnesses) return "a verdict has unknown reason " + std::to_string(static_cast<int>(verdict.reason));

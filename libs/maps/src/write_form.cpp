@@ -89,7 +89,8 @@ std::uint32_t SessionTable::place(const SessionId& session) const {
 
 std::uint32_t GeometryTable::add(const std::shared_ptr<const ScanGeometry>& geometry) {
   if (const auto known = places_.find(geometry.get()); known != places_.end()) return known->second;
-  const auto [entry, is_new] = place_by_bytes_.emplace(form_of(*geometry).SerializeAsString(), static_cast<std::uint32_t>(geometries_.size()));
+  const auto [entry, is_new] =
+      place_by_bytes_.emplace(form_of(*geometry).SerializeAsString(), static_cast<std::uint32_t>(geometries_.size()));
   if (is_new) geometries_.push_back(geometry);
   places_.emplace(geometry.get(), entry->second);
   return entry->second;

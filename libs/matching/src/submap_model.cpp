@@ -50,24 +50,38 @@ SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes)
 void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node) {
   const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
   std::vector<Point2f> points;
-  const auto place = [&](std::int32_t column, std::int32_t row) {
-    const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
+  const auto place = [&](double column, double row) {
+    const double x = grid.origin_x_m + column * grid.resolution_m, y = grid.origin_y_m + row * grid.resolution_m;
     return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x), static_cast<float>(s * x + c * y + submap_from_node.y)};
   };
+  // Coarse cells are looked at in parts, so that no cell of ours is left out.
+  const int parts = std::max(1, static_cast<int>(std::ceil(grid.resolution_m / kSightResolution)));
   for (std::int32_t row = 0; row < grid.rows; ++row)
     for (std::int32_t column = 0; column < grid.columns; ++column) {
       const auto value = grid.at(column, row);
       if (value == OccupancyGrid::kUnknown) continue;
-      const Point2f p = place(column, row);
-      const int x = cell_of(p.x, kInverseSight), y = cell_of(p.y, kInverseSight);
-      sight_.grow(x, y, x, y);
-      Sight& cell = sight_.at(x, y);
-      cell = std::max(cell, value > 0 ? Sight::wall : Sight::free);
-      if (value > 0) points.push_back(p);
+      for (int part = 0; part < parts * parts; ++part) {
+        const Point2f p = place(column + (part % parts + 0.5) / parts, row + (part / parts + 0.5) / parts);
+        const int x = cell_of(p.x, kInverseSight), y = cell_of(p.y, kInverseSight);
+        sight_.grow(x, y, x, y);
+        Sight& cell = sight_.at(x, y);
+        cell = std::max(cell, value > 0 ? Sight::wall : Sight::free);
+        if (value > 0) points.push_back(p);
+      }
     }
   // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.
   for (int i = 0; i < 3; ++i) field_.add(points);
-  path_.push_back(submap_from_node);
+  // Nobody says where its maker stood: viewpoints are where there is room, the middle of the tile's free cells.
+  double x = 0, y = 0;
+  std::size_t count = 0;
+  for (std::int32_t row = 0; row < grid.rows; ++row)
+    for (std::int32_t column = 0; column < grid.columns; ++column)
+      if (grid.at(column, row) < OccupancyGrid::kUnknown) {
+        const Point2f p = place(column + 0.5, row + 0.5);
+        x += p.x, y += p.y, ++count;
+      }
+  if (count > 0) path_.push_back({x / static_cast<double>(count), y / static_cast<double>(count), 0.0});
+  else path_.push_back(submap_from_node);
 }
 
 void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {

@@ -61,9 +61,9 @@ struct OptionSection {
 };
 struct OptionList {
   std::function<std::size_t()> size;
-  std::function<void(std::size_t)> resize;            // new elements have their defaults
-  std::function<OptionFields(std::size_t)> element;   // good until the next resize
-  std::function<OptionFields()> example;              // an element with its defaults
+  std::function<void(std::size_t)> resize;           // new elements have their defaults
+  std::function<OptionFields(std::size_t)> element;  // good until the next resize
+  std::function<OptionFields()> example;             // an element with its defaults
 };
 struct Option {
   std::string name, doc;
@@ -87,8 +87,9 @@ class OptionVisitor {
   void integer(std::string_view name, Int& value, std::int64_t low, std::int64_t high, std::string_view doc) {
     static_assert(std::is_integral_v<Int>);
     MAPWEAVE_EXPECT(fits<Int>(low) && fits<Int>(high), "the range of '" + std::string(name) + "' does not fit its type");
-    add(name, doc, OptionInteger{low, high, [&value] { return static_cast<std::int64_t>(value); },
-                                 [&value](std::int64_t given) { value = static_cast<Int>(given); }});
+    add(name, doc,
+        OptionInteger{low, high, [&value] { return static_cast<std::int64_t>(value); },
+                      [&value](std::int64_t given) { value = static_cast<Int>(given); }});
   }
   void flag(std::string_view name, bool& value, std::string_view doc) { add(name, doc, OptionFlag{&value}); }
   void text(std::string_view name, std::string& value, std::string_view doc) { add(name, doc, OptionText{&value}); }
@@ -139,9 +140,10 @@ void OptionVisitor::section(std::string_view name, Struct& value, std::string_vi
 
 template <class Struct>
 void OptionVisitor::list(std::string_view name, std::vector<Struct>& values, std::string_view doc) {
-  add(name, doc, OptionList{[&values] { return values.size(); }, [&values](std::size_t size) { values.resize(size); },
-                            [&values](std::size_t index) { return fields_of(values.at(index)); },
-                            [sample = std::make_shared<Struct>()] { return fields_of(*sample); }});
+  add(name, doc,
+      OptionList{[&values] { return values.size(); }, [&values](std::size_t size) { values.resize(size); },
+                 [&values](std::size_t index) { return fields_of(values.at(index)); },
+                 [sample = std::make_shared<Struct>()] { return fields_of(*sample); }});
 }
 
 struct ConfigurationSources {

@@ -41,13 +41,13 @@ struct SessionSummary {
 
 struct MapSummary {
   MapId id;
-  std::uint64_t nodes = 0, contents = 0;               // contents: nodes that hold a scan or grid
+  std::uint64_t nodes = 0, contents = 0;  // contents: nodes that hold a scan or grid
   std::uint64_t submaps = 0, constraints = 0;
-  Stamp first, last;                                   // of the nodes; zero where there are none, as the following
+  Stamp first, last;                                          // of the nodes; zero where there are none, as the following
   double min_x_m = 0, min_y_m = 0, max_x_m = 0, max_y_m = 0;  // of the nodes' poses, in the map's frame
-  std::vector<SessionSummary> sessions;                // sorted
-  Hash content;                                        // content_hash(map)
-  std::uint64_t bytes = 0, stored_bytes = 0;           // of its encoded updates, plain and compressed
+  std::vector<SessionSummary> sessions;                       // sorted
+  Hash content;                                               // content_hash(map)
+  std::uint64_t bytes = 0, stored_bytes = 0;                  // of its encoded updates, plain and compressed
 };
 
 struct StoreSummary {
@@ -56,7 +56,7 @@ struct StoreSummary {
   std::vector<MapSummary> maps;
   std::uint64_t judgements = 0, verdicts = 0;
   std::map<std::string, std::string> metadata;
-  Hash identity;                                       // of the StoredMaps
+  Hash identity;  // of the StoredMaps
 };
 
 // What a store says of itself, without reading the maps: quick however large they are. Throws as read_store.

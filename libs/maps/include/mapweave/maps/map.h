@@ -33,13 +33,13 @@ struct Submap {
   SubmapId id;
   std::vector<std::pair<NodeId, Pose3>> submap_from_node;  // of nodes with payloads; the first is the anchor, at identity
   bool frozen = false;
-  Hash content;                                            // of payloads and submap_from_node; set when frozen
+  Hash content;  // of payloads and submap_from_node; set when frozen
   const NodeId& anchor() const { return submap_from_node.front().first; }
 };
 
 enum class ConstraintKind : std::uint8_t { odometry = 0, scan_match = 1, extrinsic = 2, loop = 3, between_maps = 4, prior = 5 };
 
-struct ConstraintId {                      // of `from` to `to`, one of each kind, counted where there are several
+struct ConstraintId {  // of `from` to `to`, one of each kind, counted where there are several
   ConstraintKind kind = ConstraintKind::odometry;
   NodeId from, to;
   std::uint32_t index = 0;
@@ -49,10 +49,10 @@ inline auto key_of(const ConstraintId& id) { return std::tie(id.kind, id.from, i
 struct Constraint {
   ConstraintId id;
   Sim3 from_from_to;
-  // Order (x, y, z, roll, pitch, yaw) of a small motion of `to` in its own frame; 1/m^2, 1/rad^2; may be rank deficient. Planar constraints fill x, y,
-  // yaw and leave the other rows zero.
+  // Order (x, y, z, roll, pitch, yaw) of a small motion of `to` in its own frame; 1/m^2, 1/rad^2; may be rank deficient. Planar constraints
+  // fill x, y, yaw and leave the other rows zero.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
-  std::optional<Hash> because;             // the judgement it rests on (loop, between_maps)
+  std::optional<Hash> because;  // the judgement it rests on (loop, between_maps)
 };
 
 // Builds a planar constraint; information in order (x, y, yaw) in the frame of `to`.

@@ -23,30 +23,30 @@ struct MovedNode {
 // Every list is in ascending order of ids, no id twice.
 struct MapUpdate {
   Origin origin;
-  std::uint64_t sequence = 0;         // counts from 1 per origin
-  std::uint64_t base = 0;             // the sequence it builds on; 0: nothing
-  std::vector<Node> nodes;            // new
-  std::vector<MovedNode> moved;       // known ones whose belief changed
-  std::vector<Submap> submaps;        // new, or grown and not yet frozen before
-  std::vector<Constraint> constraints;            // new or changed
-  std::vector<Judgement> judgements;              // new; not part of the Map
+  std::uint64_t sequence = 0;           // counts from 1 per origin
+  std::uint64_t base = 0;               // the sequence it builds on; 0: nothing
+  std::vector<Node> nodes;              // new
+  std::vector<MovedNode> moved;         // known ones whose belief changed
+  std::vector<Submap> submaps;          // new, or grown and not yet frozen before
+  std::vector<Constraint> constraints;  // new or changed
+  std::vector<Judgement> judgements;    // new; not part of the Map
   std::vector<NodeId> removed_nodes;
   std::vector<SubmapId> removed_submaps;
   std::vector<ConstraintId> removed_constraints;  // removals come first when an update is applied
 };
 
-// newer = updated(older, difference(older, newer)), bit for bit; difference(Map{}, map) is the whole map. Origin's tier, sequence and base are the
-// caller's to fill in. Contract: two states of one map; payloads and frozen submaps that both hold are the same.
+// newer = updated(older, difference(older, newer)), bit for bit; difference(Map{}, map) is the whole map. Origin's tier, sequence and base
+// are the caller's to fill in. Contract: two states of one map; payloads and frozen submaps that both hold are the same.
 MapUpdate difference(const Map& older, const Map& newer);
-// Throws Error(kBadInput) on what does not fit: another map's update, unknown ids, a changed payload or frozen submap, a frozen submap whose
-// content is not what its hash says. A node sent again with its own content is moved. Whether `base` fits is the caller's to know.
+// Throws Error(kBadInput) on what does not fit: another map's update, unknown ids, a changed payload or frozen submap, a frozen submap
+// whose content is not what its hash says. A node sent again with its own content is moved. Whether `base` fits is the caller's to know.
 Map updated(Map older, const MapUpdate&);
 
-// The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans share their
-// geometry again. encode throws ContractViolation for what decode would refuse (numbers that are not finite, quaternions that are not unit,
-// names that are not valid, lists out of order), so what was written can be read. decode takes bytes that nobody vouches for: it checks all
-// of that, and sizes before it allocates, and throws Error(kCorrupt), or kUnsupported for a newer form; whether ids are known is for
-// updated() to say.
+// The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans share
+// their geometry again. encode throws ContractViolation for what decode would refuse (numbers that are not finite, quaternions that are not
+// unit, names that are not valid, lists out of order), so what was written can be read. decode takes bytes that nobody vouches for: it
+// checks all of that, and sizes before it allocates, and throws Error(kCorrupt), or kUnsupported for a newer form; whether ids are known is
+// for updated() to say.
 std::string encode(const MapUpdate&);
 MapUpdate decode_map_update(std::string_view bytes, const std::string& where);
 

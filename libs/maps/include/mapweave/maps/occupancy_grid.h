@@ -15,9 +15,9 @@ struct OccupancyGrid {
   static constexpr double kUnitsPerNat = 100.0;  // log odds of occupancy are stored times this
 
   double resolution_m = 0.05;
-  double origin_x_m = 0.0, origin_y_m = 0.0;     // the lower-left corner of cell (0, 0) in the grid's frame
+  double origin_x_m = 0.0, origin_y_m = 0.0;  // the lower-left corner of cell (0, 0) in the grid's frame
   std::int32_t columns = 0, rows = 0;
-  std::vector<std::int16_t> log_odds;            // columns * rows, row by row; kUnknown, else > 0 occupied, < 0 free
+  std::vector<std::int16_t> log_odds;  // columns * rows, row by row; kUnknown, else > 0 occupied, < 0 free
 
   bool empty() const { return columns == 0 || rows == 0; }
   std::int16_t at(std::int32_t column, std::int32_t row) const {

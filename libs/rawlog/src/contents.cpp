@@ -1,0 +1,102 @@
+#include "byte_source.h"
+#include "formats.h"
+#include "ordered_stream.h"
+
+#include <mapweave/core/geometry.h>
+#include <mapweave/core/interrupt.h>
+#include <mapweave/rawlog/contents.h>
+#include <mrpt/obs/CObservation2DRangeScan.h>
+#include <mrpt/obs/CObservationOdometry.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace mapweave::rawlog {
+namespace {
+
+constexpr std::size_t kMostGeometries = 100;  // kept per sensor: a laser that turns on its own axis has one per scan
+
+LaserGeometry geometry_of(const mrpt::obs::CObservation2DRangeScan& scan) {
+  LaserGeometry geometry;
+  geometry.rays = static_cast<std::uint32_t>(scan.getScanSize());
+  geometry.max_range_m = scan.maxRange;
+  const auto& pose = scan.sensorPose;
+  geometry.x_m = pose.x();
+  geometry.y_m = pose.y();
+  geometry.z_m = pose.z();
+  geometry.yaw_rad = pose.yaw();
+  geometry.pitch_rad = pose.pitch();
+  geometry.roll_rad = pose.roll();
+  const double half = 0.5 * (scan.rightToLeft ? 1.0 : -1.0) * scan.aperture;
+  geometry.first_angle_rad = geometry.yaw_rad - half;
+  geometry.last_angle_rad = geometry.yaw_rad + half;
+  return geometry;
+}
+
+bool alike(const LaserGeometry& a, const LaserGeometry& b) {
+  const auto near = [](double x, double y) { return std::abs(x - y) < 1e-4; };
+  return a.rays == b.rays && near(a.first_angle_rad, b.first_angle_rad) && near(a.last_angle_rad, b.last_angle_rad) && near(a.max_range_m, b.max_range_m) &&
+         near(a.x_m, b.x_m) && near(a.y_m, b.y_m) && near(a.z_m, b.z_m) && near(a.pitch_rad, b.pitch_rad) && near(a.roll_rad, b.roll_rad);
+}
+
+void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObservation2DRangeScan& scan) {
+  const LaserGeometry geometry = geometry_of(scan);
+  auto known = std::find_if(geometries.begin(), geometries.end(), [&](const LaserGeometry& other) { return alike(geometry, other); });
+  if (known == geometries.end()) {
+    if (geometries.size() == kMostGeometries) return;
+    known = geometries.insert(known, geometry);
+  }
+  ++known->scans;
+}
+
+}  // namespace
+
+LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& options) {
+  auto bytes = std::make_unique<ByteSource>(log);
+  const Format& format = recognise(*bytes);
+  const auto stream = make_ordered_stream(format.open(std::move(bytes), options), options);
+
+  LogContents contents;
+  contents.format = format.name;
+  std::map<std::pair<std::string, std::string>, SensorContents> sensors;
+  std::map<std::string, Pose2> last_odometry;  // by label
+  std::map<std::string, double> length_m;
+  while (const auto record = stream->next()) {
+    const auto& observation = *record->observation;
+    if (contents.observations % 256 == 0) throw_if_interrupted();
+    if (contents.observations++ == 0) contents.first = record->stamp;
+    contents.last = record->stamp;
+    const std::string full_name = observation.GetRuntimeClass()->className;
+    const std::string class_name = full_name.substr(full_name.rfind(':') + 1);
+    SensorContents& sensor = sensors[{observation.sensorLabel, class_name}];
+    if (sensor.count++ == 0) {
+      sensor.label = observation.sensorLabel;
+      sensor.class_name = class_name;
+      sensor.first = sensor.last = record->stamp;
+    }
+    sensor.longest_gap_s = std::max(sensor.longest_gap_s, seconds_between(sensor.last, record->stamp));
+    sensor.last = record->stamp;
+    if (const auto* scan = dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(&observation)) {
+      ++contents.scans;
+      add_geometry(sensor.geometries, *scan);
+    } else if (const auto* odometry = dynamic_cast<const mrpt::obs::CObservationOdometry*>(&observation)) {
+      const Pose2 pose = odometry->odometry.asTPose();
+      const auto [last, is_first] = last_odometry.try_emplace(observation.sensorLabel, pose);
+      if (!is_first) length_m[observation.sensorLabel] += std::hypot(pose.x - last->second.x, pose.y - last->second.y);
+      last->second = pose;
+    }
+  }
+  contents.duration_s = seconds_between(contents.first, contents.last);
+  for (auto& [key, sensor] : sensors) {
+    const double seconds = seconds_between(sensor.first, sensor.last);
+    if (seconds > 0.0) sensor.rate_hz = static_cast<double>(sensor.count - 1) / seconds;
+    std::stable_sort(sensor.geometries.begin(), sensor.geometries.end(), [](const LaserGeometry& a, const LaserGeometry& b) { return a.scans > b.scans; });
+    contents.sensors.push_back(std::move(sensor));
+  }
+  for (const auto& [label, length] : length_m) contents.odometry_length_m = std::max(contents.odometry_length_m, length);
+  return contents;
+}
+
+}  // namespace mapweave::rawlog

@@ -1,0 +1,60 @@
+#include <gtest/gtest.h>
+#include <mapweave/graph/pose_graph.h>
+#include <mapweave/matching/rematch.h>
+#include <support/pose_matchers.h>
+#include <support/simulated_maps.h>
+
+namespace mapweave::matching {
+namespace {
+
+TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 40.0;
+  const auto team = simulation::make_apartment({}, options);
+  const Map truth = test::truth_map(team.robots[0], team.laser);
+  Map bent = truth;
+  for (auto& [id, node] : bent.nodes) {
+    const double t = 0.0005 * id.index;  // a slow bend
+    node.map_from_node = compose(spatial(Pose2{0.05 * std::sin(t), 0.05 * std::cos(t), 0.01 * std::sin(3 * t)}), node.map_from_node);
+  }
+  WorkerPool pool(2);
+  const auto constraints = rematch(bent, {}, pool);
+  ASSERT_GT(constraints.size(), 50U);
+  std::size_t good = 0;
+  for (const auto& c : constraints) {
+    const Pose2 expected = between(planar(truth.nodes.find(c.id.from)->map_from_node), planar(truth.nodes.find(c.id.to)->map_from_node));
+    const Pose2 apart = between(expected, planar(c.from_from_to.pose));
+    good += std::hypot(apart.x, apart.y) < 0.05 && std::abs(apart.phi) < 0.02;
+  }
+  EXPECT_GT(static_cast<double>(good), 0.95 * static_cast<double>(constraints.size()));
+}
+
+TEST(Rematch, gives_the_same_constraints_for_any_number_of_threads) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 25.0;
+  const auto team = simulation::make_apartment({}, options);
+  const Map map = test::truth_map(team.robots[0], team.laser);
+  WorkerPool one(1), three(3);
+  const auto a = rematch(map, {}, one), b = rematch(map, {}, three);
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_TRUE(a[i].id == b[i].id);
+    EXPECT_EQ(a[i].from_from_to.pose.t, b[i].from_from_to.pose.t);
+  }
+}
+
+TEST(Rematch, can_be_switched_off) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 10.0;
+  const auto team = simulation::make_apartment({}, options);
+  WorkerPool pool(1);
+  RematchOptions off;
+  off.most_submaps = 0;
+  EXPECT_TRUE(rematch(test::truth_map(team.robots[0], team.laser), off, pool).empty());
+}
+
+}  // namespace
+}  // namespace mapweave::matching

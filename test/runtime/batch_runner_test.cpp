@@ -1,0 +1,209 @@
+#include "simulated_team.h"
+
+#include <mapweave/runtime/batch_runner.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/files.h>
+#include <mapweave/core/interrupt.h>
+#include <nlohmann/json.hpp>
+
+#include <sys/resource.h>
+#include <csignal>
+
+namespace mapweave::runtime {
+namespace {
+
+using nlohmann::json;
+using test_support::simulated_team;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+json parsed(const fs::path& file) { return json::parse(read_file(file)); }
+
+std::string entries(const fs::path& folder) {
+  std::set<std::string> names;
+  if (fs::exists(folder))
+    for (const auto& entry : fs::directory_iterator(folder)) names.insert(entry.path().filename());
+  std::string text;
+  for (const auto& name : names) text += name + " ";
+  return text;
+}
+
+// Interrupts as soon as the named task begins.
+class InterruptAt : public Progress {
+ public:
+  explicit InterruptAt(std::string task) : task_(std::move(task)) {}
+  int begin(std::string_view task, std::uint64_t, std::string_view) override {
+    if (task == task_) request_interrupt();
+    return 0;
+  }
+  void advance(int, std::uint64_t) override {}
+  void end(int) override {}
+  void say(std::string_view) override {}
+
+ private:
+  std::string task_;
+};
+
+struct BatchTest : testing::Test {
+  ~BatchTest() override { clear_interrupt(); }
+  Report run(const std::string& out, int threads = 1, bool keep_going = false, Progress* watched = nullptr) {
+    WorkerPool pool(threads);
+    return run_batch(configuration, make_plan(configuration, {}), {folder / out, false, keep_going}, pool, watched != nullptr ? *watched : *silent);
+  }
+  void break_log(const std::string& robot) {  // cut in the middle
+    const std::string bytes = read_file(simulated_team().log(robot));
+    write_file(folder / (robot + ".rawlog"), std::string_view(bytes).substr(0, bytes.size() / 2));
+    for (RobotEntry& entry : configuration.robots)
+      if (entry.id == robot) entry.log = folder / (robot + ".rawlog");
+  }
+  test::TemporaryFolder folder;
+  RunConfiguration configuration = simulated_team().configuration();
+  std::unique_ptr<Progress> silent = make_silent_progress();
+};
+
+TEST_F(BatchTest, leaves_the_files_of_the_contract) {
+  const Report report = run("out");
+  EXPECT_EQ(entries(folder.path()), "out ");
+  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json"}) EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
+  for (const char* map : {"robots/alpha", "robots/beta", "edges/north", "edges/south", "team"})
+    for (const char* file : {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"})
+      EXPECT_TRUE(fs::exists(folder / "out" / map / file)) << map << "/" << file;
+  EXPECT_TRUE(fs::exists(folder / "out/team/trajectories")) << entries(folder / "out/team");
+  ASSERT_EQ(report.robots.size(), 2u);
+  EXPECT_EQ(report.robots[0].id, RobotId("alpha"));
+  EXPECT_GT(report.robots[0].scans, 10u);
+  const json summary = parsed(folder / "out/summary.json");
+  EXPECT_EQ(summary["team"]["components"], report.team.components.size());
+  EXPECT_GT(summary["peak_rss_bytes"], 1000000);
+  EXPECT_EQ(parsed(folder / "out/manifest.json")["inputs"].size(), 2u);
+}
+
+TEST_F(BatchTest, leaves_the_same_bytes_for_any_number_of_threads_and_any_order_of_robots) {
+  run("one", 1);
+  std::reverse(configuration.robots.begin(), configuration.robots.end());
+  run("two", 2);
+  const json one = parsed(folder / "one/manifest.json"), two = parsed(folder / "two/manifest.json");
+  EXPECT_EQ(one["outputs"], two["outputs"]);
+  EXPECT_GT(one["outputs"].size(), 30u);
+  EXPECT_EQ(one["inputs"], two["inputs"]);
+  json merges[] = {parsed(folder / "one/merges.json"), parsed(folder / "two/merges.json")};
+  for (json& list : merges)
+    for (json& merge : list) merge.erase("seconds");
+  EXPECT_EQ(merges[0], merges[1]);
+}
+
+TEST_F(BatchTest, maps_again_what_its_own_config_says) {
+  run("first");
+  const RunConfiguration before = configuration;
+  configuration = {};
+  const Origins origins = load(configuration, {{folder / "first/config.yaml"}, {}, {}});
+  run("again");
+  EXPECT_EQ(parsed(folder / "first/manifest.json")["outputs"], parsed(folder / "again/manifest.json")["outputs"]);
+}
+
+TEST_F(BatchTest, ends_with_nothing_written_when_a_log_is_cut) {
+  break_log("beta");
+  try {
+    run("out");
+    FAIL() << "did not end";
+  } catch (const Error& error) {
+    EXPECT_EQ(exit_code(error.code()), 3);
+    EXPECT_THAT(error.what(), HasSubstr("beta.rawlog"));
+  }
+  EXPECT_EQ(entries(folder.path()), "beta.rawlog ");
+}
+
+TEST_F(BatchTest, keeps_what_came_before_the_cut_and_the_others_when_told_to) {
+  break_log("beta");
+  const Report report = run("out", 2, true);
+  EXPECT_EQ(report.exit_code(), 3);
+  EXPECT_FALSE(report.robots[0].trouble);
+  ASSERT_TRUE(report.robots[1].trouble);
+  EXPECT_TRUE(report.robots[1].mapped);
+  EXPECT_TRUE(fs::exists(folder / "out/robots/alpha/map.mwdb"));
+  EXPECT_TRUE(fs::exists(folder / "out/robots/beta/map.mwdb"));
+  EXPECT_THAT(parsed(folder / "out/summary.json")["robots"][1]["trouble"].get<std::string>(), HasSubstr("beta.rawlog"));
+}
+
+TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_told_to) {
+  write_file(folder / "empty.rawlog", "");
+  configuration.robots[1].log = folder / "empty.rawlog";
+  const Report report = run("out", 1, true);
+  EXPECT_EQ(report.exit_code(), 3);
+  EXPECT_FALSE(report.robots[1].mapped);
+  EXPECT_TRUE(fs::exists(folder / "out/team/map.mwdb"));
+  EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
+}
+
+TEST_F(BatchTest, saves_robots_that_are_finished_when_interrupted) {
+  InterruptAt interrupt("robot beta");
+  const Report report = run("out", 1, false, &interrupt);
+  EXPECT_EQ(report.exit_code(), 130);
+  EXPECT_TRUE(fs::exists(folder / "out/robots/alpha/map.mwdb"));
+  EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
+  EXPECT_FALSE(fs::exists(folder / "out/team"));
+  EXPECT_EQ(parsed(folder / "out/summary.json")["interrupted"], true);
+}
+
+TEST_F(BatchTest, writes_nothing_when_interrupted_before_anything_is_finished) {
+  InterruptAt interrupt("robot alpha");
+  try {
+    run("out", 1, false, &interrupt);
+    FAIL() << "did not end";
+  } catch (const Error& error) {
+    EXPECT_EQ(exit_code(error.code()), 130);
+  }
+  EXPECT_EQ(entries(folder.path()), "");
+}
+
+TEST_F(BatchTest, makes_a_helper_that_fails_the_trouble_of_its_robot) {
+  configuration.laser.engine = laser::Engine::icp;
+  configuration.laser.external.helper = "/bin/false";
+  try {
+    run("out");
+    FAIL() << "did not end";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kHelperFailed);
+  }
+  EXPECT_EQ(entries(folder.path()), "");
+}
+
+TEST_F(BatchTest, leaves_old_results_alone_unless_forced) {
+  fs::create_directories(folder / "out");
+  write_file(folder / "out" / "precious.txt", "mine");
+  EXPECT_THROW(run("out"), Error);
+  EXPECT_EQ(entries(folder / "out"), "precious.txt ");
+}
+
+TEST_F(BatchTest, leaves_nothing_when_files_cannot_grow) {
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old_limit{};
+  getrlimit(RLIMIT_FSIZE, &old_limit);
+  rlimit small = old_limit;
+  small.rlim_cur = 2000;
+  setrlimit(RLIMIT_FSIZE, &small);
+  std::optional<Error> error;
+  try {
+    run("out");
+  } catch (const Error& thrown) {
+    error = thrown;
+  }
+  setrlimit(RLIMIT_FSIZE, &old_limit);
+  std::signal(SIGXFSZ, old_handler);
+  ASSERT_TRUE(error);
+  EXPECT_EQ(error->code(), ErrorCode::kCannotWrite);
+  EXPECT_EQ(entries(folder.path()), "");
+}
+
+TEST_F(BatchTest, slam_leaves_the_files_of_the_contract_in_one_folder) {
+  WorkerPool pool(1);
+  configuration.robots.resize(1);
+  const Report report = run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, *silent);
+  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(entries(folder / "out"),
+            "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml summary.json trajectory.tum ");
+}
+
+}  // namespace
+}  // namespace mapweave::runtime

@@ -1,0 +1,79 @@
+#include "simulated_team.h"
+
+#include <mapweave/runtime/merge_runner.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/files.h>
+#include <nlohmann/json.hpp>
+
+namespace mapweave::runtime {
+namespace {
+
+using test_support::simulated_team;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+// A folder with a run's results, made once.
+const fs::path& results() {
+  static const test::TemporaryFolder folder;
+  static const fs::path out = [] {
+    WorkerPool pool(1);
+    const RunConfiguration configuration = simulated_team().configuration();
+    run_batch(configuration, make_plan(configuration, {}), {folder / "run", false, false}, pool, *make_silent_progress());
+    return folder / "run";
+  }();
+  return out;
+}
+
+struct MergeTest : testing::Test {
+  Report merge(const std::vector<fs::path>& maps, const std::string& out = "out") {
+    return run_merge(configuration, maps, {folder / out, false}, pool, *progress);
+  }
+  test::TemporaryFolder folder;
+  RunConfiguration configuration;
+  WorkerPool pool{1};
+  std::unique_ptr<Progress> progress = make_silent_progress();
+};
+
+TEST_F(MergeTest, joins_robots_maps_as_the_run_did_whatever_their_order) {
+  merge({results() / "robots/beta/map.mwdb", results() / "robots/alpha/map.mwdb"});
+  for (const char* file : {"team/map.png", "team/map.pcd", "team/trajectory.tum", "robots/alpha/map.png", "robots/beta/map.png"})
+    EXPECT_EQ(read_file(folder / "out" / file), read_file(results() / file)) << file;
+  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"}) EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
+}
+
+TEST_F(MergeTest, takes_a_grid_among_the_maps) {
+  fs::copy(results() / "robots/beta/map.yaml", folder / "map.yaml");
+  fs::copy(results() / "robots/beta/map.pgm", folder / "map.pgm");
+  fs::rename(folder / "map.yaml", folder / "hall.yaml");
+  const Report report = merge({results() / "robots/alpha/map.mwdb", folder / "hall.yaml"});
+  ASSERT_EQ(report.team.verdicts.size(), 1u);
+  const auto merges = merges_json(report);
+  EXPECT_EQ(merges[0]["kind"], "grid");
+  EXPECT_EQ(merges[0]["b"], "map");
+  EXPECT_EQ(merges[0]["a"], "hall");
+}
+
+TEST_F(MergeTest, calls_maps_by_their_folders_and_says_so) {
+  const Report report = merge({results() / "robots/alpha/map.mwdb", results() / "robots/beta/map.mwdb"});
+  ASSERT_EQ(report.notes.size(), 2u);
+  EXPECT_THAT(report.notes[0], testing::AllOf(HasSubstr("alpha/map.mwdb"), HasSubstr("'alpha'")));
+}
+
+TEST_F(MergeTest, takes_a_team_map_among_the_maps) {
+  const Report report = merge({results() / "team/map.mwdb"});
+  EXPECT_EQ(report.team.components.size(), 1u);
+  EXPECT_TRUE(fs::exists(folder / "out/team/map.png"));
+}
+
+TEST_F(MergeTest, refuses_what_is_no_map) {
+  write_file(folder / "notes.txt", "nothing");
+  EXPECT_THROW(merge({folder / "notes.txt"}), Error);
+  write_file(folder / "broken.mwdb", "nothing");
+  EXPECT_THROW(merge({folder / "broken.mwdb"}), Error);
+  EXPECT_THROW(merge({folder / "absent.mwdb"}), Error);
+  EXPECT_FALSE(fs::exists(folder / "out"));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime
