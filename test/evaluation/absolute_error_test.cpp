@@ -74,7 +74,8 @@ TEST(RelativeError, all_pairs_begin_at_every_pose) {
 TEST(RelativeError, refuses_pieces_longer_than_the_way) {
   EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {10.0, DeltaUnit::frames, false, 0.1}), Error);
   EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {50.0, DeltaUnit::metres, true, 0.1}), Error);
-  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {0.5, DeltaUnit::frames, true, 0.1}), ContractViolation);
+  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {0.5, DeltaUnit::frames, true, 0.1}),
+               ContractViolation);
 }
 
 }  // namespace

@@ -118,7 +118,8 @@ TEST(Alignment, none_changes_nothing) {
 
 TEST(Alignment, refuses_positions_that_do_not_determine_it) {
   std::vector<PosePair> line(5), point(5);
-  for (int i = 0; i < 5; ++i) line[static_cast<std::size_t>(i)].estimate.t = line[static_cast<std::size_t>(i)].reference.t = Eigen::Vector3d(i, 0.0, 0.0);
+  for (int i = 0; i < 5; ++i)
+    line[static_cast<std::size_t>(i)].estimate.t = line[static_cast<std::size_t>(i)].reference.t = Eigen::Vector3d(i, 0.0, 0.0);
   EXPECT_THROW(reference_from_estimate(line, AlignmentKind::se3), Error);
   EXPECT_THROW(reference_from_estimate(line, AlignmentKind::sim3), Error);
   EXPECT_NO_THROW(reference_from_estimate(line, AlignmentKind::se2));

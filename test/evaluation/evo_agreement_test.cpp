@@ -3,8 +3,8 @@
 #include <mapweave/core/files.h>
 #include <mapweave/evaluation/absolute_error.h>
 #include <mapweave/evaluation/tum_trajectory.h>
-#include <nlohmann/json.hpp>
 #include <support/data.h>
+#include <nlohmann/json.hpp>
 
 namespace mapweave::evaluation {
 namespace {
@@ -50,13 +50,18 @@ TEST_P(EvoAgreement, every_statistic_is_evos) {
     const Eigen::Matrix3d turn = error.reference_from_estimate.scale * error.reference_from_estimate.pose.q.toRotationMatrix();
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column)
-        EXPECT_NEAR(turn(row, column), result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(static_cast<std::size_t>(column)).get<double>(), kTolerance);
-      EXPECT_NEAR(error.reference_from_estimate.pose.t(row), result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(3).get<double>(), kTolerance);
+        EXPECT_NEAR(
+            turn(row, column),
+            result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(static_cast<std::size_t>(column)).get<double>(),
+            kTolerance);
+      EXPECT_NEAR(error.reference_from_estimate.pose.t(row),
+                  result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(3).get<double>(), kTolerance);
     }
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Cases, EvoAgreement, testing::Values("planar", "handheld"), [](const auto& tested) { return std::string(tested.param); });
+INSTANTIATE_TEST_SUITE_P(Cases, EvoAgreement, testing::Values("planar", "handheld"),
+                         [](const auto& tested) { return std::string(tested.param); });
 
 }  // namespace
 }  // namespace mapweave::evaluation

@@ -46,7 +46,8 @@ TEST(GridAgreement, counts_what_both_know_whatever_the_origins) {
   EXPECT_DOUBLE_EQ(result.overlap, 20.0 / 25.0);
   EXPECT_DOUBLE_EQ(result.agreement, 1.0);
   EXPECT_DOUBLE_EQ(result.conflict, 0.0);
-  EXPECT_DOUBLE_EQ(result.wall_iou, 0.5 * (13.0 + 11.0) / (22.0 + 11.0 - 12.0));  // a cell of a's walls beyond b is next to one of b's, above and below
+  EXPECT_DOUBLE_EQ(result.wall_iou,
+                   0.5 * (13.0 + 11.0) / (22.0 + 11.0 - 12.0));  // a cell of a's walls beyond b is next to one of b's, above and below
 }
 
 TEST(GridAgreement, forgives_a_wall_one_cell_off_but_not_two) {

@@ -17,7 +17,8 @@ struct Expectation {
   double translation_mean_m, translation_std_m, rotation_mean_deg, rotation_std_deg;
 };
 
-// Stamp and odometry of every scan: of `FLASER n r_1..r_n x y th odom_x odom_y odom_th stamp host logger_stamp` the columns after the first pose.
+// Stamp and odometry of every scan: of `FLASER n r_1..r_n x y th odom_x odom_y odom_th stamp host logger_stamp` the columns after the first
+// pose.
 std::vector<std::pair<Stamp, Pose2>> odometry_of(const std::filesystem::path& carmen_log) {
   std::vector<std::pair<Stamp, Pose2>> odometry;
   const gzFile file = gzopen(carmen_log.c_str(), "rb");
@@ -73,7 +74,9 @@ TEST_P(PublicRelations, reference_trajectory_scores_what_its_readme_says) {
   Trajectory dense;
   for (const auto& [stamp, world_from_robot] : odometry) {
     const auto after = std::find_if(anchors.begin(), anchors.end(), [s = stamp](const Anchor& anchor) { return s <= anchor.stamp; });
-    if (after == anchors.end() || (after == anchors.begin() && !(after->stamp == stamp)) || (!dense.empty() && !(dense.back().stamp < stamp))) continue;
+    if (after == anchors.end() || (after == anchors.begin() && !(after->stamp == stamp)) ||
+        (!dense.empty() && !(dense.back().stamp < stamp)))
+      continue;
     const Anchor& later = *after;
     const Anchor& earlier = later.stamp == stamp ? later : *std::prev(after);
     const Pose2 odometry_from_laser = compose(world_from_robot, robot_from_laser);

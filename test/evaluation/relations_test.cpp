@@ -83,8 +83,8 @@ TEST(RelationError, interpolates_where_the_trajectory_is_sparser_and_says_so) {
 TEST(RelationError, leaves_out_what_the_trajectory_does_not_know) {
   RelationErrorOptions options;
   options.max_gap_s = 0.5;
-  const std::vector<Relation> relations = {{at(100.0), at(100.5), Pose2(0.5, 0.0, 0.0)},    // in a gap
-                                           {at(90.0), at(101.0), Pose2(1.0, 0.0, 0.0)},     // before the start
+  const std::vector<Relation> relations = {{at(100.0), at(100.5), Pose2(0.5, 0.0, 0.0)},      // in a gap
+                                           {at(90.0), at(101.0), Pose2(1.0, 0.0, 0.0)},       // before the start
                                            {at(100.0009), at(101.0), Pose2(1.0, 0.0, 0.0)}};  // within the tolerance
   const RelationError error = relation_error(corner(), relations, options);
   EXPECT_EQ(error.count, 3u);
@@ -118,7 +118,8 @@ TEST(ParseRelations, reads_the_form_of_the_slam_benchmark) {
 }
 
 TEST(ParseRelations, names_the_line_of_what_it_cannot_use) {
-  EXPECT_THAT(complaint_about("1 2 0 0 0 0 0 0\n1 2 0 0 0 0 0\n"), HasSubstr("r.relations:2: a line has 8 numbers (t_i t_j x y z roll pitch yaw), this one has 7"));
+  EXPECT_THAT(complaint_about("1 2 0 0 0 0 0 0\n1 2 0 0 0 0 0\n"),
+              HasSubstr("r.relations:2: a line has 8 numbers (t_i t_j x y z roll pitch yaw), this one has 7"));
   EXPECT_THAT(complaint_about("1 2 0 0 0 0 0 nan\n"), HasSubstr("r.relations:1: 'nan' in column 8"));
   EXPECT_THAT(complaint_about("1 2 0 0 0 0 what 0\n"), HasSubstr("'what' in column 7"));
   EXPECT_THAT(complaint_about("1 1e300 0 0 0 0 0 0\n"), HasSubstr("no time in seconds"));

@@ -8,8 +8,8 @@
 namespace mapweave::evaluation {
 namespace {
 
-using ::testing::HasSubstr;
 using test::IsNear;
+using ::testing::HasSubstr;
 
 std::string complaint_about(const std::string& text) {
   try {
@@ -22,8 +22,9 @@ std::string complaint_about(const std::string& text) {
 }
 
 TEST(ParseTum, reads_poses_between_comments_and_blank_lines) {
-  const auto trajectory = parse_tum("# stamp x y z qx qy qz qw\r\n\r\n976052857.337530 1 -2 0.5 0 0 0.7071068 0.7071068\r\n\t976052857.5 +3 0 0 0 0 0 1 # stood still",
-                                    "t.tum");
+  const auto trajectory = parse_tum(
+      "# stamp x y z qx qy qz qw\r\n\r\n976052857.337530 1 -2 0.5 0 0 0.7071068 0.7071068\r\n\t976052857.5 +3 0 0 0 0 0 1 # stood still",
+      "t.tum");
   ASSERT_EQ(trajectory.size(), 2u);
   EXPECT_EQ(trajectory[0].stamp.ns, 976052857337530000);
   EXPECT_THAT(planar(trajectory[0].pose), IsNear(Pose2(1.0, -2.0, M_PI / 2), 1e-12, 1e-6));
@@ -41,7 +42,8 @@ TEST(ParseTum, keeps_every_written_digit_of_a_stamp) {
 
 TEST(ParseTum, names_the_line_of_what_it_cannot_use) {
   const std::string good = "# header\n1 0 0 0 0 0 0 1\n";
-  EXPECT_THAT(complaint_about(good + "2 0 0 0 0 0 1\n3 0 0 0 0 0 0 1\n"), HasSubstr("t.tum:3: a line has 8 numbers (stamp x y z qx qy qz qw), this one has 7"));
+  EXPECT_THAT(complaint_about(good + "2 0 0 0 0 0 1\n3 0 0 0 0 0 0 1\n"),
+              HasSubstr("t.tum:3: a line has 8 numbers (stamp x y z qx qy qz qw), this one has 7"));
   EXPECT_THAT(complaint_about(good + "2 0 0 0 0 0 0 1 9\n"), HasSubstr("this one has 9"));
   EXPECT_THAT(complaint_about(good + "2 0 zero 0 0 0 0 1\n"), HasSubstr("t.tum:3: 'zero' in column 3 is not a number"));
   EXPECT_THAT(complaint_about(good + "2 0 nan 0 0 0 0 1\n"), HasSubstr("'nan' in column 3 is not finite"));
@@ -68,7 +70,9 @@ TEST(ParseTum, refuses_a_file_without_poses) {
   EXPECT_THAT(complaint_about("# stamp x y z qx qy qz qw\n"), HasSubstr("no pose in it"));
 }
 
-TEST(ParseTum, says_that_a_file_cut_in_its_last_line_is_cut) { EXPECT_THAT(complaint_about("1 0 0 0 0 0 0 1\n2 0 0"), HasSubstr("cut short")); }
+TEST(ParseTum, says_that_a_file_cut_in_its_last_line_is_cut) {
+  EXPECT_THAT(complaint_about("1 0 0 0 0 0 0 1\n2 0 0"), HasSubstr("cut short"));
+}
 
 TEST(ParseTum, cut_or_damaged_at_any_byte_gives_a_trajectory_or_an_error) {
   const std::string whole = "# x\n1.5 1 2 3 0 0 0 1\n2.5 1 2 3 0.5 0.5 0.5 -0.5\n";
@@ -78,13 +82,11 @@ TEST(ParseTum, cut_or_damaged_at_any_byte_gives_a_trajectory_or_an_error) {
       damaged[i] = c;
       try {
         EXPECT_FALSE(parse_tum(damaged, "t.tum").empty());
-      } catch (const Error&) {
-      }
+      } catch (const Error&) {}
     }
     try {
       EXPECT_FALSE(parse_tum(std::string_view(whole).substr(0, i), "t.tum").empty());
-    } catch (const Error&) {
-    }
+    } catch (const Error&) {}
   }
 }
 

@@ -10,9 +10,9 @@
 namespace mapweave::exporters {
 namespace {
 
-using ::testing::HasSubstr;
 using test::add_pose;
 using test::node_id;
+using ::testing::HasSubstr;
 
 Constraint edge(const NodeId& from, const NodeId& to, ConstraintKind kind = ConstraintKind::odometry) {
   Constraint constraint;
@@ -28,7 +28,8 @@ void add(Map& map, const Constraint& constraint) { map.constraints.set(constrain
 Eigen::Matrix<double, 6, 6> telling_information() {
   Eigen::Matrix<double, 6, 6> information;
   for (int row = 0; row < 6; ++row)
-    for (int column = row; column < 6; ++column) information(row, column) = information(column, row) = 100.0 * (row == column) + 6 * row + column;
+    for (int column = row; column < 6; ++column)
+      information(row, column) = information(column, row) = 100.0 * (row == column) + 6 * row + column;
   return information;
 }
 
@@ -40,22 +41,30 @@ TEST(G2oText, numbers_planar_nodes_in_the_order_of_their_ids) {
   add_pose(map, node_id("alpha", 5), 3, spatial(Pose2(1.0, 0.0, 0.0)));
   Eigen::Matrix3d information;
   information << 400.0, 1.0, 2.0, 1.0, 500.0, 3.0, 2.0, 3.0, 600.0;
-  map.constraints.set({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0},
-                      planar_constraint({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0}, Pose2(0.1, -0.25, 0.0), information));
-  map.constraints.set({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0},
-                      planar_constraint({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0}, Pose2(-4.0, 0.0, 0.0), information));
+  map.constraints.set(
+      {ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0},
+      planar_constraint({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0}, Pose2(0.1, -0.25, 0.0), information));
+  map.constraints.set(
+      {ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0},
+      planar_constraint({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0}, Pose2(-4.0, 0.0, 0.0), information));
   EXPECT_EQ(g2o_text(map),
             "# 4 vertices, 2 constraints\n"
-            "# vertices 0 to 1: " + to_string(node_id("alpha", 0).session) + ", nodes 0 to 1\n"
-            "# vertices 2 to 2: " + to_string(node_id("alpha", 0).session) + ", nodes 5 to 5\n"
-            "# vertices 3 to 3: " + to_string(node_id("beta", 0).session) + ", nodes 0 to 0\n"
-            "VERTEX_SE2 0 0 0 0\n"
-            "VERTEX_SE2 1 0.1 -0.25 0\n"
-            "VERTEX_SE2 2 1 0 0\n"
-            "VERTEX_SE2 3 5 0 0\n"
-            "FIX 0\n"
-            "EDGE_SE2 0 1 0.1 -0.25 0 400 1 2 500 3 600\n"
-            "EDGE_SE2 3 2 -4 0 0 400 1 2 500 3 600\n");
+            "# vertices 0 to 1: " +
+                to_string(node_id("alpha", 0).session) +
+                ", nodes 0 to 1\n"
+                "# vertices 2 to 2: " +
+                to_string(node_id("alpha", 0).session) +
+                ", nodes 5 to 5\n"
+                "# vertices 3 to 3: " +
+                to_string(node_id("beta", 0).session) +
+                ", nodes 0 to 0\n"
+                "VERTEX_SE2 0 0 0 0\n"
+                "VERTEX_SE2 1 0.1 -0.25 0\n"
+                "VERTEX_SE2 2 1 0 0\n"
+                "VERTEX_SE2 3 5 0 0\n"
+                "FIX 0\n"
+                "EDGE_SE2 0 1 0.1 -0.25 0 400 1 2 500 3 600\n"
+                "EDGE_SE2 3 2 -4 0 0 400 1 2 500 3 600\n");
 }
 
 TEST(G2oText, keeps_all_digits_of_a_pose) {

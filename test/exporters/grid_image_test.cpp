@@ -14,9 +14,7 @@ namespace {
 using test::drawn_grid;
 using test::node_id;
 
-cv::Mat decoded(const std::string& png) {
-  return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED);
-}
+cv::Mat decoded(const std::string& png) { return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED); }
 
 // A hall of this size in cells, walls around.
 OccupancyGrid hall(std::size_t columns, std::size_t rows) {
@@ -46,7 +44,8 @@ TEST(GridPng, is_one_grey_pixel_per_cell_with_the_highest_y_on_top) {
   const cv::Mat image = decoded(grid_png(drawn_grid({"#. ", "..#"})));
   ASSERT_EQ(image.type(), CV_8UC1);
   ASSERT_EQ(image.size(), cv::Size(3, 2));
-  EXPECT_EQ(std::vector<std::uint8_t>(image.begin<std::uint8_t>(), image.end<std::uint8_t>()), (std::vector<std::uint8_t>{0, 254, 205, 254, 254, 0}));
+  EXPECT_EQ(std::vector<std::uint8_t>(image.begin<std::uint8_t>(), image.end<std::uint8_t>()),
+            (std::vector<std::uint8_t>{0, 254, 205, 254, 254, 0}));
 }
 
 TEST(GridPng, needs_cells) {
@@ -126,7 +125,8 @@ TEST(MapPicture, survives_odd_company) {
   PictureOptions options;
   options.title = std::string("Caf\xc3\xa9 \x1b[31m of ") + std::string(300, 'x');
   std::vector<SessionTrajectory> many;
-  for (int i = 0; i < 60; ++i) many.push_back(straight_way("robot-with-quite-a-long-name-" + std::to_string(100 + i), 0.5 + 0.02 * i, 1e-4 * i));
+  for (int i = 0; i < 60; ++i)
+    many.push_back(straight_way("robot-with-quite-a-long-name-" + std::to_string(100 + i), 0.5 + 0.02 * i, 1e-4 * i));
   EXPECT_FALSE(decoded(map_picture_png(hall(100, 60), many, options)).empty());
 
   // One that went astray: to the moon, or nowhere at all.

@@ -12,9 +12,9 @@
 namespace mapweave::exporters {
 namespace {
 
-using ::testing::ElementsAre;
 using test::add_pose;
 using test::node_id;
+using ::testing::ElementsAre;
 
 Map two_robots() {
   Map map;
@@ -39,9 +39,11 @@ TEST(MapFolder, holds_what_slam_and_merge_promise) {
   MapFolderOptions options;
   options.files.robot_trajectories = options.files.g2o = true;
   const auto written = write_map_folder(folder / "team", two_robots(), kRoom, options);
-  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum", "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
-  EXPECT_THAT(files_in(folder / "team"), testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum", "trajectories/alpha.tum",
-                                                                       "trajectories/beta.tum", "map.g2o"));
+  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum", "trajectories/alpha.tum",
+                                   "trajectories/beta.tum", "map.g2o"));
+  EXPECT_THAT(files_in(folder / "team"),
+              testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
+                                            "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
   EXPECT_EQ(evaluation::read_tum(folder / "team/trajectory.tum").size(), 3u);
   EXPECT_EQ(evaluation::read_tum(folder / "team/trajectories/alpha.tum").size(), 2u);
   EXPECT_EQ(test::letters_of(read_map_server(folder / "team/map.yaml")), test::letters_of(kRoom));

@@ -84,7 +84,8 @@ TEST(PcdBytes, leave_out_long_rays_and_nodes_without_scan) {
 
 TEST(PcdBytes, take_the_wall_cells_of_a_served_grid) {
   Map map;
-  add_pose(map, node_id("floor", 0), 0, spatial(Pose2(100.0, 0.0, 0.0)), std::make_shared<const Payload>(test::drawn_grid({"#.", " #"}, 0.5, 1.0, 2.0)));
+  add_pose(map, node_id("floor", 0), 0, spatial(Pose2(100.0, 0.0, 0.0)),
+           std::make_shared<const Payload>(test::drawn_grid({"#.", " #"}, 0.5, 1.0, 2.0)));
   const auto points = points_of(pcd_bytes(map));
   ASSERT_EQ(points.size(), 2u);
   EXPECT_FLOAT_EQ(points[0].x, 101.25f);
@@ -97,7 +98,8 @@ TEST(PcdBytes, of_an_empty_map_are_a_cloud_without_points) { EXPECT_TRUE(points_
 
 TEST(PcdBytes, are_the_same_each_time) {
   Map map;
-  for (std::uint32_t i = 0; i < 200; ++i) add_pose(map, node_id("alpha", i), i, spatial(Pose2(0.1 * i, 0.03 * i, 0.2 * i)), cross_scan({2.0, 3.0, 4.0, 5.0}));
+  for (std::uint32_t i = 0; i < 200; ++i)
+    add_pose(map, node_id("alpha", i), i, spatial(Pose2(0.1 * i, 0.03 * i, 0.2 * i)), cross_scan({2.0, 3.0, 4.0, 5.0}));
   EXPECT_EQ(pcd_bytes(map), pcd_bytes(map));
 }
 

@@ -13,7 +13,8 @@ inline NodeId node_id(const std::string& robot, std::uint32_t index, std::int64_
   return NodeId{SessionId{ClientId{RobotId(robot), SensorId("laser")}, run}, index};
 }
 
-inline void add_pose(Map& map, const NodeId& id, std::int64_t stamp_ns, const Pose3& map_from_node, std::shared_ptr<const Payload> payload = nullptr) {
+inline void add_pose(Map& map, const NodeId& id, std::int64_t stamp_ns, const Pose3& map_from_node,
+                     std::shared_ptr<const Payload> payload = nullptr) {
   map.nodes.set(id, Node{id, Stamp{stamp_ns}, map_from_node, std::move(payload)});
 }
 
@@ -30,7 +31,8 @@ inline std::shared_ptr<const Payload> cross_scan(const std::vector<double>& rang
 }
 
 // '#' wall, '.' free, ' ' unknown; the first row is the highest y.
-inline OccupancyGrid drawn_grid(const std::vector<std::string>& rows, double resolution_m = 0.05, double origin_x_m = 0.0, double origin_y_m = 0.0) {
+inline OccupancyGrid drawn_grid(const std::vector<std::string>& rows, double resolution_m = 0.05, double origin_x_m = 0.0,
+                                double origin_y_m = 0.0) {
   OccupancyGrid grid;
   grid.resolution_m = resolution_m;
   grid.origin_x_m = origin_x_m;
@@ -47,7 +49,8 @@ inline std::vector<std::string> letters_of(const OccupancyGrid& grid) {
   std::vector<std::string> rows;
   for (std::int32_t row = grid.rows - 1; row >= 0; --row) {
     rows.emplace_back();
-    for (std::int32_t column = 0; column < grid.columns; ++column) rows.back() += grid.at(column, row) > 0 ? '#' : grid.at(column, row) < 0 ? '.' : ' ';
+    for (std::int32_t column = 0; column < grid.columns; ++column)
+      rows.back() += grid.at(column, row) > 0 ? '#' : grid.at(column, row) < 0 ? '.' : ' ';
   }
   return rows;
 }

@@ -61,7 +61,8 @@ TEST(TumText, reads_back_as_it_was_to_the_sixth_decimal) {
   Map map;
   for (std::uint32_t i = 0; i < 50; ++i) {
     const double angle = 0.37 * i;
-    const Pose3 pose{{std::cos(angle) * 20.0, std::sin(angle) * 3.0, 0.1 * i}, Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(0.3, -0.2, 0.9).normalized()))};
+    const Pose3 pose{{std::cos(angle) * 20.0, std::sin(angle) * 3.0, 0.1 * i},
+                     Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d(0.3, -0.2, 0.9).normalized()))};
     add_pose(map, node_id("alpha", i), 1211500000000 + 217391000LL * i, pose);
   }
   const auto trajectory = evaluation::parse_tum(tum_text(map), "map");

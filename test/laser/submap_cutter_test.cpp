@@ -60,7 +60,9 @@ TEST(SubmapCutter, closes_submaps_after_seven_metres_half_overlapping) {
   }
   for (std::size_t i = 0; i < ways.size(); ++i) {
     EXPECT_NEAR(ways[i].first, 3.5 * static_cast<double>(i), 0.25 * static_cast<double>(i + 1));
-    if (i + 1 < ways.size()) EXPECT_NEAR(ways[i].second - ways[i].first, 7.0, 0.25);
+    if (i + 1 < ways.size()) {
+      EXPECT_NEAR(ways[i].second - ways[i].first, 7.0, 0.25);
+    }
   }
   EXPECT_NEAR(ways.back().second, 21.0, 0.25);
 }

@@ -18,8 +18,9 @@ AlignedPairs aligned_pairs(const Trajectory& estimate, const Trajectory& referen
   result.pairs = associated(estimate, reference, options.max_stamp_difference_s);
   if (result.pairs.empty())
     throw Error(ErrorCode::kBadInput,
-                "no pose of the estimate (" + std::to_string(estimate.size()) + " poses) is within " + std::to_string(options.max_stamp_difference_s) +
-                    " s of one of the reference (" + std::to_string(reference.size()) + " poses)",
+                "no pose of the estimate (" + std::to_string(estimate.size()) + " poses) is within " +
+                    std::to_string(options.max_stamp_difference_s) + " s of one of the reference (" + std::to_string(reference.size()) +
+                    " poses)",
                 {}, "give trajectories of the same log with stamps of the same clock");
   result.reference_from_estimate = reference_from_estimate(result.pairs, options.align);
   for (auto& pair : result.pairs) pair.estimate = aligned(pair.estimate, result.reference_from_estimate);
@@ -49,7 +50,8 @@ std::vector<Piece> pieces_by_way(const std::vector<PosePair>& pairs, const Relat
       // way_m never falls: the best is the first at or past the goal, or the first of those as far along as the one before it.
       const auto rest = way_m.begin() + static_cast<std::ptrdiff_t>(i) + 1;
       auto best = std::lower_bound(rest, way_m.end(), way_m[i] + options.delta);
-      if (best == way_m.end() || (best != rest && off_by(static_cast<std::size_t>(best - way_m.begin()) - 1) <= off_by(static_cast<std::size_t>(best - way_m.begin()))))
+      if (best == way_m.end() || (best != rest && off_by(static_cast<std::size_t>(best - way_m.begin()) - 1) <=
+                                                      off_by(static_cast<std::size_t>(best - way_m.begin()))))
         best = std::lower_bound(rest, best, *std::prev(best));
       const std::size_t j = static_cast<std::size_t>(best - way_m.begin());
       if (off_by(j) <= options.delta * options.relative_tolerance) pieces.emplace_back(i, j);
@@ -91,8 +93,8 @@ TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& ref
                                 : pieces_by_way(together.pairs, relative);
   if (pieces.empty())
     throw Error(ErrorCode::kBadInput,
-                "no piece of the trajectory (" + std::to_string(together.pairs.size()) + " matched poses) is " + std::to_string(relative.delta) +
-                    (by_frames ? " frames" : " m") + " long",
+                "no piece of the trajectory (" + std::to_string(together.pairs.size()) + " matched poses) is " +
+                    std::to_string(relative.delta) + (by_frames ? " frames" : " m") + " long",
                 {}, "choose a smaller delta");
   std::vector<double> translations_m, rotations_deg;
   for (const auto& [begin, end] : pieces) {
@@ -102,7 +104,8 @@ TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& ref
     translations_m.push_back(error.t.norm());
     rotations_deg.push_back(angle_deg(error.q));
   }
-  return {pieces.size(), together.reference_from_estimate, statistics_of(std::move(translations_m)), statistics_of(std::move(rotations_deg))};
+  return {pieces.size(), together.reference_from_estimate, statistics_of(std::move(translations_m)),
+          statistics_of(std::move(rotations_deg))};
 }
 
 }  // namespace mapweave::evaluation

@@ -16,7 +16,7 @@ class NumberLines {
   // `text` must outlive it. `format`: what a line should hold, for messages; as many words as columns.
   NumberLines(std::string_view text, std::string where, std::string format);
 
-  bool next();                            // to the next line of numbers; false at the end
+  bool next();  // to the next line of numbers; false at the end
   double number(std::size_t column) const;
   Stamp stamp(std::size_t column) const;  // exact where it is written in decimals
   [[noreturn]] void fail(const std::string& what, const std::string& remedy = {}) const;

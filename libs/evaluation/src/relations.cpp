@@ -30,16 +30,17 @@ std::string seconds_text(Stamp stamp) {
 }
 
 [[noreturn]] void refuse_unusable(const Trajectory& trajectory, const std::vector<Relation>& relations) {
-  if (relations.empty() || trajectory.empty()) throw Error(ErrorCode::kBadInput, relations.empty() ? "there are no relations" : "the trajectory is empty");
+  if (relations.empty() || trajectory.empty())
+    throw Error(ErrorCode::kBadInput, relations.empty() ? "there are no relations" : "the trajectory is empty");
   Stamp first = relations.front().stamp_i, last = first;
   for (const auto& relation : relations) {
     first = std::min({first, relation.stamp_i, relation.stamp_j});
     last = std::max({last, relation.stamp_i, relation.stamp_j});
   }
   throw Error(ErrorCode::kBadInput,
-              "none of the " + std::to_string(relations.size()) + " relations (stamps " + seconds_text(first) + " to " + seconds_text(last) +
-                  ") has poses at both its stamps: the trajectory goes from " + seconds_text(trajectory.front().stamp) + " to " +
-                  seconds_text(trajectory.back().stamp),
+              "none of the " + std::to_string(relations.size()) + " relations (stamps " + seconds_text(first) + " to " +
+                  seconds_text(last) + ") has poses at both its stamps: the trajectory goes from " +
+                  seconds_text(trajectory.front().stamp) + " to " + seconds_text(trajectory.back().stamp),
               {}, "give the relations of the same log, and a trajectory with one pose per scan");
 }
 
@@ -79,7 +80,8 @@ RelationError relation_error(const Trajectory& trajectory, const std::vector<Rel
 
   result.used = translations_m.size();
   const Statistics translation = statistics_of(std::move(translations_m)), rotation = statistics_of(std::move(rotations_deg));
-  const Statistics translation_squared = statistics_of(std::move(translations_squared)), rotation_squared = statistics_of(std::move(rotations_squared));
+  const Statistics translation_squared = statistics_of(std::move(translations_squared)),
+                   rotation_squared = statistics_of(std::move(rotations_squared));
   result.translation_mean_m = translation.mean;
   result.translation_std_m = translation.std;
   result.translation_median_m = translation.median;

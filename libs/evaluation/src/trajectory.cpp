@@ -6,7 +6,8 @@ namespace mapweave::evaluation {
 namespace {
 
 Trajectory::const_iterator first_not_before(const Trajectory& trajectory, Stamp stamp) {
-  return std::lower_bound(trajectory.begin(), trajectory.end(), stamp, [](const TrajectoryPoint& point, Stamp s) { return point.stamp < s; });
+  return std::lower_bound(trajectory.begin(), trajectory.end(), stamp,
+                          [](const TrajectoryPoint& point, Stamp s) { return point.stamp < s; });
 }
 
 }  // namespace

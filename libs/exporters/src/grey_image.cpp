@@ -2,9 +2,9 @@
 
 #include <mapweave/core/error.h>
 
+#include <zlib.h>
 #include <cctype>
 #include <opencv2/imgcodecs.hpp>
-#include <zlib.h>
 
 namespace mapweave::exporters {
 namespace {
@@ -18,8 +18,10 @@ constexpr std::int64_t kMostPixels = std::int64_t{1} << 28;  // 16384 x 16384
 void check_size(std::int64_t columns, std::int64_t rows, const std::string& where) {
   if (columns < 1 || rows < 1) refuse("the image has no pixels: " + std::to_string(columns) + " x " + std::to_string(rows), where);
   if (columns > kMostPixels / rows)
-    throw Error(ErrorCode::kUnsupported, "the image has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; up to " + std::to_string(kMostPixels) + " can be read", where,
-                "cut or scale it down");
+    throw Error(ErrorCode::kUnsupported,
+                "the image has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; up to " +
+                    std::to_string(kMostPixels) + " can be read",
+                where, "cut or scale it down");
 }
 
 // Reads the numbers of a PGM header, and of the pixels of P2.
@@ -36,12 +38,14 @@ class PgmText {
       value = value * 10 + (bytes_[position_] - '0');
       if (value > most) refuse(std::string(what) + " is larger than " + std::to_string(most), at());
     }
-    if (position_ == begin) refuse(std::string(position_ == bytes_.size() ? "the file ends" : "something else stands") + " where " + what + " should be", at());
+    if (position_ == begin)
+      refuse(std::string(position_ == bytes_.size() ? "the file ends" : "something else stands") + " where " + what + " should be", at());
     return value;
   }
 
   void one_blank() {
-    if (position_ == bytes_.size() || std::isspace(static_cast<unsigned char>(bytes_[position_])) == 0) refuse("no blank after the header", at());
+    if (position_ == bytes_.size() || std::isspace(static_cast<unsigned char>(bytes_[position_])) == 0)
+      refuse("no blank after the header", at());
     ++position_;
   }
 
@@ -77,10 +81,13 @@ GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
   if (!text) header.one_blank();
   const auto remaining = static_cast<std::int64_t>(bytes.size() - header.position());
   if (remaining < pixels * bytes_per_pixel - (text ? 1 : 0))
-    refuse("the image is cut short: " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels need " + std::to_string(pixels * bytes_per_pixel) + " bytes, " + std::to_string(remaining) + " remain",
+    refuse("the image is cut short: " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels need " +
+               std::to_string(pixels * bytes_per_pixel) + " bytes, " + std::to_string(remaining) + " remain",
            where);
   if (!text && remaining > pixels * bytes_per_pixel + 2)
-    refuse("the header says " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels, but there are " + std::to_string(remaining - pixels * bytes_per_pixel) + " bytes more", where);
+    refuse("the header says " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels, but there are " +
+               std::to_string(remaining - pixels * bytes_per_pixel) + " bytes more",
+           where);
 
   GreyImage image{static_cast<std::int32_t>(columns), static_cast<std::int32_t>(rows), {}, {}};
   image.shades.reserve(static_cast<std::size_t>(pixels));
@@ -111,7 +118,8 @@ void check_png(std::string_view bytes, const std::string& where) {
     const std::size_t length = number_at(at);
     if (length > bytes.size() - at - 12) break;
     const auto checksum = crc32(0, reinterpret_cast<const unsigned char*>(bytes.data()) + at + 4, static_cast<unsigned>(length) + 4);
-    if (checksum != number_at(at + 8 + length)) refuse("the image is damaged: a checksum does not match", where + " at byte " + std::to_string(at));
+    if (checksum != number_at(at + 8 + length))
+      refuse("the image is damaged: a checksum does not match", where + " at byte " + std::to_string(at));
     if (bytes.substr(at + 4, 4) == "IEND") return;
     at += length + 12;
   }
@@ -128,11 +136,14 @@ GreyImage decode_png(std::string_view bytes, const std::string& where) {
     decoded.release();
   }
   const int channels = decoded.channels();
-  if (decoded.empty() || (decoded.depth() != CV_8U && decoded.depth() != CV_16U) || channels == 2 || channels > 4) refuse("the image cannot be decoded", where);
+  if (decoded.empty() || (decoded.depth() != CV_8U && decoded.depth() != CV_16U) || channels == 2 || channels > 4)
+    refuse("the image cannot be decoded", where);
 
   GreyImage image{decoded.cols, decoded.rows, {}, {}};
   image.shades.reserve(decoded.total());
-  const auto value_at = [&](int row, int index) { return decoded.depth() == CV_8U ? decoded.ptr<std::uint8_t>(row)[index] : decoded.ptr<std::uint16_t>(row)[index] >> 8; };
+  const auto value_at = [&](int row, int index) {
+    return decoded.depth() == CV_8U ? decoded.ptr<std::uint8_t>(row)[index] : decoded.ptr<std::uint16_t>(row)[index] >> 8;
+  };
   const int colours = channels == 1 ? 1 : 3;
   if (channels == 4) image.transparent.reserve(decoded.total());
   for (int row = 0; row < decoded.rows; ++row) {
@@ -163,7 +174,8 @@ GreyImage grey_image(const OccupancyGrid& grid) {
 GreyImage decode_image(std::string_view bytes, const std::string& where) {
   if (bytes.size() >= 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) return decode_pgm(bytes, where);
   if (bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n") return decode_png(bytes, where);
-  throw Error(ErrorCode::kUnsupported, bytes.empty() ? "the image is empty" : "the image is neither PGM (P2, P5) nor PNG", where, "convert it to an 8-bit grey PGM or PNG");
+  throw Error(ErrorCode::kUnsupported, bytes.empty() ? "the image is empty" : "the image is neither PGM (P2, P5) nor PNG", where,
+              "convert it to an 8-bit grey PGM or PNG");
 }
 
 }  // namespace mapweave::exporters

@@ -15,8 +15,8 @@ constexpr std::uint8_t kFreeShade = 254, kWallShade = 0, kUnknownShade = 205;
 // Row 0 is the top.
 struct GreyImage {
   std::int32_t columns = 0, rows = 0;
-  std::vector<std::uint8_t> shades;       // 0 black, 255 white
-  std::vector<bool> transparent;          // empty where the image has no such pixel
+  std::vector<std::uint8_t> shades;  // 0 black, 255 white
+  std::vector<bool> transparent;     // empty where the image has no such pixel
 };
 
 // The trinary picture of a grid, the highest y on top.

@@ -23,8 +23,10 @@ std::string encoded(const cv::Mat& image) {
   try {
     if (cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6})) return std::string(bytes.begin(), bytes.end());
   } catch (const cv::Exception& error) {
-    throw Error(ErrorCode::kUnsupported, "a picture of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) + " pixels cannot be encoded: " + error.err, {},
-                "choose a larger cell");
+    throw Error(
+        ErrorCode::kUnsupported,
+        "a picture of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) + " pixels cannot be encoded: " + error.err, {},
+        "choose a larger cell");
   }
   throw Error(ErrorCode::kInternal, "PNG encoding failed");
 }
@@ -42,8 +44,10 @@ std::pair<std::int64_t, std::int64_t> without_strays(const std::vector<std::int6
   for (const std::int64_t count : known) all += count;
   const auto strays = static_cast<std::int64_t>(kStray * static_cast<double>(all));
   std::int64_t first = 0, last = static_cast<std::int64_t>(known.size()) - 1;
-  for (std::int64_t passed = 0; first < last && passed + known[static_cast<std::size_t>(first)] <= strays; ++first) passed += known[static_cast<std::size_t>(first)];
-  for (std::int64_t passed = 0; last > first && passed + known[static_cast<std::size_t>(last)] <= strays; --last) passed += known[static_cast<std::size_t>(last)];
+  for (std::int64_t passed = 0; first < last && passed + known[static_cast<std::size_t>(first)] <= strays; ++first)
+    passed += known[static_cast<std::size_t>(first)];
+  for (std::int64_t passed = 0; last > first && passed + known[static_cast<std::size_t>(last)] <= strays; --last)
+    passed += known[static_cast<std::size_t>(last)];
   return {first, last};
 }
 
@@ -52,7 +56,8 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
   std::vector<std::int64_t> known_in_column(static_cast<std::size_t>(grid.columns)), known_in_row(static_cast<std::size_t>(grid.rows));
   for (std::int32_t row = 0; row < grid.rows; ++row)
     for (std::int32_t column = 0; column < grid.columns; ++column)
-      if (grid.at(column, row) != OccupancyGrid::kUnknown) ++known_in_column[static_cast<std::size_t>(column)], ++known_in_row[static_cast<std::size_t>(row)];
+      if (grid.at(column, row) != OccupancyGrid::kUnknown)
+        ++known_in_column[static_cast<std::size_t>(column)], ++known_in_row[static_cast<std::size_t>(row)];
   auto [left, right] = without_strays(known_in_column);
   auto [low, high] = without_strays(known_in_row);
   // A robot that went astray may widen the picture by half the map, no more.
@@ -61,7 +66,8 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
   };
   for (const auto& trajectory : trajectories)
     for (const auto& pose : trajectory.poses) {
-      const std::int64_t column = cell_of(pose.map_from_robot.t.x(), grid.origin_x_m, grid.columns), row = cell_of(pose.map_from_robot.t.y(), grid.origin_y_m, grid.rows);
+      const std::int64_t column = cell_of(pose.map_from_robot.t.x(), grid.origin_x_m, grid.columns),
+                         row = cell_of(pose.map_from_robot.t.y(), grid.origin_y_m, grid.rows);
       left = std::min(left, column), right = std::max(right, column);
       low = std::min(low, row), high = std::max(high, row);
     }
@@ -86,7 +92,8 @@ Zoom zoom_of(const Window& window, const PictureOptions& options) {
 }
 
 cv::Mat drawn_cells(const OccupancyGrid& grid, const Window& window, const Zoom& zoom) {
-  const int columns = static_cast<int>((window.columns + zoom.thinned - 1) / zoom.thinned), rows = static_cast<int>((window.rows + zoom.thinned - 1) / zoom.thinned);
+  const int columns = static_cast<int>((window.columns + zoom.thinned - 1) / zoom.thinned),
+            rows = static_cast<int>((window.rows + zoom.thinned - 1) / zoom.thinned);
   cv::Mat image(rows * static_cast<int>(zoom.enlarged), columns * static_cast<int>(zoom.enlarged), CV_8UC3, kUnknown);
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
@@ -123,7 +130,9 @@ class Sheet {
   }
   static int width_of(const std::string& text, double capital_px, double size = 1.0) {
     int below = 0;
-    return cv::getTextSize(text, kFont, size * capital_px / kCapitalOfFontPx, std::max(1, static_cast<int>(std::lround(size * capital_px / 10.0))), &below).width;
+    return cv::getTextSize(text, kFont, size * capital_px / kCapitalOfFontPx,
+                           std::max(1, static_cast<int>(std::lround(size * capital_px / 10.0))), &below)
+        .width;
   }
 
   void mark_start(double x, double y, const cv::Scalar& colour) {
@@ -221,7 +230,8 @@ std::vector<LegendEntry> legend_of(const std::vector<RobotWay>& ways, int width_
     entries.push_back({text, way, left, width, line});
     left += width + kLegendGap * capital_px;
   };
-  for (std::size_t i = 0; i < std::min(ways.size(), kMost); ++i) add(ways[i].robot.str() + " (" + metres(ways[i].length_m, ways[i].length_m < 10.0 ? 1 : 0) + ")", &ways[i], kSwatch + 0.5);
+  for (std::size_t i = 0; i < std::min(ways.size(), kMost); ++i)
+    add(ways[i].robot.str() + " (" + metres(ways[i].length_m, ways[i].length_m < 10.0 ? 1 : 0) + ")", &ways[i], kSwatch + 0.5);
   if (ways.size() > kMost) add("and " + std::to_string(ways.size() - kMost) + " more", nullptr, 0.0);
   if (!ways.empty()) {
     add("start", nullptr, 1.5);
@@ -235,7 +245,9 @@ void draw_legend(Sheet& sheet, const std::vector<LegendEntry>& legend, double to
   for (const auto& entry : legend) {
     const double base = top + (entry.line * kLegendLine + 1.0) * capital, middle = base - 0.5 * capital;
     const double text_left = entry.left_px + entry.width_px - Sheet::width_of(entry.text, capital);
-    if (entry.way != nullptr) sheet.line({{entry.left_px, middle}, {entry.left_px + kSwatch * capital, middle}}, entry.way->colour, std::max(3, static_cast<int>(capital / 3.0)));
+    if (entry.way != nullptr)
+      sheet.line({{entry.left_px, middle}, {entry.left_px + kSwatch * capital, middle}}, entry.way->colour,
+                 std::max(3, static_cast<int>(capital / 3.0)));
     if (entry.text == "start" && entry.way == nullptr) sheet.mark_start(entry.left_px + 0.5 * capital, middle, kInk);
     if (entry.text == "end" && entry.way == nullptr) sheet.mark_end(entry.left_px + 0.5 * capital, middle, kInk);
     sheet.write(entry.text, text_left, base, kInk);
@@ -251,10 +263,12 @@ void draw_names(Sheet& sheet, const std::vector<RobotWay>& ways, const std::vect
   for (std::size_t i = 0; i < ways.size(); ++i) {
     const double width = Sheet::width_of(ways[i].robot.str(), sheet.capital_px(), kSize);
     const cv::Point2d& start = starts[i];
-    for (const auto& [left, base] : {std::pair(start.x + away, start.y + 0.5 * height), std::pair(start.x - away - width, start.y + 0.5 * height),
-                                     std::pair(start.x - 0.5 * width, start.y - away), std::pair(start.x - 0.5 * width, start.y + away + height)}) {
+    for (const auto& [left, base] :
+         {std::pair(start.x + away, start.y + 0.5 * height), std::pair(start.x - away - width, start.y + 0.5 * height),
+          std::pair(start.x - 0.5 * width, start.y - away), std::pair(start.x - 0.5 * width, start.y + away + height)}) {
       const cv::Rect2d box(left, base - height, width, height);
-      const bool inside = box.x >= map.x && box.y >= map.y && box.x + box.width <= map.x + map.width && box.y + box.height <= map.y + map.height;
+      const bool inside =
+          box.x >= map.x && box.y >= map.y && box.x + box.width <= map.x + map.width && box.y + box.height <= map.y + map.height;
       if (!inside || std::any_of(taken.begin(), taken.end(), [&](const cv::Rect2d& other) { return (other & box).area() > 0.0; })) continue;
       sheet.write(ways[i].robot.str(), left, base, ways[i].colour, kSize, true);
       taken.push_back(box);
@@ -295,9 +309,11 @@ std::string map_picture_png(const OccupancyGrid& grid, const std::vector<Session
   cells.copyTo(sheet.image()(map));
 
   const double pixels_per_m = zoom.pixels_per_cell() / grid.resolution_m;
-  const double left_m = grid.origin_x_m + static_cast<double>(window.first_column) * grid.resolution_m, low_m = grid.origin_y_m + static_cast<double>(window.first_row) * grid.resolution_m;
+  const double left_m = grid.origin_x_m + static_cast<double>(window.first_column) * grid.resolution_m,
+               low_m = grid.origin_y_m + static_cast<double>(window.first_row) * grid.resolution_m;
   const auto in_picture = [&](const StampedPose& pose) {
-    return cv::Point2d(map.x + (pose.map_from_robot.t.x() - left_m) * pixels_per_m - 0.5, map.y + map.height - (pose.map_from_robot.t.y() - low_m) * pixels_per_m - 0.5);
+    return cv::Point2d(map.x + (pose.map_from_robot.t.x() - left_m) * pixels_per_m - 0.5,
+                       map.y + map.height - (pose.map_from_robot.t.y() - low_m) * pixels_per_m - 0.5);
   };
   std::vector<cv::Point2d> starts;
   for (const auto& way : ways) {
@@ -322,7 +338,8 @@ std::string map_picture_png(const OccupancyGrid& grid, const std::vector<Session
 
   const double bar_m = round_length(0.25 * cells.cols / pixels_per_m), bar_px = bar_m * pixels_per_m;
   const double bar_y = map.y + map.height + 1.9 * capital, bar_left = map.x;
-  sheet.line({{bar_left, bar_y - 0.5 * capital}, {bar_left, bar_y}, {bar_left + bar_px, bar_y}, {bar_left + bar_px, bar_y - 0.5 * capital}}, kInk, sheet.line_px());
+  sheet.line({{bar_left, bar_y - 0.5 * capital}, {bar_left, bar_y}, {bar_left + bar_px, bar_y}, {bar_left + bar_px, bar_y - 0.5 * capital}},
+             kInk, sheet.line_px());
   sheet.write(metres(bar_m, bar_m < 0.1 ? 2 : bar_m < 1.0 ? 1 : 0), bar_left + bar_px + 0.6 * capital, bar_y, kInk);
   std::string size = metres(static_cast<double>(window.columns) * grid.resolution_m, 1);
   size = size.substr(0, size.size() - 2) + " x " + metres(static_cast<double>(window.rows) * grid.resolution_m, 1) + ", cell ";

@@ -37,7 +37,9 @@ class DescriptionReader {
   Description read() {
     try {
       root_ = YAML::Load(read_file(file_, 1 << 20));
-      if (!root_.IsMap()) fail(ErrorCode::kBadInput, root_, "this is no map's description; expected keys like 'image: map.pgm' and 'resolution: 0.05'", "give the YAML file of a map, not its image");
+      if (!root_.IsMap())
+        fail(ErrorCode::kBadInput, root_, "this is no map's description; expected keys like 'image: map.pgm' and 'resolution: 0.05'",
+             "give the YAML file of a map, not its image");
       return described();
     } catch (const YAML::Exception& error) {
       throw Error(ErrorCode::kBadInput, "no valid YAML: " + error.msg, file_.string() + ":" + std::to_string(error.mark.line + 1));
@@ -54,25 +56,32 @@ class DescriptionReader {
     for (const auto& entry : root_) {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
       if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
-        log(LogLevel::warning, file_.string() + ":" + std::to_string(entry.first.Mark().line + 1) + ": the key '" + key + "' is not map_server's and is passed over");
+        log(LogLevel::warning, file_.string() + ":" + std::to_string(entry.first.Mark().line + 1) + ": the key '" + key +
+                                   "' is not map_server's and is passed over");
     }
     Description result;
     const YAML::Node image = required("image");
-    if (!image.IsScalar() || image.Scalar().empty() || image.Scalar().find('\0') != std::string::npos) fail(ErrorCode::kBadInput, image, "'image' must be a file's name");
+    if (!image.IsScalar() || image.Scalar().empty() || image.Scalar().find('\0') != std::string::npos)
+      fail(ErrorCode::kBadInput, image, "'image' must be a file's name");
     result.image = file_.parent_path() / image.Scalar();
     result.image_line = image.Mark().line + 1;
     result.resolution_m = number(required("resolution"), "resolution", 1e-4, 1e3, "metres per pixel");
     if (const YAML::Node origin = root_["origin"]) {
-      if (!origin.IsSequence() || origin.size() < 2 || origin.size() > 3) fail(ErrorCode::kBadInput, origin, "'origin' must be [x, y, yaw] of the lower-left pixel");
-      for (std::size_t i = 0; i < origin.size(); ++i) result.origin[i] = number(origin[i], "origin", -kFarthestOriginM, kFarthestOriginM, i == 2 ? "radians" : "metres");
+      if (!origin.IsSequence() || origin.size() < 2 || origin.size() > 3)
+        fail(ErrorCode::kBadInput, origin, "'origin' must be [x, y, yaw] of the lower-left pixel");
+      for (std::size_t i = 0; i < origin.size(); ++i)
+        result.origin[i] = number(origin[i], "origin", -kFarthestOriginM, kFarthestOriginM, i == 2 ? "radians" : "metres");
     }
     if (const YAML::Node negate = root_["negate"]) result.negate = yes_or_no(negate);
-    if (const YAML::Node threshold = root_["occupied_thresh"]) result.occupied_threshold = number(threshold, "occupied_thresh", 0.0, 1.0, "a share");
+    if (const YAML::Node threshold = root_["occupied_thresh"])
+      result.occupied_threshold = number(threshold, "occupied_thresh", 0.0, 1.0, "a share");
     if (const YAML::Node threshold = root_["free_thresh"]) result.free_threshold = number(threshold, "free_thresh", 0.0, 1.0, "a share");
-    if (result.free_threshold >= result.occupied_threshold) fail(ErrorCode::kBadInput, root_, "'free_thresh' must be below 'occupied_thresh'", "leave both out for 0.196 and 0.65");
+    if (result.free_threshold >= result.occupied_threshold)
+      fail(ErrorCode::kBadInput, root_, "'free_thresh' must be below 'occupied_thresh'", "leave both out for 0.196 and 0.65");
     if (const YAML::Node mode = root_["mode"]) {
       const std::string text = mode.IsScalar() ? mode.Scalar() : "";
-      if (text != "trinary" && text != "scale" && text != "raw") fail(ErrorCode::kBadInput, mode, "'mode' is '" + text + "'; it must be trinary, scale or raw");
+      if (text != "trinary" && text != "scale" && text != "raw")
+        fail(ErrorCode::kBadInput, mode, "'mode' is '" + text + "'; it must be trinary, scale or raw");
       result.mode = text == "trinary" ? Mode::trinary : text == "scale" ? Mode::scale : Mode::raw;
     }
     return result;
@@ -80,13 +89,15 @@ class DescriptionReader {
 
   YAML::Node required(const std::string& key) const {
     const YAML::Node node = root_[key];
-    if (!node) fail(ErrorCode::kMissing, root_, "the key '" + key + "' is missing", "a map's description has at least 'image' and 'resolution'");
+    if (!node)
+      fail(ErrorCode::kMissing, root_, "the key '" + key + "' is missing", "a map's description has at least 'image' and 'resolution'");
     return node;
   }
 
   double number(const YAML::Node& node, const std::string& key, double low, double high, const std::string& unit) const {
     double value = NAN;
-    if (!node.IsScalar() || !YAML::convert<double>::decode(node, value)) fail(ErrorCode::kBadInput, node, "'" + key + "' must be a number (" + unit + ")");
+    if (!node.IsScalar() || !YAML::convert<double>::decode(node, value))
+      fail(ErrorCode::kBadInput, node, "'" + key + "' must be a number (" + unit + ")");
     if (!(value >= low && value <= high)) {
       std::string range;
       append_shortest(range, low);
@@ -111,7 +122,8 @@ class DescriptionReader {
 
 std::int16_t log_odds_of(double share) {
   const double nats = std::log(std::max(share, 1e-9) / std::max(1.0 - share, 1e-9));
-  return static_cast<std::int16_t>(std::clamp(std::lround(nats * OccupancyGrid::kUnitsPerNat), -static_cast<long>(kServedLogOdds), static_cast<long>(kServedLogOdds)));
+  return static_cast<std::int16_t>(
+      std::clamp(std::lround(nats * OccupancyGrid::kUnitsPerNat), -static_cast<long>(kServedLogOdds), static_cast<long>(kServedLogOdds)));
 }
 
 // Log odds of each shade, as nav2 reads it.
@@ -129,7 +141,8 @@ std::array<std::int16_t, 256> log_odds_of_shades(const Description& description)
     else if (occupied < description.free_threshold)
       log_odds = static_cast<std::int16_t>(-kServedLogOdds);
     else if (description.mode == Mode::scale)
-      log_odds = log_odds_of(0.01 + 0.98 * (occupied - description.free_threshold) / (description.occupied_threshold - description.free_threshold));
+      log_odds = log_odds_of(0.01 + 0.98 * (occupied - description.free_threshold) /
+                                        (description.occupied_threshold - description.free_threshold));
   }
   return table;
 }
@@ -147,16 +160,21 @@ OccupancyGrid resampled(const OccupancyGrid& grid, const Pose2& map_from_grid, c
   result.resolution_m = grid.resolution_m;
   result.origin_x_m = low_x;
   result.origin_y_m = low_y;
-  const double columns = std::ceil((high_x - low_x) / grid.resolution_m - 1e-6), rows = std::ceil((high_y - low_y) / grid.resolution_m - 1e-6);
-  if (columns * rows > 4e8) throw Error(ErrorCode::kUnsupported, "turned by its yaw, the map has too many cells", where, "turn the image in an image editor and set the yaw to 0");
+  const double columns = std::ceil((high_x - low_x) / grid.resolution_m - 1e-6),
+               rows = std::ceil((high_y - low_y) / grid.resolution_m - 1e-6);
+  if (columns * rows > 4e8)
+    throw Error(ErrorCode::kUnsupported, "turned by its yaw, the map has too many cells", where,
+                "turn the image in an image editor and set the yaw to 0");
   result.columns = static_cast<std::int32_t>(columns);
   result.rows = static_cast<std::int32_t>(rows);
   result.log_odds.reserve(static_cast<std::size_t>(result.columns) * static_cast<std::size_t>(result.rows));
   const Pose2 grid_from_map = inverse(map_from_grid);
   for (std::int32_t row = 0; row < result.rows; ++row)
     for (std::int32_t column = 0; column < result.columns; ++column) {
-      const Pose2 centre = compose(grid_from_map, Pose2(low_x + (column + 0.5) * grid.resolution_m, low_y + (row + 0.5) * grid.resolution_m, 0.0));
-      const auto from_column = static_cast<std::int32_t>(std::floor(centre.x / grid.resolution_m)), from_row = static_cast<std::int32_t>(std::floor(centre.y / grid.resolution_m));
+      const Pose2 centre =
+          compose(grid_from_map, Pose2(low_x + (column + 0.5) * grid.resolution_m, low_y + (row + 0.5) * grid.resolution_m, 0.0));
+      const auto from_column = static_cast<std::int32_t>(std::floor(centre.x / grid.resolution_m)),
+                 from_row = static_cast<std::int32_t>(std::floor(centre.y / grid.resolution_m));
       result.log_odds.push_back(grid.inside(from_column, from_row) ? grid.at(from_column, from_row) : OccupancyGrid::kUnknown);
     }
   return result;
@@ -194,7 +212,8 @@ OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
   const Description description = DescriptionReader(yaml_file).read();
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(description.image, ignored))
-    throw Error(ErrorCode::kMissing, "the image '" + description.image.string() + "' is not there", yaml_file.string() + ":" + std::to_string(description.image_line),
+    throw Error(ErrorCode::kMissing, "the image '" + description.image.string() + "' is not there",
+                yaml_file.string() + ":" + std::to_string(description.image_line),
                 "put it beside the YAML file, or correct the key 'image'");
   const GreyImage image = decode_image(read_file(description.image, std::uint64_t{1} << 30), description.image.string());
 

@@ -34,7 +34,8 @@ class Thinning {
   explicit Thinning(double voxel_m) : voxel_m_(voxel_m) {}
   void add(const Eigen::Vector3d& point_in_map, std::size_t robot) {
     Voxel voxel;
-    for (int axis = 0; axis < 3; ++axis) voxel[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(std::floor(point_in_map(axis) / voxel_m_));
+    for (int axis = 0; axis < 3; ++axis)
+      voxel[static_cast<std::size_t>(axis)] = static_cast<std::int64_t>(std::floor(point_in_map(axis) / voxel_m_));
     Gathered& gathered = voxels_[voxel];
     if (gathered.count++ == 0) gathered.robot = static_cast<std::uint32_t>(robot);
     gathered.sum += point_in_map;
@@ -64,7 +65,10 @@ void add_walls(const OccupancyGrid& grid, const Pose3& map_from_node, std::size_
   for (std::int32_t row = 0; row < grid.rows; ++row)
     for (std::int32_t column = 0; column < grid.columns; ++column)
       if (grid.at(column, row) > 0)
-        thinning.add(transformed(Eigen::Vector3d(grid.origin_x_m + (column + 0.5) * grid.resolution_m, grid.origin_y_m + (row + 0.5) * grid.resolution_m, 0.0), map_from_node), robot);
+        thinning.add(transformed(Eigen::Vector3d(grid.origin_x_m + (column + 0.5) * grid.resolution_m,
+                                                 grid.origin_y_m + (row + 0.5) * grid.resolution_m, 0.0),
+                                 map_from_node),
+                     robot);
 }
 
 }  // namespace
@@ -79,13 +83,15 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
     const auto robot = static_cast<std::size_t>(std::lower_bound(robots.begin(), robots.end(), id.session.client.robot) - robots.begin());
     if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) add_walls(*grid, node.map_from_node, robot, thinning);
     if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
-      for (const auto& point : points_in_robot(*scan, 0.0, options.max_range_m)) thinning.add(transformed(Eigen::Vector3d(point.x, point.y, 0.0), node.map_from_node), robot);
+      for (const auto& point : points_in_robot(*scan, 0.0, options.max_range_m))
+        thinning.add(transformed(Eigen::Vector3d(point.x, point.y, 0.0), node.map_from_node), robot);
   }
 
   const auto points = thinning.sorted();
   const std::string count = std::to_string(points.size());
-  std::string bytes = "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH " + count +
-                      "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n";
+  std::string bytes =
+      "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH " +
+      count + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n";
   bytes.reserve(bytes.size() + 16 * points.size());
   for (const auto& [voxel, gathered] : points) {
     const Eigen::Vector3d point_in_map = gathered.sum / gathered.count;

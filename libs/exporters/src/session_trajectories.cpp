@@ -15,7 +15,8 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
     trajectories.back().poses.push_back({node.stamp, node.map_from_node});
   }
   for (auto& trajectory : trajectories)
-    std::stable_sort(trajectory.poses.begin(), trajectory.poses.end(), [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
+    std::stable_sort(trajectory.poses.begin(), trajectory.poses.end(),
+                     [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
   return trajectories;
 }
 

@@ -75,7 +75,7 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     if (!from_odometry) prior = {0.15 + 0.3 * distance, 0.1 + 0.3 * turn};
 
     bool matched = false;
-    Eigen::Matrix3d information;
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     if (few.size() >= kFewestPoints) {
       const Active& against = active_.front();
       const Pose2 guess = between(against.local_from_submap, predicted);

@@ -133,7 +133,7 @@ ScanMatch refine(const WallField& field, const std::vector<Point2f>& points, con
   match.field_from_scan = start;
   if (points.empty()) return match;
   double x = start.x, y = start.y, phi = start.phi;
-  Eigen::Matrix3d hessian;
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
   int used = 0;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     hessian.setZero();

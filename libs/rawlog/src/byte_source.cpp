@@ -131,18 +131,13 @@ void ByteSource::fill() {
   end_ += got;
 }
 
-std::string_view ByteSource::ahead(std::size_t wanted) {
-  while (end_ - begin_ < wanted && !ended_) fill();
-  return {buffer_.data() + begin_, end_ - begin_};
-}
-
 void ByteSource::skip(std::size_t count) {
   MAPWEAVE_EXPECT(count <= end_ - begin_, "more skipped than shown");
   begin_ += count;
   position_ += count;
 }
 
-bool ByteSource::take(char* to, std::size_t count) {
+bool ByteSource::take_slowly(char* to, std::size_t count) {
   while (count > 0) {
     const auto view = ahead(1);
     if (view.empty()) return false;

@@ -4,6 +4,7 @@
 #include <zlib.h>
 
 #include <cstdint>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <string_view>
@@ -20,10 +21,19 @@ class ByteSource {
   ByteSource& operator=(const ByteSource&) = delete;
 
   // The next bytes, at least `wanted` of them unless the stream ends before. Valid until the next call.
-  std::string_view ahead(std::size_t wanted);
+  std::string_view ahead(std::size_t wanted) {
+    while (end_ - begin_ < wanted && !ended_) fill();
+    return {buffer_.data() + begin_, end_ - begin_};
+  }
   void skip(std::size_t count);  // at most what ahead() showed
   // Copies `count` bytes; false where the stream ends before (then they are taken all the same).
-  bool take(char* to, std::size_t count);
+  bool take(char* to, std::size_t count) {
+    if (count > end_ - begin_) return take_slowly(to, count);
+    std::memcpy(to, buffer_.data() + begin_, count);
+    begin_ += count;
+    position_ += count;
+    return true;
+  }
   // Nothing is left. Throws where nothing is left because of damage.
   bool at_end();
   // Throws the damage that ended the stream, if it was damage.
@@ -39,6 +49,7 @@ class ByteSource {
 
  private:
   void fill();
+  bool take_slowly(char* to, std::size_t count);
   std::size_t read_file(char* to, std::size_t count);
   void inflate_into(char* to, std::size_t count, std::size_t& got);
 

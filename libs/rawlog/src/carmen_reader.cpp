@@ -39,7 +39,7 @@ class CarmenReader final : public RecordSource {
       if (!keyword) continue;
       if (is_laser_keyword(*keyword)) {
         parse_laser_line(*keyword, *fields, line_);
-        const Stamp stamp = stamp_of(line_.ipc_stamp_s, line_.logger_stamp_s, *fields);
+        const Stamp stamp = stamp_of_line(survey_, line_.ipc_stamp_s, line_.logger_stamp_s, *fields);
         if (survey_.poses_move()) records.push_back(odometry_record(line_.world_from_robot, stamp, lines_.line()));
         records.push_back(converter_.scan(line_, stamp, lines_.line()));
         return true;
@@ -48,7 +48,8 @@ class CarmenReader final : public RecordSource {
         const OdometryLine odometry = parse_odometry(*fields);
         // Laser lines bring the odometry of their instant. ODOM lines may be of another frame (corrected logs), so both are never mixed.
         if (survey_.poses_move()) continue;
-        records.push_back(odometry_record(odometry.odometry_from_robot, stamp_of(odometry.ipc_stamp_s, odometry.logger_stamp_s, *fields), lines_.line()));
+        const Stamp stamp = stamp_of_line(survey_, odometry.ipc_stamp_s, odometry.logger_stamp_s, *fields);
+        records.push_back(odometry_record(odometry.odometry_from_robot, stamp, lines_.line()));
         return true;
       }
     }
@@ -90,10 +91,6 @@ class CarmenReader final : public RecordSource {
       survey.add_parameter(*name, fields.number("a value"));
     } catch (const Error&) {  // a text, such as "on"
     }
-  }
-
-  Stamp stamp_of(double ipc_s, double logger_s, const Fields& fields) const {
-    return stamp_of_line(survey_.uses_logger_stamps() ? logger_s : ipc_s, fields.place());
   }
 
   std::unique_ptr<ByteSource> bytes_;

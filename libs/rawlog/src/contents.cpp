@@ -10,7 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <tuple>
 #include <utility>
 
 namespace mapweave::rawlog {
@@ -41,6 +41,25 @@ bool alike(const LaserGeometry& a, const LaserGeometry& b) {
          near(a.x_m, b.x_m) && near(a.y_m, b.y_m) && near(a.z_m, b.z_m) && near(a.pitch_rad, b.pitch_rad) && near(a.roll_rad, b.roll_rad);
 }
 
+struct Sensor {
+  const mrpt::rtti::TRuntimeClassId* class_id;
+  SensorContents contents;
+  Pose2 last_odometry;
+  double length_m = 0.0;
+};
+
+Sensor& sensor_of(const mrpt::obs::CObservation& observation, std::vector<Sensor>& sensors) {
+  const auto* class_id = observation.GetRuntimeClass();
+  const auto known = std::find_if(sensors.begin(), sensors.end(),
+                                  [&](const Sensor& sensor) { return sensor.class_id == class_id && sensor.contents.label == observation.sensorLabel; });
+  if (known != sensors.end()) return *known;
+  Sensor sensor{class_id, {}, {}};
+  const std::string name = class_id->className;
+  sensor.contents.class_name = name.substr(name.rfind(':') + 1);
+  sensor.contents.label = observation.sensorLabel;
+  return sensors.emplace_back(std::move(sensor));
+}
+
 void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObservation2DRangeScan& scan) {
   const LaserGeometry geometry = geometry_of(scan);
   auto known = std::find_if(geometries.begin(), geometries.end(), [&](const LaserGeometry& other) { return alike(geometry, other); });
@@ -60,20 +79,15 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
 
   LogContents contents;
   contents.format = format.name;
-  std::map<std::pair<std::string, std::string>, SensorContents> sensors;
-  std::map<std::string, Pose2> last_odometry;  // by label
-  std::map<std::string, double> length_m;
+  std::vector<Sensor> sensors;
   while (const auto record = stream->next()) {
     const auto& observation = *record->observation;
     if (contents.observations % 256 == 0) throw_if_interrupted();
     if (contents.observations++ == 0) contents.first = record->stamp;
     contents.last = record->stamp;
-    const std::string full_name = observation.GetRuntimeClass()->className;
-    const std::string class_name = full_name.substr(full_name.rfind(':') + 1);
-    SensorContents& sensor = sensors[{observation.sensorLabel, class_name}];
+    Sensor& found = sensor_of(observation, sensors);
+    SensorContents& sensor = found.contents;
     if (sensor.count++ == 0) {
-      sensor.label = observation.sensorLabel;
-      sensor.class_name = class_name;
       sensor.first = sensor.last = record->stamp;
     }
     sensor.longest_gap_s = std::max(sensor.longest_gap_s, seconds_between(sensor.last, record->stamp));
@@ -83,19 +97,20 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
       add_geometry(sensor.geometries, *scan);
     } else if (const auto* odometry = dynamic_cast<const mrpt::obs::CObservationOdometry*>(&observation)) {
       const Pose2 pose = odometry->odometry.asTPose();
-      const auto [last, is_first] = last_odometry.try_emplace(observation.sensorLabel, pose);
-      if (!is_first) length_m[observation.sensorLabel] += std::hypot(pose.x - last->second.x, pose.y - last->second.y);
-      last->second = pose;
+      if (sensor.count > 1) found.length_m += std::hypot(pose.x - found.last_odometry.x, pose.y - found.last_odometry.y);
+      found.last_odometry = pose;
     }
   }
   contents.duration_s = seconds_between(contents.first, contents.last);
-  for (auto& [key, sensor] : sensors) {
+  for (auto& [class_id, sensor, last_odometry, length_m] : sensors) {
     const double seconds = seconds_between(sensor.first, sensor.last);
     if (seconds > 0.0) sensor.rate_hz = static_cast<double>(sensor.count - 1) / seconds;
     std::stable_sort(sensor.geometries.begin(), sensor.geometries.end(), [](const LaserGeometry& a, const LaserGeometry& b) { return a.scans > b.scans; });
+    contents.odometry_length_m = std::max(contents.odometry_length_m, length_m);
     contents.sensors.push_back(std::move(sensor));
   }
-  for (const auto& [label, length] : length_m) contents.odometry_length_m = std::max(contents.odometry_length_m, length);
+  std::sort(contents.sensors.begin(), contents.sensors.end(),
+            [](const SensorContents& a, const SensorContents& b) { return std::tie(a.label, a.class_name) < std::tie(b.label, b.class_name); });
   return contents;
 }
 

@@ -92,8 +92,8 @@ class G2oReader final : public RecordSource {
   }
 
   Stamp stamp_of(const Fields& fields) {
-    if (survey_.has_usable_stamps()) return stamp_of_line(survey_.uses_logger_stamps() ? line_.logger_stamp_s : line_.ipc_stamp_s, fields.place());
-    return stamp_of_line(static_cast<double>(++stamped_) * step_s_, fields.place());
+    if (survey_.has_usable_stamps()) return stamp_of_line(survey_, line_.ipc_stamp_s, line_.logger_stamp_s, fields);
+    return stamp_of_text(static_cast<double>(++stamped_) * step_s_, fields);
   }
 
   std::unique_ptr<ByteSource> bytes_;

@@ -72,7 +72,7 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-double rounded(double value) { return std::round(value * 1e4) / 1e4; }
+double rounded(double value) { return std::round(value * 1e4) / 1e4 + 0.0; }  // never -0
 
 // The mounting that nearly all lines agree on; nullopt where they do not (a corrected laser pose beside raw odometry).
 std::optional<Pose2> agreed(const std::vector<Pose2>& poses) {
@@ -248,12 +248,17 @@ PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std:
   return {{stamp, odometry}, place};
 }
 
-Stamp stamp_of_line(double seconds, const std::string& place) {
-  if (!(std::abs(seconds) < 9e9)) {
-    throw Error(ErrorCode::kBadInput, "the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected", place, "correct or remove the line");
+Stamp stamp_of_text(double seconds, const Fields& fields) {
+  if (!(std::abs(seconds) < 9e9)) throw fields.error("the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected");
+  return Stamp{std::llround(seconds * 1e6) * 1000};
+}
+
+Stamp stamp_of_line(const LaserSurvey& survey, double ipc_stamp_s, double logger_stamp_s, const Fields& fields) {
+  if (!survey.uses_logger_stamps()) return stamp_of_text(ipc_stamp_s, fields);
+  if (!fields.terminated()) {  // the last number of the file, and it matters
+    throw Error(ErrorCode::kCorrupt, "the file ends within this line; a line break was expected", fields.place(), "copy the log again, or end the line");
   }
-  // As MRPT keeps it, so that a converted log has the same stamps as this one.
-  return to_stamp(to_mrpt_time(stamp_from_seconds(seconds)));
+  return stamp_of_text(logger_stamp_s, fields);
 }
 
 }  // namespace mapweave::rawlog

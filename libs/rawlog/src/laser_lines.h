@@ -75,7 +75,9 @@ class LaserLineConverter {
 
 PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std::uint64_t place);
 
-// Throws Error kBadInput where the seconds are no stamp.
-Stamp stamp_of_line(double seconds, const std::string& place);
+// The one of a line's two stamps that `survey` chose. To the microsecond, as these logs write it: a double of seconds since 1970 holds no more.
+// Throws Error kBadInput where it is no time.
+Stamp stamp_of_line(const LaserSurvey& survey, double ipc_stamp_s, double logger_stamp_s, const Fields& fields);
+Stamp stamp_of_text(double seconds, const Fields& fields);
 
 }  // namespace mapweave::rawlog

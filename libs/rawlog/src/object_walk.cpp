@@ -4,60 +4,30 @@
 #include <mrpt/rtti/CObject.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstring>
 #include <optional>
-#include <string_view>
+#include <string>
+#include <utility>
 
 namespace mapweave::rawlog {
 namespace {
 
 constexpr char kEndFlag = '\x88';
-constexpr std::size_t kLongestName = 120, kDeepest = 8;
+constexpr std::size_t kDeepest = 8;
 constexpr std::uint32_t kMostParticles = 1'000'000;
 constexpr const char* kRemedy = "record or copy the log again; what precedes this place can be used (split --at)";
 
+bool is_name_letter(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' || c == ',';
+}
+
 class Walker {
  public:
-  Walker(ByteSource& source, std::uint64_t most_bytes, std::size_t at = 0) : source_(source), most_bytes_(most_bytes), at_(at) {}
+  Walker(ByteSource& source, std::uint64_t most_bytes) : source_(source), most_bytes_(most_bytes) {}
 
-  // False where the walk met a class or version whose layout is not known here: nothing is said about what follows.
-  bool object(std::size_t depth = 0) {
-    if (depth > kDeepest) throw corrupt("objects are nested deeper than " + std::to_string(kDeepest));
-    const std::size_t start = at_;
-    const ObjectHeader object_header = header();
-    if (object_header.version < 0) return end(object_header);
-    const std::string_view name = short_name(object_header.class_name);
-    within_ = object_header.class_name;
-    const std::optional<bool> known = body(name, object_header.version, depth);
-    if (!known && mrpt::rtti::findRegisteredClass(object_header.class_name) == nullptr) {
-      throw Error(ErrorCode::kUnsupported, "holds an object of class '" + object_header.class_name + "', which MRPT 2.5.8 does not know",
-                  source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
-    }
-    within_ = object_header.class_name;
-    return known.value_or(false) && end(object_header);
-  }
-
-  ObjectHeader header() {
-    ObjectHeader found;
-    const auto first = number<std::uint8_t>();
-    found.has_end_flag = (first & 0x80) != 0;
-    const std::size_t length = first & 0x7f;
-    if (!found.has_end_flag && (number<std::uint8_t>() != 0 || number<std::uint16_t>() != 0)) throw no_header();
-    if (length == 0 || length > kLongestName) throw no_header();
-    found.class_name.assign(bytes(length));
-    if (!std::all_of(found.class_name.begin(), found.class_name.end(),
-                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == ':' || c == '<' || c == '>' || c == ','; })) {
-      throw no_header();
-    }
-    if (!found.has_end_flag) {
-      const auto version = number<std::int32_t>();
-      if (version < 0 || version > 254) throw corrupt("class version " + std::to_string(version) + " cannot be");
-      found.version = version;
-    } else if (found.class_name != "nullptr") {
-      found.version = number<std::uint8_t>();
-    }
-    found.body = at_;
+  ObjectHeader walk() {
+    ObjectHeader found = header();
+    object(found, 0, 0);
     return found;
   }
 
@@ -67,6 +37,46 @@ class Walker {
     return colon == std::string_view::npos ? name : name.substr(colon + 1);
   }
 
+  ObjectHeader header() {
+    ObjectHeader found;
+    const auto first = number<std::uint8_t>();
+    found.has_end_flag = (first & 0x80) != 0;
+    found.name_length = first & 0x7f;
+    if (!found.has_end_flag && (number<std::uint8_t>() != 0 || number<std::uint16_t>() != 0)) throw no_header();
+    if (found.name_length == 0 || found.name_length > found.name.size()) throw no_header();
+    const auto name = bytes(found.name_length);
+    if (!std::all_of(name.begin(), name.end(), is_name_letter)) throw no_header();
+    std::copy(name.begin(), name.end(), found.name.begin());
+    if (!found.has_end_flag) {
+      const auto version = number<std::int32_t>();
+      if (version < 0 || version > 254) throw corrupt("class version " + std::to_string(version) + " cannot be");
+      found.version = version;
+    } else if (found.class_name() != "nullptr") {
+      found.version = number<std::uint8_t>();
+    }
+    return found;
+  }
+
+  bool nested(std::size_t depth) {
+    if (depth >= kDeepest) throw corrupt("objects are nested deeper than " + std::to_string(kDeepest));
+    const std::size_t start = at_;
+    return object(header(), start, depth + 1);
+  }
+
+  // False where the walk met a class or version whose layout is not known here: nothing is said about what follows.
+  bool object(const ObjectHeader& object_header, std::size_t start, std::size_t depth) {
+    if (object_header.version < 0) return end(object_header);
+    const ObjectHeader* outer = std::exchange(within_, &object_header);
+    const std::optional<bool> known = body(short_name(object_header.class_name()), object_header.version, depth);
+    if (!known && mrpt::rtti::findRegisteredClass(std::string(object_header.class_name())) == nullptr) {
+      throw Error(ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which MRPT's observations do not know",
+                  source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
+    }
+    const bool whole = known.value_or(false) && end(object_header);
+    within_ = outer;
+    return whole;
+  }
+
   // nullopt: a class whose layout is not known here.
   std::optional<bool> body(std::string_view name, int version, std::size_t depth) {
     if (name == "CObservation2DRangeScan") return version >= 4 && version <= 7 && scan(version, depth);
@@ -74,7 +84,7 @@ class Walker {
     if (name == "CSensoryFrame") return version <= 2 && frame(version, depth);
     if (name == "CActionCollection") return version == 0 && objects(depth);
     if (name == "CActionRobotMovement2D") return version >= 5 && version <= 7 && movement(version, depth);
-    if (name == "CObservationComment") return version == 0 && text() && skip(8) && text();
+    if (name == "CObservationComment") return version == 0 && text() && skip(8);
     if (name == "CPose2D") return version == 1 && skip(3 * 8);
     if (name == "CPose3D") return pose3(version, depth);
     if (name == "CMatrixD" || name == "CMatrixF") return version == 0 && matrix(name == "CMatrixD" ? 8 : 4);
@@ -83,8 +93,8 @@ class Walker {
 
   bool scan(int version, std::size_t depth) {
     skip(4 + 1 + 4);  // aperture, direction, maximum
-    if (!object(depth + 1)) return false;
-    if (version < 6 && !object(depth + 1)) return false;
+    if (!nested(depth)) return false;
+    if (version < 6 && !nested(depth)) return false;
     const auto rays = number<std::uint32_t>();
     array(rays, 4 + 1, "rays");
     skip(4 + 8 + 4);  // range deviation, stamp, beam width
@@ -93,7 +103,7 @@ class Walker {
     return true;
   }
   bool odometry(int version, std::size_t depth) {
-    if (!object(depth + 1)) return false;
+    if (!nested(depth)) return false;
     text(), skip(8);
     if (version == 1) skip(1 + 8 + 1 + 8);
     if (version == 2) {
@@ -111,13 +121,13 @@ class Walker {
     const auto count = number<std::uint32_t>();
     array(count, 2, "objects", false);
     for (std::uint32_t i = 0; i < count; ++i) {
-      if (!object(depth + 1)) return false;
+      if (!nested(depth)) return false;
     }
     return true;
   }
   bool movement(int version, std::size_t depth) {
     const auto method = number<std::int32_t>();
-    if (!object(depth + 1)) return false;
+    if (!nested(depth)) return false;
     if (method == 0) {  // from odometry: the motion model stands here
       skip(4 + 6 * 4);
       const auto particles = number<std::uint32_t>();
@@ -133,7 +143,7 @@ class Walker {
     return version < 6 || skip(8);
   }
   bool pose3(int version, std::size_t depth) {
-    if (version <= 1) return object(depth + 1);
+    if (version <= 1) return nested(depth);
     return version == 2 ? skip(7 * 8) : version == 3 && skip(12 * 8);
   }
   bool matrix(std::size_t cell_bytes) {
@@ -182,19 +192,17 @@ class Walker {
   }
   Error no_header() { return corrupt("the name of a class was expected here"); }
   Error corrupt(const std::string& what) const {
-    return Error(ErrorCode::kCorrupt, (within_.empty() ? "" : "an object of class '" + within_ + "': ") + what, source_.place(source_.position() + at_), kRemedy);
+    return Error(ErrorCode::kCorrupt, (within_ == nullptr ? "" : "an object of class '" + std::string(within_->class_name()) + "': ") + what, source_.place(source_.position() + at_), kRemedy);
   }
 
   ByteSource& source_;
   std::uint64_t most_bytes_;
-  std::size_t at_;
-  std::string within_;
+  std::size_t at_ = 0;                      // from the source's position
+  const ObjectHeader* within_ = nullptr;    // the innermost object
 };
 
 }  // namespace
 
-ObjectHeader read_header(ByteSource& source, std::size_t offset) { return Walker(source, 0, offset).header(); }
-
-void check_object(ByteSource& source, std::uint64_t most_bytes) { Walker(source, most_bytes).object(); }
+ObjectHeader check_object(ByteSource& source, std::uint64_t most_bytes) { return Walker(source, most_bytes).walk(); }
 
 }  // namespace mapweave::rawlog

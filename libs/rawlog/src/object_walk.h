@@ -4,23 +4,24 @@
 
 #include "byte_source.h"
 
-#include <string>
+#include <array>
+#include <string_view>
 
 namespace mapweave::rawlog {
 
 struct ObjectHeader {
-  std::string class_name;      // "mrpt::obs::CObservationOdometry", or without the namespace in older logs
-  int version = -1;            // -1 for the null object
-  std::size_t body = 0;        // bytes before the body
-  bool has_end_flag = true;    // absent in logs of 2006 and older
-};
+  static constexpr std::size_t kLongestName = 120;
+  std::array<char, kLongestName> name{};
+  std::size_t name_length = 0;
+  int version = -1;          // -1: the null object
+  bool has_end_flag = true;  // absent before MRPT 0.5.5
 
-// Throws Error kCorrupt where the bytes are no header.
-ObjectHeader read_header(ByteSource& source, std::size_t offset = 0);
+  std::string_view class_name() const { return {name.data(), name_length}; }  // "mrpt::obs::CObservationOdometry"; older logs: "CObservationOdometry"
+};
 
 // Throws Error: kCorrupt for lengths that cannot be, an object that the file does not hold whole or that lacks its end flag; kUnsupported for a
 // class that MRPT does not know, here or within. Classes other than laser scans, odometry, actions, sensory frames and comments are looked
 // at no further than their name. `most_bytes`: an object that announces more is damage.
-void check_object(ByteSource& source, std::uint64_t most_bytes);
+ObjectHeader check_object(ByteSource& source, std::uint64_t most_bytes);
 
 }  // namespace mapweave::rawlog

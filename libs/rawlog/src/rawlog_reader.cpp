@@ -36,13 +36,12 @@ class RawlogReader final : public RecordSource {
   bool read(std::vector<PlacedRecord>& records) override {
     if (bytes_->at_end()) return false;
     const std::uint64_t place = bytes_->position();
-    check_object(*bytes_, most_bytes_);
-    const auto object = read_object(place);
+    const auto object = read_object(check_object(*bytes_, most_bytes_), place);
     if (!object) return true;  // a null object
-    if (const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object)) {
-      add_frame(*frame, place, records);
-    } else if (const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) {
+    if (const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) {
       add(observation, std::nullopt, place, records);
+    } else if (const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object)) {
+      add_frame(*frame, place, records);
     } else if (const auto actions = std::dynamic_pointer_cast<mrpt::obs::CActionCollection>(object)) {
       add_actions(*actions, place, records);
     } else if (const auto action = std::dynamic_pointer_cast<mrpt::obs::CAction>(object)) {
@@ -64,10 +63,9 @@ class RawlogReader final : public RecordSource {
   }
 
  private:
-  mrpt::serialization::CSerializable::Ptr read_object(std::uint64_t place) {
-    const std::string class_name = read_header(*bytes_).class_name;
+  mrpt::serialization::CSerializable::Ptr read_object(const ObjectHeader& header, std::uint64_t place) {
     const auto corrupt = [&](const std::string& what) {
-      return Error(ErrorCode::kCorrupt, "an object of class '" + class_name + "' cannot be decoded (" + what + ")", bytes_->place(place),
+      return Error(ErrorCode::kCorrupt, "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")", bytes_->place(place),
                    "record or copy the log again; what precedes this place can be used (split --at)");
     };
     try {
@@ -100,12 +98,12 @@ class RawlogReader final : public RecordSource {
   }
 
   void add(const mrpt::obs::CObservation::Ptr& observation, std::optional<Stamp> otherwise, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    if (IS_CLASS(*observation, mrpt::obs::CObservationComment)) {  // stamped, if at all, by who wrote it and when
+      ++others_[observation->GetRuntimeClass()->className];
+      return;
+    }
     const bool stamped = has_stamp(observation->timestamp);
     if (!stamped && !otherwise) {
-      if (dynamic_cast<const mrpt::obs::CObservationComment*>(observation.get()) != nullptr) {
-        ++others_[observation->GetRuntimeClass()->className];
-        return;
-      }
       throw Error(ErrorCode::kBadInput, "an observation of '" + observation->sensorLabel + "' (" + observation->GetRuntimeClass()->className + ") has no time stamp; one was expected",
                   bytes_->place(place), "stamp the log when recording it");
     }

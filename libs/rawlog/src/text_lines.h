@@ -21,7 +21,8 @@ class Fields {
   double any_number(const char* name);             // infinite and NaN too
   double number(const char* name);                 // finite
   std::size_t count(const char* name, std::size_t most);
-  void expect_end(const char* what);               // throws where more follows, or where the file ends within the line
+  void expect_end(const char* what);               // throws where more follows
+  bool terminated() const { return terminated_; }  // by a line break; else the last field may have lost its end
   Error error(const std::string& what) const;
   const std::string& place() const { return place_; }
 

@@ -32,10 +32,10 @@ TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& ref
 enum class DeltaUnit { frames, metres };
 
 struct RelativeErrorOptions {
-  double delta = 1.0;                    // length of the pieces; frames: a whole number
-  DeltaUnit unit = DeltaUnit::frames;    // metres: of the way that the estimate went
-  bool all_pairs = false;                // pieces from every pose; otherwise one begins where the last ends
-  double relative_tolerance = 0.1;       // all pairs, metres: a piece's length may be off by this share of delta
+  double delta = 1.0;                  // length of the pieces; frames: a whole number
+  DeltaUnit unit = DeltaUnit::frames;  // metres: of the way that the estimate went
+  bool all_pairs = false;              // pieces from every pose; otherwise one begins where the last ends
+  double relative_tolerance = 0.1;     // all pairs, metres: a piece's length may be off by this share of delta
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("delta", delta, "length of the pieces whose drift is measured");

@@ -13,21 +13,21 @@ namespace mapweave::exporters {
 std::string grid_png(const OccupancyGrid&);
 
 struct PictureOptions {
-  std::string title;            // above the map; may be empty
-  int least_width_px = 900;     // small maps are enlarged, cells staying square
-  int common_side_px = 1600;    // the longer side of the map is enlarged to about this
-  int most_side_px = 4000;      // large ones are thinned until their longer side is below; walls stay
+  std::string title;          // above the map; may be empty; its writer's to choose, no option of users
+  int least_width_px = 900;   // small maps are enlarged, cells staying square
+  int common_side_px = 1600;  // the longer side of the map is enlarged to about this
+  int most_side_px = 4000;    // large ones are thinned until their longer side is below; walls stay
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("title", title, "above the map");
     v.integer("least_width_px", least_width_px, 300, 4000, "of the picture");
     v.integer("common_side_px", common_side_px, 100, 4000, "the longer side of a small map is enlarged to about this");
     v.integer("most_side_px", most_side_px, 500, 20000, "large maps are thinned until their longer side is below");
   }
 };
 
-// The known part of the grid (single rays that leave it are cut off) with each robot's way in a colour of its own (colour-blind-safe up to 8 robots; names stand by the starts), start (ring)
-// and end (square), a legend and a scale bar. The colour of a robot follows from its place among the RobotIds present. Contract: the grid has cells.
+// The known part of the grid (single rays that leave it are cut off) with each robot's way in a colour of its own (colour-blind-safe up to
+// 8 robots; names stand by the starts), start (ring) and end (square), a legend and a scale bar. The colour of a robot follows from its
+// place among the RobotIds present. Contract: the grid has cells.
 std::string map_picture_png(const OccupancyGrid&, const std::vector<SessionTrajectory>&, const PictureOptions& = {});
 
 }  // namespace mapweave::exporters

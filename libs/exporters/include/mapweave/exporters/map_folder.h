@@ -11,22 +11,37 @@
 namespace mapweave::exporters {
 
 struct MapFolderFiles {
-  bool png = true;                 // map.png, map.color.png
-  bool pgm = true;                 // map.pgm, map.yaml
-  bool pcd = true;                 // map.pcd
-  bool tum = true;                 // trajectory.tum
-  bool robot_trajectories = false; // trajectories/<robot>.tum: for a team's folder
-  bool g2o = false;                // map.g2o
+  bool png = true;                  // map.png, map.color.png
+  bool pgm = true;                  // map.pgm, map.yaml
+  bool pcd = true;                  // map.pcd
+  bool tum = true;                  // trajectory.tum
+  bool robot_trajectories = false;  // trajectories/<robot>.tum: for a team's folder, as its writer knows
+  bool g2o = false;                 // map.g2o
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.flag("png", png, "map.png and map.color.png");
+    v.flag("pgm", pgm, "map.pgm and map.yaml, for map_server and nav2");
+    v.flag("pcd", pcd, "map.pcd, the walls as points");
+    v.flag("tum", tum, "trajectory.tum");
+    v.flag("g2o", g2o, "map.g2o, the pose graph");
+  }
 };
 
 struct MapFolderOptions {
   MapFolderFiles files;
   PictureOptions picture;
   PointCloudOptions cloud;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.section("files", files, "which files a map's folder holds");
+    v.section("picture", picture, "the drawn map, map.color.png");
+    v.section("cloud", cloud, "the walls as points, map.pcd");
+  }
 };
 
-// Writes the files asked for into `folder`, which it creates, and returns their names relative to it, in that order. A grid without cells (a
-// map that saw nothing) has no png and no pgm. Throws Error(kCannotWrite).
-std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map&, const OccupancyGrid&, const MapFolderOptions& = {});
+// Writes the files asked for into `folder`, which it creates, and returns their names relative to it, in that order. A grid without cells
+// (a map that saw nothing) has no png and no pgm. Throws Error(kCannotWrite).
+std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map&, const OccupancyGrid&,
+                                                    const MapFolderOptions& = {});
 
 }  // namespace mapweave::exporters

@@ -17,8 +17,9 @@ struct PointCloudOptions {
   }
 };
 
-// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from above) and rgb: the colour of the
-// robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall cells.
+// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from above) and rgb: the
+// colour of the robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall
+// cells.
 std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
 
 }  // namespace mapweave::exporters

@@ -1,0 +1,60 @@
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/fusion/compose_grid.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/fusion/grid_map.h>
+#include <support/pose_matchers.h>
+#include <support/simulated_maps.h>
+
+namespace mapweave::fusion {
+namespace {
+
+using test::IsNear;
+
+OccupancyGrid apartment_grid(const simulation::SimulatedTeam& team, std::size_t robot) {
+  WorkerPool pool(1);
+  return compose_grid(test::truth_map(team.robots[robot], team.laser), {}, pool);
+}
+
+TEST(GridMap, is_drawn_again_as_it_was) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 20.0;
+  const OccupancyGrid grid = apartment_grid(simulation::make_apartment({}, options), 0);
+  WorkerPool pool(1);
+  const Map map = map_of_grid(MapId("office"), grid);
+  const OccupancyGrid again = compose_grid(map, {}, pool);
+  const int dx = static_cast<int>(std::lround((again.origin_x_m - grid.origin_x_m) / 0.05)), dy = static_cast<int>(std::lround((again.origin_y_m - grid.origin_y_m) / 0.05));
+  std::size_t differing = 0;
+  for (int row = 0; row < grid.rows; ++row)
+    for (int column = 0; column < grid.columns; ++column)
+      differing += !again.inside(column - dx, row - dy) ? grid.at(column, row) != 0 : (again.at(column - dx, row - dy) > 0) != (grid.at(column, row) > 0);
+  EXPECT_EQ(differing, 0U);
+}
+
+TEST(GridMap, joins_with_a_robots_map_of_the_same_place) {
+  simulation::TeamOptions options;
+  options.shared = 1.0;
+  const auto team = simulation::make_apartment({}, options);
+  const Map office = map_of_grid(MapId("office"), apartment_grid(team, 0));
+  const Map robot = test::mapped(team.robots[1], team.laser);
+  WorkerPool pool(2);
+  Memo memo;
+  const auto progress = make_silent_progress();
+  const auto result = fuse({{office, robot}, {}, TierId("cloud")}, {}, memo, pool, *progress);
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_EQ(result.verdicts[0].kind, "grid");
+  ASSERT_EQ(result.verdicts[0].decision, Decision::accepted) << to_text(result.verdicts[0].reason);
+  const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+  EXPECT_THAT(planar(result.verdicts[0].alignment->a_from_b.pose), IsNear(truth, 0.2, 0.05));
+}
+
+TEST(GridMap, refuses_a_grid_that_knows_nothing) {
+  OccupancyGrid grid;
+  grid.columns = grid.rows = 10;
+  grid.log_odds.assign(100, OccupancyGrid::kUnknown);
+  EXPECT_THROW(map_of_grid(MapId("void"), grid), Error);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion

@@ -1,0 +1,114 @@
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/matching/submap_model.h>
+#include <support/pose_matchers.h>
+#include <support/simulated_maps.h>
+
+namespace mapweave::laser {
+namespace {
+
+using test::error_m;
+using test::mapped;
+
+simulation::TeamOptions alone(double length_m) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = length_m;
+  return options;
+}
+
+TEST(GraphMapper, maps_an_apartment_within_centimetres) {
+  const auto team = simulation::make_apartment({}, alone(40.0));
+  const Map map = mapped(team.robots[0], team.laser);
+  ASSERT_EQ(map.nodes.size(), team.robots[0].steps.size());
+  EXPECT_LT(error_m(map, team.robots[0]), 0.05);
+}
+
+TEST(GraphMapper, closes_a_loop) {
+  const auto team = simulation::make_ring({}, alone(0.0));
+  const Map map = mapped(team.robots[0], team.laser);
+  const auto loops = std::count_if(map.constraints.begin(), map.constraints.end(), [](const auto& entry) { return entry.first.kind == ConstraintKind::loop; });
+  EXPECT_GT(loops, 0);
+  EXPECT_LT(error_m(map, team.robots[0]), 0.12);
+}
+
+TEST(GraphMapper, works_without_odometry) {
+  const auto team = simulation::make_apartment({}, alone(20.0));
+  EXPECT_LT(error_m(mapped(team.robots[0], team.laser, false), team.robots[0]), 0.10);
+}
+
+TEST(GraphMapper, gets_over_wheels_that_miss_turns) {
+  auto options = alone(30.0);
+  options.odometry.slips_per_100_m = 20.0;
+  options.odometry.slip_min_deg = 5.0;
+  options.odometry.slip_max_deg = 10.0;
+  const auto team = simulation::make_apartment({}, options);
+  EXPECT_LT(error_m(mapped(team.robots[0], team.laser), team.robots[0]), 0.06);
+}
+
+TEST(GraphMapper, holds_on_to_odometry_along_a_bare_corridor) {
+  simulation::CorridorOptions corridor;
+  corridor.doors = 0, corridor.clutter = 0, corridor.length_m = 40.0;
+  auto options = alone(25.0);
+  options.laser.max_range_m = 8.0;
+  options.odometry.slips_per_100_m = 0.0;
+  const auto team = simulation::make_corridor(corridor, options);
+  EXPECT_LT(error_m(mapped(team.robots[0], team.laser), team.robots[0]), 0.8);
+}
+
+TEST(GraphMapper, gives_the_same_bytes_twice) {
+  const auto team = simulation::make_apartment({}, alone(15.0));
+  MapUpdate one = difference({}, mapped(team.robots[0], team.laser)), two = difference({}, mapped(team.robots[0], team.laser));
+  one.origin = two.origin = {TierId("edge"), MapId("robot0")};
+  one.sequence = two.sequence = 1;
+  EXPECT_EQ(encode(one), encode(two));
+}
+
+TEST(GraphMapper, freezes_submaps_that_overlap_by_half) {
+  const auto team = simulation::make_apartment({}, alone(30.0));
+  const Map map = mapped(team.robots[0], team.laser);
+  ASSERT_GT(map.submaps.size(), 4U);
+  const Submap* last = nullptr;
+  for (const auto& [id, submap] : map.submaps) {
+    EXPECT_TRUE(submap.frozen);
+    EXPECT_EQ(submap.content, content_hash(submap, map.nodes));
+    if (last != nullptr) {
+      EXPECT_TRUE(std::any_of(last->submap_from_node.begin(), last->submap_from_node.end(), [&](const auto& member) { return member.first == submap.anchor(); }));
+    }
+    last = &submap;
+  }
+}
+
+TEST(GraphMapper, takes_scans_that_see_nothing_and_a_log_of_nothing) {
+  GraphMapper empty({RobotId("nobody"), SensorId("laser")}, {});
+  empty.finish();
+  EXPECT_TRUE(empty.snapshot().empty());
+
+  auto geometry = std::make_shared<ScanGeometry>();
+  geometry->ray_count = 90, geometry->angle_step_rad = 0.03, geometry->max_range_m = 20;
+  GraphMapper blind({RobotId("blind"), SensorId("laser")}, {});
+  for (int i = 0; i < 50; ++i) {
+    blind.add(OdometryInput{stamp_from_seconds(i), spatial(Pose2{0.2 * i, 0, 0})});
+    blind.add(ScanInput{stamp_from_seconds(i), {geometry, std::vector<std::uint16_t>(90, 0)}});
+  }
+  blind.finish();
+  const Map map = blind.snapshot();
+  ASSERT_EQ(map.nodes.size(), 50U);
+  // Nothing seen: the wheels are all there is.
+  EXPECT_THAT(planar(map.nodes.back().second.map_from_node), test::IsNear(Pose2{0.2 * 49, 0, 0}, 0.01, 0.01));
+  EXPECT_THROW(blind.finish(), ContractViolation);
+}
+
+TEST(GraphMapper, shows_its_map_while_it_works) {
+  const auto team = simulation::make_apartment({}, alone(12.0));
+  const auto geometry = test::scan_geometry(team.laser);
+  GraphMapper mapper({RobotId("alpha"), SensorId("laser")}, {});
+  std::size_t added = 0;
+  for (const auto& step : team.robots[0].steps) {
+    mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
+    if (++added % 20 == 0) EXPECT_EQ(mapper.snapshot().nodes.size(), added);
+  }
+}
+
+}  // namespace
+}  // namespace mapweave::laser
