@@ -41,7 +41,8 @@ std::optional<Pose2> LocalMatcher::place(const mrpt::obs::CObservation2DRangeSca
   if (!fits) local_from_last_ = guess;
   const Pose2 answer = between(before, local_from_last_);
   const Pose2 from_key = between(key_scans_.back().local_from_robot, local_from_last_);
-  if (std::hypot(from_key.x, from_key.y) > kKeyDistance_m || std::abs(from_key.phi) > kKeyTurn_rad) remember(local_from_last_, std::move(points));
+  if (std::hypot(from_key.x, from_key.y) > kKeyDistance_m || std::abs(from_key.phi) > kKeyTurn_rad)
+    remember(local_from_last_, std::move(points));
   if (!fits) return std::nullopt;
   return answer;
 }

@@ -1,5 +1,5 @@
-// mrpt_mapper: MRPT's laser engines in a process of their own, one robot each. Started by laser::ExternalMapper; the protocol is described in
-// <mapweave/laser/mapper_protocol.h>: frames on standard input, frames on standard output.
+// mrpt_mapper: MRPT's laser engines in a process of their own, one robot each. Started by laser::ExternalMapper; the protocol is described
+// in <mapweave/laser/mapper_protocol.h>: frames on standard input, frames on standard output.
 
 #include "engine.h"
 
@@ -83,9 +83,7 @@ void serve(int output) {
   for (bool more = true; more;) {
     const protocol::Frame frame = next_frame(parser);
     switch (frame.kind) {
-      case protocol::Kind::geometry:
-        geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body));
-        break;
+      case protocol::Kind::geometry: geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body)); break;
       case protocol::Kind::scan: {
         auto [stamp, scan] = protocol::decode_scan(frame.body, geometry);
         motion.add_scan(stamp, std::move(scan));
@@ -100,8 +98,7 @@ void serve(int output) {
         if (!frame.body.empty()) protocol::fail("the last frame is not empty");
         more = false;
         break;
-      default:
-        protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the helper");
+      default: protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the helper");
     }
   }
   motion.finish();

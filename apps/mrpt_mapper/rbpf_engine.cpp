@@ -33,7 +33,8 @@ CMetricMapBuilderRBPF::TConstructionOptions builder_options(const laser::RbpfOpt
   result.predictionOptions.pfOptimalProposal_mapSelection = 3;  // the points
   result.predictionOptions.ICPGlobalAlign_MinQuality = static_cast<float>(options.min_goodness);
   result.predictionOptions.icp_params = icp_parameters(options.icp);
-  // Poses are drawn from this covariance, and MRPT's is wide: without it, its floor of 2 mm and 0.1 degree remains. On intel: 0.03 m against 0.7 m of error.
+  // Poses are drawn from this covariance, and MRPT's is wide: without it, its floor of 2 mm and 0.1 degree remains. On intel: 0.03 m
+  // against 0.7 m of error.
   result.predictionOptions.icp_params.skip_cov_calculation = true;
 
   mrpt::maps::COccupancyGridMap2D::TMapDefinition grid;
@@ -149,12 +150,16 @@ class RbpfEngine : public Engine {
     high_x_ = std::max(high_x_, here.x);
     high_y_ = std::max(high_y_, here.y);
     const double border_m = 2.0 * (options_.grid.ray_length_m + kGridMargin_m);
-    const double cells = (high_x_ - low_x_ + border_m) * (high_y_ - low_y_ + border_m) / (options_.grid.resolution_m * options_.grid.resolution_m);
+    const double cells =
+        (high_x_ - low_x_ + border_m) * (high_y_ - low_y_ + border_m) / (options_.grid.resolution_m * options_.grid.resolution_m);
     const auto points = builder_.mapPDF.m_particles.front().d->mapTillNow.mapByClass<mrpt::maps::CSimplePointsMap>();
-    const double bytes = (cells * sizeof(mrpt::maps::COccupancyGridMap2D::cellType) + static_cast<double>(points->size()) * kBytesPerPoint) * (options_.particles + 2);
+    const double bytes =
+        (cells * sizeof(mrpt::maps::COccupancyGridMap2D::cellType) + static_cast<double>(points->size()) * kBytesPerPoint) *
+        (options_.particles + 2);
     if (bytes > options_.memory_limit_mb * 1e6)
-      throw Error(ErrorCode::kBadInput, "the particles' maps would take " + std::to_string(std::llround(bytes / 1e6)) + " MB for a path of " +
-                                            std::to_string(std::llround(high_x_ - low_x_)) + " x " + std::to_string(std::llround(high_y_ - low_y_)) +
+      throw Error(ErrorCode::kBadInput, "the particles' maps would take " + std::to_string(std::llround(bytes / 1e6)) +
+                                            " MB for a path of " + std::to_string(std::llround(high_x_ - low_x_)) + " x " +
+                                            std::to_string(std::llround(high_y_ - low_y_)) +
                                             " m, more than memory_limit_mb: fewer particles, coarser cells or shorter rays need less");
   }
 

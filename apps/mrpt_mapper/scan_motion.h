@@ -17,8 +17,8 @@ struct MovedScan {
   bool by_wheels = false;
 };
 
-// Scans leave in the order they came in, each as soon as its odometry is known: that of its own stamp, or interpolated between the readings around it.
-// A scan that waits longer than a second of data time for odometry is placed by matching.
+// Scans leave in the order they came in, each as soon as its odometry is known: that of its own stamp, or interpolated between the readings
+// around it. A scan that waits longer than a second of data time for odometry is placed by matching.
 class ScanMotion {
  public:
   using Sink = std::function<void(const MovedScan&)>;
@@ -43,7 +43,7 @@ class ScanMotion {
   std::optional<Reading> earlier_, latest_;  // readings; earlier_ is the one before latest_
   std::optional<Pose2> last_odometry_;       // of the last released scan, if it had any
   bool released_any_ = false;
-  LocalMatcher matcher_{true};               // used, and kept, only while there is no odometry
+  LocalMatcher matcher_{true};  // used, and kept, only while there is no odometry
   Pose2 last_motion_;
 };
 

@@ -1,6 +1,6 @@
 #pragma once
-// A room of 8 x 6 m with a pillar, and a robot that drives a rounded path in it: a world whose scans are computed by hand, for tests that must not depend on
-// any other library's simulation.
+// A room of 8 x 6 m with a pillar, and a robot that drives a rounded path in it: a world whose scans are computed by hand, for tests that
+// must not depend on any other library's simulation.
 
 #include <mapweave/laser/laser_mapper.h>
 
@@ -16,9 +16,9 @@ struct Wall {
 };
 
 inline const std::vector<Wall>& box_room() {
-  static const std::vector<Wall> walls{{-4, -3, 4, -3},     {4, -3, 4, 3},         {4, 3, 1, 3},        {1, 3, 1, 2.4},     {1, 2.4, -1, 2.4}, {-1, 2.4, -1, 3},
-                                       {-1, 3, -4, 3},      {-4, 3, -4, -3},       {-0.5, -0.4, 0.3, -0.4}, {0.3, -0.4, 0.3, 0.4}, {0.3, 0.4, -0.5, 0.4},
-                                       {-0.5, 0.4, -0.5, -0.4}};
+  static const std::vector<Wall> walls{{-4, -3, 4, -3},         {4, -3, 4, 3},         {4, 3, 1, 3},          {1, 3, 1, 2.4},
+                                       {1, 2.4, -1, 2.4},       {-1, 2.4, -1, 3},      {-1, 3, -4, 3},        {-4, 3, -4, -3},
+                                       {-0.5, -0.4, 0.3, -0.4}, {0.3, -0.4, 0.3, 0.4}, {0.3, 0.4, -0.5, 0.4}, {-0.5, 0.4, -0.5, -0.4}};
   return walls;
 }
 
@@ -60,7 +60,7 @@ inline PackedScan scan_from(const Pose2& room_from_robot, const std::shared_ptr<
 }
 
 struct Drive {
-  std::vector<LaserInput> inputs;   // odometry (where wanted) and scan of each step
+  std::vector<LaserInput> inputs;  // odometry (where wanted) and scan of each step
   std::vector<Pose2> room_from_robot;
 };
 

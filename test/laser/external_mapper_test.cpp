@@ -56,7 +56,8 @@ void expect_the_path_that_was_driven(const test::Drive& drive, const Map& map, d
   std::size_t i = 0;
   for (const auto& [id, node] : map.nodes) {
     EXPECT_EQ(id.index, i);
-    EXPECT_THAT(planar(node.map_from_node), IsNear(between(drive.room_from_robot.front(), drive.room_from_robot[i]), metres, radians)) << "scan " << i;
+    EXPECT_THAT(planar(node.map_from_node), IsNear(between(drive.room_from_robot.front(), drive.room_from_robot[i]), metres, radians))
+        << "scan " << i;
     ++i;
   }
 }
@@ -109,7 +110,8 @@ TEST(ExternalMapper, interpolates_odometry_that_comes_between_the_scans) {
     if (id.kind != ConstraintKind::odometry) continue;
     ++measured;
     const Pose2 driven = between(drive.room_from_robot[steps[id.from.index]], drive.room_from_robot[steps[id.to.index]]);
-    EXPECT_THAT(planar(constraint.from_from_to.pose), IsNear(Pose2{driven.x * 1.05, driven.y, driven.phi * 1.03}, 0.004, 0.004)) << to_string(id.from);
+    EXPECT_THAT(planar(constraint.from_from_to.pose), IsNear(Pose2{driven.x * 1.05, driven.y, driven.phi * 1.03}, 0.004, 0.004))
+        << to_string(id.from);
   }
   EXPECT_EQ(measured, steps.size() - 1);
 }
@@ -212,7 +214,8 @@ TEST(ExternalMapper, says_what_the_helper_could_not_do) {
 TEST(ExternalMapper, survives_scans_that_saw_nothing) {
   auto drive = drive_around(60, true);
   for (std::size_t i = 0; i < drive.inputs.size(); ++i)
-    if (auto* scan = std::get_if<ScanInput>(&drive.inputs[i]); scan != nullptr && (i < 11 || (i > 60 && i < 70))) scan->scan.ranges.assign(181, 0);
+    if (auto* scan = std::get_if<ScanInput>(&drive.inputs[i]); scan != nullptr && (i < 11 || (i > 60 && i < 70)))
+      scan->scan.ranges.assign(181, 0);
   for (const std::variant<RbpfOptions, IcpOptions>& engine : {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}})
     EXPECT_EQ(mapped(drive, engine).nodes.size(), 60u);
 }

@@ -91,7 +91,8 @@ TEST(ScanPacker, turns_what_is_no_reading_into_no_return) {
 }
 
 TEST(ScanPacker, chooses_a_unit_that_the_maximum_fits_in) {
-  for (const auto& [max_range_m, unit_m] : std::vector<std::pair<float, double>>{{30.0f, 0.001}, {65.0f, 0.001}, {81.0f, 0.002}, {131.0f, 0.002}, {132.0f, 0.003}}) {
+  for (const auto& [max_range_m, unit_m] :
+       std::vector<std::pair<float, double>>{{30.0f, 0.001}, {65.0f, 0.001}, {81.0f, 0.002}, {131.0f, 0.002}, {132.0f, 0.003}}) {
     const auto scan = make_scan();
     scan->maxRange = max_range_m;
     scan->setScanRange(3, max_range_m - 0.5f);

@@ -26,11 +26,16 @@ PackedScan some_scan(std::uint16_t range = 2000, std::uint32_t returns = 20) {
 std::vector<TrackedScan> straight(int scans, double step_m) {
   std::vector<TrackedScan> tracked;
   for (int i = 0; i < scans; ++i)
-    tracked.push_back({Stamp{1000 * i}, some_scan(static_cast<std::uint16_t>(2000 + i)), {4.0, 2.0 + i * step_m, M_PI / 2}, Pose2{i == 0 ? 0.0 : step_m, 0.0, 0.0}});
+    tracked.push_back({Stamp{1000 * i},
+                       some_scan(static_cast<std::uint16_t>(2000 + i)),
+                       {4.0, 2.0 + i * step_m, M_PI / 2},
+                       Pose2{i == 0 ? 0.0 : step_m, 0.0, 0.0}});
   return tracked;
 }
 
-Map cut(std::vector<TrackedScan> scans, const SubmapCutterOptions& options = {}) { return cut_into_submaps(MapId("alpha"), kSession, std::move(scans), options); }
+Map cut(std::vector<TrackedScan> scans, const SubmapCutterOptions& options = {}) {
+  return cut_into_submaps(MapId("alpha"), kSession, std::move(scans), options);
+}
 
 TEST(SubmapCutter, starts_the_map_at_the_first_scan) {
   const Map map = cut(straight(3, 0.5));
@@ -73,7 +78,8 @@ TEST(SubmapCutter, leaves_no_content_outside_submaps) {
     std::set<NodeId> held;
     for (const auto& [id, submap] : map.submaps)
       for (const auto& [node, pose] : submap.submap_from_node) held.insert(node);
-    for (const auto& [id, node] : map.nodes) EXPECT_EQ(node.payload != nullptr, held.count(id) == 1) << scans << " scans, " << to_string(id);
+    for (const auto& [id, node] : map.nodes)
+      EXPECT_EQ(node.payload != nullptr, held.count(id) == 1) << scans << " scans, " << to_string(id);
   }
 }
 

@@ -174,14 +174,19 @@ MapSolution optimise(Map& map, const SolveOptions& options) {
   }
   const Solution solution = solve(poses, edges, options);
   for (std::size_t i = 0; i < ids.size(); ++i) map.nodes.find(ids[i])->map_from_node = spatial(solution.poses[i]);
+  if (std::all_of(solution.weight.begin(), solution.weight.end(), [](double weight) { return weight > 0.5; })) {
+    result.chi2 = solution.chi2;
+    result.iterations = solution.iterations;
+    return result;
+  }
   Table<ConstraintId, Constraint> kept;
   kept.reserve(map.constraints.size());
   std::size_t i = 0;
-  for (const auto& [id, constraint] : map.constraints) {
+  for (auto& [id, constraint] : map.constraints) {
     if (solution.weight[i++] > 0.5)
-      kept.set(id, constraint);
+      kept.set(id, std::move(constraint));
     else
-      result.rejected.push_back(constraint);
+      result.rejected.push_back(std::move(constraint));
   }
   map.constraints = std::move(kept);
   result.chi2 = solution.chi2;

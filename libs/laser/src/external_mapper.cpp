@@ -19,7 +19,8 @@ namespace mapweave::laser {
 namespace {
 
 constexpr int kInterruptCheck_ms = 100;
-constexpr int kExitChecks = 1000, kExitCheck_us = 5000;  // a process that has closed its stream is given 5 s to end (it may be dumping core)
+constexpr int kExitChecks = 1000,
+              kExitCheck_us = 5000;  // a process that has closed its stream is given 5 s to end (it may be dumping core)
 constexpr char kRemedy[] = "run this robot again, or with another laser engine";
 
 std::string path_of_helper(const std::string& chosen) {
@@ -66,16 +67,19 @@ ExternalMapper::ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOpt
 
 ExternalMapper::~ExternalMapper() { end_helper(); }
 
-// One socket serves as the helper's standard input and output: unlike a pipe it can be written to without SIGPIPE. Every descriptor of ours is
-// close-on-exec, so when this process dies the helper sees its stream end. (PR_SET_PDEATHSIG would fire when the thread ends that started the helper.)
+// One socket serves as the helper's standard input and output: unlike a pipe it can be written to without SIGPIPE. Every descriptor of ours
+// is close-on-exec, so when this process dies the helper sees its stream end. (PR_SET_PDEATHSIG would fire when the thread ends that
+// started the helper.)
 void ExternalMapper::start(const std::string& program) {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
-    throw Error(ErrorCode::kHelperFailed, "no stream to the helper can be made: " + system_message(errno), client_.robot.str(), "raise the limit of open files");
+    throw Error(ErrorCode::kHelperFailed, "no stream to the helper can be made: " + system_message(errno), client_.robot.str(),
+                "raise the limit of open files");
   stream_ = ends[0];
   SpawnArguments spawn;
   ::posix_spawn_file_actions_adddup2(&spawn.files, ends[1], STDIN_FILENO);
   ::posix_spawn_file_actions_adddup2(&spawn.files, ends[1], STDOUT_FILENO);
+  if (!options_.show_messages) ::posix_spawn_file_actions_addopen(&spawn.files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
   ::posix_spawn_file_actions_addclosefrom_np(&spawn.files, STDERR_FILENO + 1);
   sigset_t none, all;
   sigemptyset(&none);
@@ -90,7 +94,8 @@ void ExternalMapper::start(const std::string& program) {
   if (code != 0) {
     process_ = -1;
     end_helper();
-    throw Error(ErrorCode::kHelperFailed, "helper mrpt_mapper cannot be started: " + system_message(code), program, "build the target mrpt_mapper again");
+    throw Error(ErrorCode::kHelperFailed, "helper mrpt_mapper cannot be started: " + system_message(code), program,
+                "build the target mrpt_mapper again");
   }
 }
 
@@ -169,23 +174,16 @@ bool ExternalMapper::exchange(std::string_view& outgoing, bool wait) {
 
 void ExternalMapper::take(const protocol::Frame& frame) {
   switch (frame.kind) {
-    case protocol::Kind::progress:
-      finished_scans_ = protocol::decode_count(frame.body);
-      return;
+    case protocol::Kind::progress: finished_scans_ = protocol::decode_count(frame.body); return;
     case protocol::Kind::poses: {
       const auto poses = protocol::decode_poses(frame.body);
       if (poses_.size() + poses.size() > scans_.size()) protocol::fail("more poses than scans");
       poses_.insert(poses_.end(), poses.begin(), poses.end());
       return;
     }
-    case protocol::Kind::done:
-      pose_count_ = protocol::decode_count(frame.body);
-      return;
-    case protocol::Kind::failed:
-      failure_ = frame.body;
-      return;
-    default:
-      protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the program");
+    case protocol::Kind::done: pose_count_ = protocol::decode_count(frame.body); return;
+    case protocol::Kind::failed: failure_ = frame.body; return;
+    default: protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the program");
   }
 }
 
@@ -200,21 +198,22 @@ void ExternalMapper::fail() {
       continue;
     }
     if (reaped == process_)
-      end += WIFSIGNALED(status) ? " by signal " + std::to_string(WTERMSIG(status)) : " with exit code " + std::to_string(WEXITSTATUS(status));
+      end +=
+          WIFSIGNALED(status) ? " by signal " + std::to_string(WTERMSIG(status)) : " with exit code " + std::to_string(WEXITSTATUS(status));
     process_ = -1;
   }
   end_helper();
-  error_.emplace(ErrorCode::kHelperFailed,
-                 "helper mrpt_mapper " + end + " after " + std::to_string(finished_scans_) + " scans" + (failure_.empty() ? "" : ": " + failure_),
-                 client_.robot.str(), kRemedy);
+  error_.emplace(
+      ErrorCode::kHelperFailed,
+      "helper mrpt_mapper " + end + " after " + std::to_string(finished_scans_) + " scans" + (failure_.empty() ? "" : ": " + failure_),
+      client_.robot.str(), kRemedy);
   throw Error(*error_);
 }
 
 void ExternalMapper::end_helper() {
   if (process_ > 0) {
     ::kill(process_, SIGKILL);
-    while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {
-    }
+    while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {}
     process_ = -1;
   }
   if (stream_ >= 0) ::close(stream_);

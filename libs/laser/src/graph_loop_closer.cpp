@@ -214,6 +214,7 @@ void LoopCloser::finish(const Map& map) {
     solve();
     if (!found) break;
   }
+  cache_.clear();
 }
 
 std::vector<Constraint> LoopCloser::loops() const {

@@ -6,6 +6,7 @@
 #include "graph_loop_closer.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace mapweave::laser {
 
@@ -72,18 +73,24 @@ void GraphMapper::finish() {
   graph::optimise(state.map, state.options.solve);
   WorkerPool pool(1);
   for (int round = 0; round < 2; ++round) {
-    const auto again = matching::rematch(state.map, state.options.rematch, pool);
+    auto again = matching::rematch(state.map, state.options.rematch, pool);
     if (again.empty()) break;
-    Table<ConstraintId, Constraint> constraints;
-    for (const auto& [id, constraint] : state.map.constraints)
-      if (id.index == 0) constraints.set(id, constraint);  // those of the round before are made anew
     std::vector<Constraint> all;
-    for (const auto& [id, constraint] : constraints) all.push_back(constraint);
-    all.insert(all.end(), again.begin(), again.end());
-    std::sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
+    all.reserve(state.map.constraints.size() + again.size());
+    for (auto& [id, constraint] : state.map.constraints)
+      if (id.index == 0) all.push_back(std::move(constraint));  // those of the round before are made anew
     state.map.constraints = {};
+    std::move(again.begin(), again.end(), std::back_inserter(all));
+    again.clear();
+    again.shrink_to_fit();
+    std::sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
     state.map.constraints.reserve(all.size());
-    for (auto& constraint : all) state.map.constraints.set(constraint.id, std::move(constraint));
+    for (auto& constraint : all) {
+      const ConstraintId id = constraint.id;
+      state.map.constraints.set(id, std::move(constraint));
+    }
+    all.clear();
+    all.shrink_to_fit();
     graph::optimise(state.map, state.options.solve);
   }
 }

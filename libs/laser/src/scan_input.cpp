@@ -52,12 +52,14 @@ std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
   if (!scan) return std::nullopt;
   if (label_is_known_ && scan->sensorLabel != options_.label) {
     if (++ignored_[scan->sensorLabel] == 1)
-      log(LogLevel::warning, "laser '" + scan->sensorLabel + "' is ignored: '" + options_.label + "' is used; choose with the option 'label'");
+      log(LogLevel::warning,
+          "laser '" + scan->sensorLabel + "' is ignored: '" + options_.label + "' is used; choose with the option 'label'");
     return std::nullopt;
   }
   const auto geometry = geometry_of(*scan, options_);
   if (!geometry) {
-    if (++unusable_ == 1) log(LogLevel::warning, "a scan of laser '" + scan->sensorLabel + "' is left out: its rays or its pose make no sense");
+    if (++unusable_ == 1)
+      log(LogLevel::warning, "a scan of laser '" + scan->sensorLabel + "' is left out: its rays or its pose make no sense");
     return std::nullopt;
   }
   if (!label_is_known_) options_.label = scan->sensorLabel;

@@ -27,4 +27,11 @@ std::shared_ptr<const SubmapModel> ModelCache::get(const Submap& submap, const T
   return model;
 }
 
+void ModelCache::clear() {
+  const std::lock_guard lock(mutex_);
+  entries_.clear();
+  recent_.clear();
+  bytes_ = 0;
+}
+
 }  // namespace mapweave::matching

@@ -13,13 +13,13 @@
 namespace mapweave::rawlog {
 namespace {
 
-constexpr std::size_t kBufferBytes = 1 << 20, kPackedBytes = 1 << 18;
+constexpr std::size_t kBufferBytes = 1 << 20, kPackedBytes = 1 << 18, kLeastBytes = 1 << 12;
 constexpr int kGzOnly = 15 + 16;  // zlib's window bits, plus "a gz header is needed"
 constexpr const char* kCopyAgain = "copy the log again, or record again";
 
 }  // namespace
 
-ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)), buffer_(kBufferBytes), packed_buffer_(kPackedBytes) {
+ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)) {
   struct stat status {};
   if (::stat(path_.c_str(), &status) != 0) {
     throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check the path");
@@ -28,6 +28,9 @@ ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)), buf
   file_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
   if (file_ < 0) throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check its permissions");
   file_bytes_ = static_cast<std::uint64_t>(status.st_size);
+  const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(file_bytes_, kBufferBytes));
+  packed_buffer_.resize(std::clamp(size, kLeastBytes, kPackedBytes));
+  buffer_.resize(std::clamp(8 * size, kLeastBytes, kBufferBytes));
   try {
     packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
     if (packed_end_ == 0) throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");

@@ -40,7 +40,10 @@ class CarmenReader final : public RecordSource {
       if (is_laser_keyword(*keyword)) {
         parse_laser_line(*keyword, *fields, line_);
         const Stamp stamp = stamp_of_line(survey_, line_.ipc_stamp_s, line_.logger_stamp_s, *fields);
-        if (survey_.poses_move()) records.push_back(odometry_record(line_.world_from_robot, stamp, lines_.line()));
+        if (survey_.poses_move() && last_odometry_ != stamp) {  // two lasers may speak of one instant
+          records.push_back(odometry_record(line_.world_from_robot, stamp, lines_.line()));
+          last_odometry_ = stamp;
+        }
         records.push_back(converter_.scan(line_, stamp, lines_.line()));
         return true;
       }
@@ -98,6 +101,7 @@ class CarmenReader final : public RecordSource {
   LaserLineConverter converter_;
   LineReader lines_;
   LaserLine line_;
+  std::optional<Stamp> last_odometry_;
 };
 
 }  // namespace

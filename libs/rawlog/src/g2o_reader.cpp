@@ -37,7 +37,8 @@ class G2oReader final : public RecordSource {
         parse_laser_line(*keyword, *fields, line_);
         move_to(*vertex_, *fields);
         const Stamp stamp = stamp_of(*fields);
-        records.push_back(odometry_record(odometry_from_robot_, stamp, lines_.line()));
+        if (last_odometry_ != stamp) records.push_back(odometry_record(odometry_from_robot_, stamp, lines_.line()));
+        last_odometry_ = stamp;
         records.push_back(converter_.scan(line_, stamp, lines_.line()));
         return true;
       }
@@ -104,6 +105,7 @@ class G2oReader final : public RecordSource {
   LineReader lines_;
   LaserLine line_;
   std::optional<std::size_t> vertex_, at_;
+  std::optional<Stamp> last_odometry_;
   Pose2 odometry_from_robot_;
   std::uint64_t scans_ = 0, stamped_ = 0;
 };

@@ -131,6 +131,7 @@ void LaserSurvey::Stamps::add(double stamp, bool first) {
     returns += stamp < last;
   }
   positive = positive && stamp > 0.0;
+  ++count;
   last = stamp;
 }
 
@@ -159,7 +160,7 @@ bool LaserSurvey::uses_logger_stamps() const { return 2 * ipc_.advances < logger
 
 bool LaserSurvey::has_usable_stamps() const {
   const Stamps& stamps = uses_logger_stamps() ? logger_ : ipc_;
-  return stamps.positive && stamps.returns == 0 && stamps.advances > 0;
+  return stamps.positive && stamps.returns == 0 && (stamps.advances > 0 || stamps.count == 1);
 }
 
 std::optional<double> LaserSurvey::resolution_rad(bool rear) const {

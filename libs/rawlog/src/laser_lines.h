@@ -35,7 +35,7 @@ class LaserSurvey {
   void add(const LaserLine& line);
   void add_parameter(std::string_view name, double value);  // CARMEN's PARAM lines
   bool uses_logger_stamps() const;    // the ipc stamps stand still
-  bool has_usable_stamps() const;     // those of uses_logger_stamps() never go back, and advance
+  bool has_usable_stamps() const;     // positive; they never go back, and advance where there are several
   bool poses_move() const { return poses_move_; }
   LaserTraits traits(const std::string& label, const ReadOptions& options) const;
   std::optional<double> resolution_rad(bool rear) const;
@@ -48,7 +48,7 @@ class LaserSurvey {
   };
   struct Stamps {
     double last = 0.0;
-    std::uint64_t advances = 0, returns = 0;
+    std::uint64_t count = 0, advances = 0, returns = 0;
     bool positive = true;
     void add(double stamp, bool first);
   };

@@ -21,6 +21,11 @@ bool is_name_letter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' || c == ',';
 }
 
+bool can_be_made(std::string_view class_name) {
+  const auto* class_id = mrpt::rtti::findRegisteredClass(std::string(class_name));
+  return class_id != nullptr && class_id->ptrCreateObject != nullptr;
+}
+
 class Walker {
  public:
   Walker(ByteSource& source, std::uint64_t most_bytes) : source_(source), most_bytes_(most_bytes) {}
@@ -68,8 +73,8 @@ class Walker {
     if (object_header.version < 0) return end(object_header);
     const ObjectHeader* outer = std::exchange(within_, &object_header);
     const std::optional<bool> known = body(short_name(object_header.class_name()), object_header.version, depth);
-    if (!known && mrpt::rtti::findRegisteredClass(std::string(object_header.class_name())) == nullptr) {
-      throw Error(ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which MRPT's observations do not know",
+    if (!known && !can_be_made(object_header.class_name())) {
+      throw Error(ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which cannot be read",
                   source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
     }
     const bool whole = known.value_or(false) && end(object_header);

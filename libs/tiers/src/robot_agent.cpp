@@ -12,7 +12,13 @@ Stamp stamp_of(const laser::LaserInput& input) {
 RobotAgent::RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options)
     : robot_(robot), edge_(edge), packer_(std::move(options)) {}
 
-RobotMessage RobotAgent::message(std::variant<laser::LaserInput, StreamEnd> body) { return {robot_, edge_, ++sequence_, std::move(body)}; }
+RobotMessage RobotAgent::next_message() {
+  RobotMessage message;
+  message.robot = robot_;
+  message.edge = edge_;
+  message.sequence = ++sequence_;
+  return message;
+}
 
 std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
   MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
@@ -28,7 +34,9 @@ std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
     if (scans_++ == 0) first_ = stamp;
     last_ = stamp;
   }
-  return message(std::move(*input));
+  RobotMessage message = next_message();
+  message.body = std::move(*input);
+  return message;
 }
 
 RobotMessage RobotAgent::end(std::optional<Error> trouble) {
@@ -40,7 +48,9 @@ RobotMessage RobotAgent::end(std::optional<Error> trouble) {
     trouble = Error(ErrorCode::kBadInput, "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others),
                     "robot " + robot_.str(), others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
   }
-  return message(StreamEnd{std::move(trouble)});
+  RobotMessage message = next_message();
+  message.body.emplace<StreamEnd>().trouble = std::move(trouble);
+  return message;
 }
 
 }  // namespace mapweave::tiers

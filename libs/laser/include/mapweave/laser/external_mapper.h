@@ -14,19 +14,22 @@ namespace mapweave::laser {
 
 struct ExternalMapperOptions {
   std::string helper;
+  bool show_messages = false;
   SubmapCutterOptions submaps;
 
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("helper", helper, "path of mrpt_mapper; empty: beside the running program");
+    v.flag("show_messages", show_messages, "MRPT's own messages, of which there are many, go to standard error");
     v.section("submaps", submaps, "how the engine's answer is cut into submaps");
   }
 };
 
-// The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the map is empty. Errors: kMissing where
-// there is no helper, kHelperFailed where it ended early ("alpha: helper mrpt_mapper ended by signal 9 after 57 scans; ..."), kInterrupted; after one, every
-// call throws the same again. The destructor ends the helper; when this process dies, however, the helper leaves by itself.
-// Memory: here what was added (a packed scan each) until finish(); the helper's is bounded by its options' memory_limit_mb.
+// The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the map is empty.
+// Errors: kMissing where there is no helper, kHelperFailed where it ended early ("alpha: helper mrpt_mapper ended by signal 9 after 57
+// scans; ..."), kInterrupted; after one, every call throws the same again. The destructor ends the helper; when this process dies, however,
+// the helper leaves by itself. Memory: here what was added (a packed scan each) until finish(); the helper's is bounded by its options'
+// memory_limit_mb.
 class ExternalMapper : public LaserMapper {
  public:
   // The session's run is the stamp of the first input, the map is named after the robot.
@@ -46,7 +49,7 @@ class ExternalMapper : public LaserMapper {
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
   void take(const protocol::Frame&);
-  [[noreturn]] void fail();                              // the helper ended early: reaps it and says how
+  [[noreturn]] void fail();  // the helper ended early: reaps it and says how
   void end_helper();
 
   struct Waiting {

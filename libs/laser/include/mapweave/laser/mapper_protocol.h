@@ -41,7 +41,17 @@ inline constexpr std::uint32_t kMaxFrameBytes = 1 << 20;
 inline constexpr std::uint32_t kMaxRays = 100'000;
 inline constexpr std::size_t kPosesPerFrame = 4096;
 
-enum class Kind : std::uint8_t { start = 1, geometry = 2, scan = 3, odometry = 4, end = 5, progress = 16, poses = 17, done = 18, failed = 19 };
+enum class Kind : std::uint8_t {
+  start = 1,
+  geometry = 2,
+  scan = 3,
+  odometry = 4,
+  end = 5,
+  progress = 16,
+  poses = 17,
+  done = 18,
+  failed = 19
+};
 
 using EngineOptions = std::variant<RbpfOptions, IcpOptions>;  // index: engine
 
@@ -101,7 +111,8 @@ class Reader {
     return {x, y, number()};
   }
   std::string_view text(std::size_t size) {
-    if (size > left_.size()) fail("a frame ends early: " + std::to_string(size) + " bytes expected, " + std::to_string(left_.size()) + " remain");
+    if (size > left_.size())
+      fail("a frame ends early: " + std::to_string(size) + " bytes expected, " + std::to_string(left_.size()) + " remain");
     const auto bytes = left_.substr(0, size);
     left_.remove_prefix(size);
     return bytes;
@@ -153,10 +164,14 @@ class OptionsWriter {
   void fraction(const char*, double& value, const char*) { out_.add(value); }
   void number(const char*, double& value, double, double, const char*) { out_.add(value); }
   template <class Integer>
-  void integer(const char*, Integer& value, std::int64_t, std::int64_t, const char*) { out_.add(static_cast<std::int64_t>(value)); }
+  void integer(const char*, Integer& value, std::int64_t, std::int64_t, const char*) {
+    out_.add(static_cast<std::int64_t>(value));
+  }
   void flag(const char*, bool& value, const char*) { out_.add(static_cast<std::uint8_t>(value)); }
   template <class Section>
-  void section(const char*, Section& section, const char*) { section.describe(*this); }
+  void section(const char*, Section& section, const char*) {
+    section.describe(*this);
+  }
 
  private:
   Writer& out_;
@@ -177,7 +192,9 @@ class OptionsReader {
   }
   void flag(const char*, bool& value, const char*) { value = in_.integer<std::uint8_t>() != 0; }
   template <class Section>
-  void section(const char*, Section& section, const char*) { section.describe(*this); }
+  void section(const char*, Section& section, const char*) {
+    section.describe(*this);
+  }
 
  private:
   void take(const char* name, double& value, double low, double high) {
@@ -212,7 +229,11 @@ inline EngineOptions decode_start(std::string_view body) {
 inline std::string encode(const ScanGeometry& geometry) {
   const auto& [t, q] = geometry.robot_from_laser;
   Writer out;
-  out.add(geometry.first_angle_rad).add(geometry.angle_step_rad).add(geometry.ray_count).add(geometry.max_range_m).add(geometry.range_unit_m);
+  out.add(geometry.first_angle_rad)
+      .add(geometry.angle_step_rad)
+      .add(geometry.ray_count)
+      .add(geometry.max_range_m)
+      .add(geometry.range_unit_m);
   out.add(t.x()).add(t.y()).add(t.z()).add(q.w()).add(q.x()).add(q.y()).add(q.z());
   return framed(Kind::geometry, out.bytes());
 }
@@ -228,9 +249,12 @@ inline ScanGeometry decode_geometry(std::string_view body) {
   const double w = in.number(), x = in.number(), y = in.number();
   geometry.robot_from_laser.q = Eigen::Quaterniond(w, x, y, in.number());
   in.expect_end();
-  if (geometry.ray_count < 2 || geometry.ray_count > kMaxRays) fail("a laser of " + std::to_string(geometry.ray_count) + " rays; 2 to 100000 are possible");
-  if (!(std::abs(geometry.angle_step_rad) * geometry.ray_count <= 13.0) || geometry.angle_step_rad == 0.0) fail("a laser's rays cover more than two turns, or nothing");
-  if (!(geometry.range_unit_m > 0.0 && geometry.range_unit_m <= 1.0) || !(geometry.max_range_m > 0.0)) fail("a laser's range unit or maximum is out of range");
+  if (geometry.ray_count < 2 || geometry.ray_count > kMaxRays)
+    fail("a laser of " + std::to_string(geometry.ray_count) + " rays; 2 to 100000 are possible");
+  if (!(std::abs(geometry.angle_step_rad) * geometry.ray_count <= 13.0) || geometry.angle_step_rad == 0.0)
+    fail("a laser's rays cover more than two turns, or nothing");
+  if (!(geometry.range_unit_m > 0.0 && geometry.range_unit_m <= 1.0) || !(geometry.max_range_m > 0.0))
+    fail("a laser's range unit or maximum is out of range");
   if (std::abs(geometry.robot_from_laser.q.norm() - 1.0) > 1e-6) fail("a laser's rotation is not a unit quaternion");
   return geometry;
 }

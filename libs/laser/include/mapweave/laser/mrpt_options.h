@@ -43,11 +43,12 @@ struct ParticleGridOptions {
   }
 };
 
-// Rao-Blackwellised particle filter whose proposal comes from ICP with each particle's own map: the family of GMapping. A particle holds a grid, which weighs
-// it, and the points of its walls, which scans are aligned to (MRPT aligns to grids as well, but only to about a wall's thickness).
+// Rao-Blackwellised particle filter whose proposal comes from ICP with each particle's own map: the family of GMapping. A particle holds a
+// grid, which weighs it, and the points of its walls, which scans are aligned to (MRPT aligns to grids as well, but only to about a wall's
+// thickness).
 struct RbpfOptions {
   std::uint32_t seed = 1;
-  std::int32_t particles = 6;
+  std::int32_t particles = 4;
   bool correct_odometry = true;
   double match_distance_m = 0.05;
   double match_yaw_rad = 0.02;

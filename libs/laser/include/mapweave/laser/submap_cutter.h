@@ -48,8 +48,8 @@ struct TrackedScan {
   std::optional<Pose2> previous_from_this;  // motion since the previous scan as the wheels measured it
 };
 
-// A node per scan, numbered from 0 in their order; constraints scan_match and (where wheels measured) odometry between neighbours; submaps of
-// submap_length_m along the way, each half overlapping the one before, all frozen. The map's frame becomes the first scan's pose.
+// A node per scan, numbered from 0 in their order; constraints scan_match and (where wheels measured) odometry between neighbours; submaps
+// of submap_length_m along the way, each half overlapping the one before, all frozen. The map's frame becomes the first scan's pose.
 // Memory: the scans that become content, and about 500 bytes a scan.
 Map cut_into_submaps(const MapId&, const SessionId&, std::vector<TrackedScan> scans, const SubmapCutterOptions& = {});
 

@@ -17,6 +17,8 @@ class ModelCache {
   // Thread-safe; `nodes` must not change meanwhile. Keyed by the submap's content.
   std::shared_ptr<const SubmapModel> get(const Submap& submap, const Table<NodeId, Node>& nodes);
 
+  void clear();  // gives its memory back
+
  private:
   struct Entry {
     std::shared_ptr<const SubmapModel> model;

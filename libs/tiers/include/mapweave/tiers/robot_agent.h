@@ -37,7 +37,7 @@ class RobotAgent {
   const laser::ScanPacker& packer() const { return packer_; }
 
  private:
-  RobotMessage message(std::variant<laser::LaserInput, StreamEnd> body);
+  RobotMessage next_message();
   RobotId robot_;
   TierId edge_;
   laser::ScanPacker packer_;
