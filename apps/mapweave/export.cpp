@@ -6,6 +6,7 @@
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/compose_grid.h>
+#include <mapweave/fusion/grid_map.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/map_names.h>
@@ -27,7 +28,7 @@ struct Arguments {
 std::vector<Map> maps_of(const std::filesystem::path& path) {
   if (path.extension() == ".mwdb") return mapdb::read_store(path).maps;
   std::vector<Map> maps;
-  maps.push_back(runtime::map_of_grid(MapId(runtime::name_of_file(path)), exporters::read_map_server(path)));
+  maps.push_back(fusion::map_of_grid(MapId(runtime::name_of_file(path)), exporters::read_map_server(path)));
   return maps;
 }
 

@@ -106,7 +106,9 @@ TEST(GraphMapper, shows_its_map_while_it_works) {
   std::size_t added = 0;
   for (const auto& step : team.robots[0].steps) {
     mapper.add(ScanInput{step.stamp, test::packed(step.ranges, geometry)});
-    if (++added % 20 == 0) EXPECT_EQ(mapper.snapshot().nodes.size(), added);
+    if (++added % 20 == 0) {
+      EXPECT_EQ(mapper.snapshot().nodes.size(), added);
+    }
   }
 }
 

@@ -145,7 +145,8 @@ TEST(Carmen, places_a_laser_where_the_log_does_not_say) {
 TEST(Carmen, uses_its_parameters_where_the_laser_poses_are_corrected_ones) {
   const TemporaryFolder folder;
   std::string text = "PARAM robot_frontlaser_offset 0.25 nohost 0\n";
-  for (int i = 1; i <= 9; ++i) text += "FLASER 1 2.0 " + std::to_string(i * i) + " 0 0 " + std::to_string(i) + " 0 0 " + std::to_string(i) + " robot 1\n";
+  for (int i = 1; i <= 9; ++i)
+    text += "FLASER 1 2.0 " + std::to_string(i * i) + " 0 0 " + std::to_string(i) + " 0 0 " + std::to_string(i) + " robot 1\n";
   const auto reading = read_all(write_bytes(folder / "a.log", text));
   ASSERT_EQ(kinds(reading.records.empty() ? std::vector<Record>{} : std::vector<Record>{reading.records[1]}), "s");
   EXPECT_NEAR(scan_of(reading.records[1]).sensorPose.x(), 0.25, 1e-9);
@@ -154,17 +155,20 @@ TEST(Carmen, uses_its_parameters_where_the_laser_poses_are_corrected_ones) {
 TEST(Carmen, names_the_line_that_is_wrong) {
   const TemporaryFolder folder;
   const std::string good = flaser({1.0, 2.0}, 1.0);
-  const auto problem = [&](const std::string& line) { return read_all(write_bytes(folder / "a.log", good + line + "\n" + flaser({1.0, 2.0}, 2.0))); };
+  const auto problem = [&](const std::string& line) {
+    return read_all(write_bytes(folder / "a.log", good + line + "\n" + flaser({1.0, 2.0}, 2.0)));
+  };
   struct Case {
     const char *line, *text;
   };
-  for (const auto& [line, text] : {Case{"FLASER 2 1.0 nan 0 0 0 0 0 0 1.5 r 1.5", "not a number"}, Case{"FLASER 2 1.0 -3 0 0 0 0 0 0 1.5 r 1.5", "negative"},
-                                   Case{"FLASER 0 0 0 0 0 0 0 1.5 r 1.5", "no readings"}, Case{"FLASER 2 1.0 2.0 0 0 0", "ends early"},
-                                   Case{"FLASER 2 1.0 2.0 3.0 0 0 0 0 0 0 1.5 r 1.5", "number"}, Case{"FLASER two 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "no number"},
-                                   Case{"FLASER -2 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "out of its range"}, Case{"FLASER 1e18 1.0", "out of its range"},
-                                   Case{"FLASER 2 1,0 2,0 0 0 0 0 0 0 1.5 r 1.5", "'1,0' is no number"}, Case{"FLASER 2 1.0 2.0 0 0 0 inf 0 0 1.5 r 1.5", "not finite"},
-                                   Case{"ODOM 0 0 0 0 0", "ends early"}, Case{"ODOM x 0 0 0 0 0 1.5 r 1.5", "'x' is no number"},
-                                   Case{"FLASER 2 1.0 2.0 0 0 0 0 0 0 1e30 r 1.5", "no time"}}) {
+  for (const auto& [line, text] :
+       {Case{"FLASER 2 1.0 nan 0 0 0 0 0 0 1.5 r 1.5", "not a number"}, Case{"FLASER 2 1.0 -3 0 0 0 0 0 0 1.5 r 1.5", "negative"},
+        Case{"FLASER 0 0 0 0 0 0 0 1.5 r 1.5", "no readings"}, Case{"FLASER 2 1.0 2.0 0 0 0", "ends early"},
+        Case{"FLASER 2 1.0 2.0 3.0 0 0 0 0 0 0 1.5 r 1.5", "number"}, Case{"FLASER two 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "no number"},
+        Case{"FLASER -2 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "out of its range"}, Case{"FLASER 1e18 1.0", "out of its range"},
+        Case{"FLASER 2 1,0 2,0 0 0 0 0 0 0 1.5 r 1.5", "'1,0' is no number"},
+        Case{"FLASER 2 1.0 2.0 0 0 0 inf 0 0 1.5 r 1.5", "not finite"}, Case{"ODOM 0 0 0 0 0", "ends early"},
+        Case{"ODOM x 0 0 0 0 0 1.5 r 1.5", "'x' is no number"}, Case{"FLASER 2 1.0 2.0 0 0 0 0 0 0 1e30 r 1.5", "no time"}}) {
     const auto reading = problem(line);
     EXPECT_THAT(reading.error, IsError(ErrorCode::kBadInput, text)) << line;
     ASSERT_TRUE(reading.error) << line;
@@ -184,7 +188,8 @@ TEST(Carmen, refuses_a_line_cut_by_the_end_of_the_file) {
 
 TEST(Carmen, ignores_what_it_does_not_know_and_carriage_returns) {
   const TemporaryFolder folder;
-  const auto reading = read_all(write_bytes(folder / "a.log", "# CARMEN log\r\n\r\nNEFF 3\r\nTRUEPOS 1 2 3\r\nFLASER 1 2.0 0 0 0 0 0 0 1.0 r 1.0\r\n"));
+  const auto reading =
+      read_all(write_bytes(folder / "a.log", "# CARMEN log\r\n\r\nNEFF 3\r\nTRUEPOS 1 2 3\r\nFLASER 1 2.0 0 0 0 0 0 0 1.0 r 1.0\r\n"));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "s");
   EXPECT_THAT(read_all(write_bytes(folder / "none.log", "# CARMEN log\nNEFF 3\n")).error, IsError(ErrorCode::kBadInput, "no observations"));

@@ -10,7 +10,8 @@ using test::TemporaryFolder;
 
 TEST(Contents, counts_what_each_sensor_gave) {
   const TemporaryFolder folder;
-  const auto log = write_rawlog(folder / "a.rawlog", {odometry(1.0, 0.0), scan(1.0), odometry(2.0, 3.0, 4.0), scan(2.0), odometry(5.0, 3.0, 5.0)});
+  const auto log =
+      write_rawlog(folder / "a.rawlog", {odometry(1.0, 0.0), scan(1.0), odometry(2.0, 3.0, 4.0), scan(2.0), odometry(5.0, 3.0, 5.0)});
   const auto contents = summarize_log(log);
   EXPECT_EQ(contents.format, "MRPT rawlog");
   EXPECT_EQ(contents.observations, 5u);

@@ -29,7 +29,9 @@ TEST(Damage, a_plain_log_cut_at_any_byte_gives_what_was_whole) {
     ASSERT_EQ(reading.records.size(), whole) << "cut at " << cut;
     const bool at_a_boundary = std::count(ends.begin(), ends.end(), cut) == 1;
     ASSERT_EQ(reading.error == nullptr, at_a_boundary) << "cut at " << cut;
-    if (reading.error) { ASSERT_EQ(reading.error->code(), ErrorCode::kCorrupt) << reading.error->what(); }
+    if (reading.error) {
+      ASSERT_EQ(reading.error->code(), ErrorCode::kCorrupt) << reading.error->what();
+    }
   }
 }
 
@@ -39,7 +41,9 @@ TEST(Damage, a_gz_log_cut_at_any_byte_is_an_error) {
   for (std::size_t cut = 1; cut < bytes.size(); ++cut) {
     const auto reading = read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut)));
     ASSERT_TRUE(reading.error) << "cut at " << cut;
-    if (cut > 1) { ASSERT_EQ(reading.error->code(), ErrorCode::kCorrupt) << reading.error->what(); }
+    if (cut > 1) {
+      ASSERT_EQ(reading.error->code(), ErrorCode::kCorrupt) << reading.error->what();
+    }
   }
 }
 
@@ -63,13 +67,15 @@ TEST(Damage, a_flipped_bit_in_a_gz_is_noticed) {
     const auto reading = read_all(write_bytes(folder / "flipped.rawlog", damaged));
     if (reading.error) continue;
     ASSERT_EQ(reading.records.size(), whole.records.size()) << "byte " << place;  // a bit that fills up the last byte means nothing
-    for (std::size_t k = 0; k < whole.records.size(); ++k) ASSERT_EQ(serialized(*reading.records[k].observation), serialized(*whole.records[k].observation));
+    for (std::size_t k = 0; k < whole.records.size(); ++k)
+      ASSERT_EQ(serialized(*reading.records[k].observation), serialized(*whole.records[k].observation));
   }
 }
 
 TEST(Damage, gz_members_may_follow_each_other_and_be_padded) {
   const TemporaryFolder folder;
-  const std::string first = bytes_of(write_rawlog(folder / "a.rawlog", {scan(1.0)})), second = bytes_of(write_rawlog(folder / "b.rawlog", {scan(2.0)}));
+  const std::string first = bytes_of(write_rawlog(folder / "a.rawlog", {scan(1.0)})),
+                    second = bytes_of(write_rawlog(folder / "b.rawlog", {scan(2.0)}));
   const auto reading = read_all(write_bytes(folder / "both.rawlog", first + second + std::string(1000, '\0')));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "ss");
@@ -144,7 +150,8 @@ TEST(Damage, text_logs_cut_at_any_byte_give_no_record_that_was_not_written) {
     for (std::size_t cut = 1; cut < bytes.size(); ++cut) {
       const auto reading = read_all(write_bytes(folder / name, bytes.substr(0, cut)));
       for (const double stamp : seconds(reading.records)) {
-        ASSERT_TRUE(std::any_of(written.begin(), written.end(), [&](double known) { return std::abs(known - stamp) < 1e-9; })) << name << " cut at " << cut;
+        ASSERT_TRUE(std::any_of(written.begin(), written.end(), [&](double known) { return std::abs(known - stamp) < 1e-9; }))
+            << name << " cut at " << cut;
       }
     }
   }
@@ -152,7 +159,8 @@ TEST(Damage, text_logs_cut_at_any_byte_give_no_record_that_was_not_written) {
 
 TEST(Damage, a_class_that_cannot_be_made_is_refused) {
   const TemporaryFolder folder;
-  EXPECT_THAT(read_all(write_bytes(folder / "a.rawlog", std::string("\x97mrpt::obs::CObservation\0\x88", 26))).error, IsError(ErrorCode::kUnsupported, "CObservation"));
+  EXPECT_THAT(read_all(write_bytes(folder / "a.rawlog", std::string("\x97mrpt::obs::CObservation\0\x88", 26))).error,
+              IsError(ErrorCode::kUnsupported, "CObservation"));
 }
 
 }  // namespace

@@ -12,9 +12,12 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 std::string vertex(int number) { return "VERTEX_SE2 " + std::to_string(number) + " 0 0 0\n"; }
-std::string edge(int from, int to, double x) { return "EDGE_SE2 " + std::to_string(from) + " " + std::to_string(to) + " " + std::to_string(x) + " 0 0 1 0 0 1 0 1\n"; }
+std::string edge(int from, int to, double x) {
+  return "EDGE_SE2 " + std::to_string(from) + " " + std::to_string(to) + " " + std::to_string(x) + " 0 0 1 0 0 1 0 1\n";
+}
 std::string laser(double stamp_s) {
-  return "ROBOTLASER1 0 -1.57 3.14 1.57 50.0 0.1 0 3 1 2 3 0 0 0 0 0 0 0 0 0 0 0 0 " + std::to_string(stamp_s) + " host " + std::to_string(stamp_s) + "\n";
+  return "ROBOTLASER1 0 -1.57 3.14 1.57 50.0 0.1 0 3 1 2 3 0 0 0 0 0 0 0 0 0 0 0 0 " + std::to_string(stamp_s) + " host " +
+         std::to_string(stamp_s) + "\n";
 }
 
 TEST(G2o, chains_the_sequential_edges_to_odometry) {
@@ -42,7 +45,8 @@ TEST(G2o, makes_stamps_where_the_scans_have_none) {
 
 TEST(G2o, says_which_edge_is_missing) {
   const TemporaryFolder folder;
-  const auto reading = read_all(write_bytes(folder / "a.g2o", vertex(0) + laser(1) + vertex(1) + vertex(2) + laser(2) + edge(0, 1, 1.0) + edge(0, 2, 1.0)));
+  const auto reading =
+      read_all(write_bytes(folder / "a.g2o", vertex(0) + laser(1) + vertex(1) + vertex(2) + laser(2) + edge(0, 1, 1.0) + edge(0, 2, 1.0)));
   EXPECT_EQ(kinds(reading.records), "os");
   EXPECT_THAT(reading.error, IsError(ErrorCode::kBadInput, "from vertex 1 to 2"));
   EXPECT_THAT(reading.error->where(), HasSubstr("a.g2o:5"));

@@ -24,7 +24,8 @@ using Object = std::shared_ptr<mrpt::serialization::CSerializable>;
 
 inline mrpt::Clock::time_point at(double seconds) { return to_mrpt_time(stamp_from_seconds(seconds)); }
 
-inline std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan(double seconds, std::vector<float> ranges = {1.0f, 2.0f, 3.0f, 4.0f, 5.0f}) {
+inline std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan(double seconds,
+                                                                std::vector<float> ranges = {1.0f, 2.0f, 3.0f, 4.0f, 5.0f}) {
   auto made = std::make_shared<mrpt::obs::CObservation2DRangeScan>();
   made->timestamp = at(seconds);
   made->sensorLabel = "LASER";
@@ -87,7 +88,7 @@ inline std::string kinds(const std::vector<Record>& records) {  // "os": odometr
   std::string letters;
   for (const auto& record : records) {
     const auto* observation = record.observation.get();
-    letters += dynamic_cast<const mrpt::obs::CObservationOdometry*>(observation) != nullptr        ? 'o'
+    letters += dynamic_cast<const mrpt::obs::CObservationOdometry*>(observation) != nullptr      ? 'o'
                : dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(observation) != nullptr ? 's'
                                                                                                  : '?';
   }
@@ -107,7 +108,9 @@ inline Pose2 odometry_of(const Record& record) {
   return dynamic_cast<const mrpt::obs::CObservationOdometry&>(*record.observation).odometry.asTPose();
 }
 // In the robot's frame, counter-clockwise from its x axis; of lasers that stand upright.
-inline double ray_angle(const mrpt::obs::CObservation2DRangeScan& scan, std::size_t ray) { return scan.sensorPose.yaw() + scan.getScanAngle(ray); }
+inline double ray_angle(const mrpt::obs::CObservation2DRangeScan& scan, std::size_t ray) {
+  return scan.sensorPose.yaw() + scan.getScanAngle(ray);
+}
 
 MATCHER_P2(IsError, code, text, "is an Error of that code which says '" + std::string(text) + "'") {
   if (!arg) {

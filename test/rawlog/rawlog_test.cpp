@@ -54,14 +54,14 @@ TEST(Rawlog, knows_how_far_it_has_read) {
   const auto path = write_rawlog(folder / "a.rawlog", {scan(1.0), scan(2.0)});
   const auto stream = open_log(path);
   EXPECT_EQ(stream->bytes_total(), std::filesystem::file_size(path));
-  while (stream->next()) {
-  }
+  while (stream->next()) {}
   EXPECT_EQ(stream->bytes_read(), stream->bytes_total());
 }
 
 TEST(Rawlog, adds_up_the_increments_of_actions) {
   const TemporaryFolder folder;
-  const auto path = write_rawlog(folder / "pairs.rawlog", {movement(1.0, 0.0, M_PI / 2), frame({scan(5.0)}), movement(2.0, 0.0, 0.0), frame({scan(6.0)})});
+  const auto path = write_rawlog(folder / "pairs.rawlog",
+                                 {movement(1.0, 0.0, M_PI / 2), frame({scan(5.0)}), movement(2.0, 0.0, 0.0), frame({scan(6.0)})});
   const auto reading = read_all(path);
   ASSERT_FALSE(reading.error);
   ASSERT_EQ(kinds(reading.records), "osos");
@@ -140,8 +140,15 @@ TEST(Rawlog, survives_null_objects_within_frames_and_actions) {
   const TemporaryFolder folder;
   const std::string null_object = "\x87nullptr\x88";
   const std::string three("\x03\0\0\0", 4), one("\x01\0\0\0", 4);
-  std::string bytes = "\x8d" "CSensoryFrame\x02" + three + null_object + serialized(*scan(1.0)) + null_object + "\x88";
-  bytes += std::string("\x91" "CActionCollection\0", 19) + one + null_object + "\x88" + serialized(*scan(2.0));
+  std::string bytes =
+      "\x8d"
+      "CSensoryFrame\x02" +
+      three + null_object + serialized(*scan(1.0)) + null_object + "\x88";
+  bytes += std::string(
+               "\x91"
+               "CActionCollection\0",
+               19) +
+           one + null_object + "\x88" + serialized(*scan(2.0));
   const auto reading = read_all(write_bytes(folder / "nulls.rawlog", bytes));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "ss");
@@ -150,7 +157,9 @@ TEST(Rawlog, survives_null_objects_within_frames_and_actions) {
 TEST(Rawlog, names_an_unknown_class_and_its_place) {
   const TemporaryFolder folder;
   const std::string good = serialized(*scan(1.0));
-  const auto path = write_bytes(folder / "future.rawlog", good + "\x92" "CObservationSmellX\x01 whatever");
+  const auto path = write_bytes(folder / "future.rawlog", good +
+                                                              "\x92"
+                                                              "CObservationSmellX\x01 whatever");
   const auto reading = read_all(path);
   EXPECT_EQ(reading.records.size(), 1u);
   EXPECT_THAT(reading.error, IsError(ErrorCode::kUnsupported, "'CObservationSmellX'"));
@@ -160,7 +169,12 @@ TEST(Rawlog, names_an_unknown_class_and_its_place) {
 TEST(Rawlog, names_an_unknown_class_within_a_frame) {
   const TemporaryFolder folder;
   const std::string one("\x01\0\0\0", 4);
-  const auto reading = read_all(write_bytes(folder / "future.rawlog", "\x8d" "CSensoryFrame\x02" + one + "\x92" "CObservationSmellX\x01 whatever"));
+  const auto reading = read_all(write_bytes(folder / "future.rawlog",
+                                            "\x8d"
+                                            "CSensoryFrame\x02" +
+                                                one +
+                                                "\x92"
+                                                "CObservationSmellX\x01 whatever"));
   EXPECT_THAT(reading.error, IsError(ErrorCode::kUnsupported, "'CObservationSmellX'"));
   EXPECT_THAT(reading.error->where(), HasSubstr("at byte 19"));
 }
@@ -214,7 +228,8 @@ TEST(Rawlog, finds_pictures_in_the_folder_beside_the_log) {
   ASSERT_FALSE(reading.error);
   ASSERT_EQ(reading.records.size(), 2u);
   EXPECT_EQ(mrpt::img::CImage::getImagesPathBase(), base_before);
-  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.getExternalStorageFile(), (folder / "walk_Images/left.png").string());
+  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.getExternalStorageFile(),
+            (folder / "walk_Images/left.png").string());
   load_pictures(*reading.records[1].observation);
   EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.at<std::uint8_t>(1, 1), 77);
   try {

@@ -47,7 +47,8 @@ TEST(Split, restarts_each_robots_odometry_at_the_origin) {
   const auto whole = read_all(log), second = read_all(parts[1].path);
   EXPECT_THAT(odometry_of(second.records[0]), IsNear(Pose2(0, 0, 0), 1e-12, 1e-12));
   for (std::size_t i = 0; i < second.records.size(); i += 2) {
-    EXPECT_THAT(odometry_of(second.records[i]), IsNear(between(odometry_of(whole.records[10]), odometry_of(whole.records[10 + i])), 1e-9, 1e-9));
+    EXPECT_THAT(odometry_of(second.records[i]),
+                IsNear(between(odometry_of(whole.records[10]), odometry_of(whole.records[10 + i])), 1e-9, 1e-9));
   }
 }
 
@@ -78,7 +79,8 @@ TEST(Split, keeps_cameras_and_where_their_pictures_are) {
   const auto parts = split(write_rawlog(folder / "walk.rawlog", {picture, scan(2.0)}), folder / "elsewhere", options);
   const auto reading = read_all(parts[0].path);
   ASSERT_EQ(reading.records.size(), 2u);
-  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[0].observation).image.getExternalStorageFile(), (folder / "walk_Images/left.png").string());
+  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[0].observation).image.getExternalStorageFile(),
+            (folder / "walk_Images/left.png").string());
 }
 
 TEST(Split, refuses_cuts_that_do_not_fit) {

@@ -67,17 +67,5 @@ TEST(RobotsApart, leaves_a_map_alone_that_is_called_as_its_robot) {
   EXPECT_THAT(maps[1].robots(), ElementsAre(RobotId("tuesday")));
 }
 
-TEST(GridAsMap, is_one_node_in_one_frozen_submap) {
-  OccupancyGrid grid;
-  grid.columns = grid.rows = 2;
-  grid.log_odds = {100, -100, 0, 100};
-  const Map map = map_of_grid(MapId("hall"), grid);
-  ASSERT_EQ(map.nodes.size(), 1u);
-  ASSERT_EQ(map.submaps.size(), 1u);
-  EXPECT_TRUE(map.submaps.front().second.frozen);
-  EXPECT_EQ(std::get<OccupancyGrid>(*map.nodes.front().second.payload).log_odds, grid.log_odds);
-  EXPECT_NO_THROW(updated(Map{}, difference(Map{}, map)));
-}
-
 }  // namespace
 }  // namespace mapweave::runtime

@@ -16,7 +16,7 @@ Verdict verdict(Decision decision, Reason reason = Reason::none) {
   result.b = MapId("beta");
   result.decision = decision;
   result.reason = reason;
-  result.alignment = Alignment{Sim3{spatial(Pose2(1.0, 2.0, M_PI / 2)), 1.0}, {}};
+  result.alignment.emplace().a_from_b.pose = spatial(Pose2(1.0, 2.0, M_PI / 2));
   result.witnesses = {hash_of_bytes("a witness")};
   return result;
 }

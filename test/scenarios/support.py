@@ -129,12 +129,11 @@ def malaga_bytes():
 
 
 def place_of_ranges(data, scan):
-    """Where the ranges (float32) of the n-th scan of the Malaga log begin, and how many they are."""
+    """Where the ranges (361 float32) of the n-th scan of the Malaga log begin."""
     place = -1
     for _ in range(scan + 1):
         place = data.index(b"CObservation2DRangeScan", place + 1)
-    rays = 361
-    return data.index(struct.pack("<I", rays), place) + 4, rays
+    return data.index(struct.pack("<I", 361), place) + 4
 
 
 def main():

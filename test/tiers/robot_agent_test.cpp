@@ -73,7 +73,8 @@ TEST_F(AgentTest, refuses_time_that_runs_backwards) {
 
 TEST_F(AgentTest, ends_in_trouble_when_there_was_no_laser) {
   agent.step(odometry(1.0, 0.0));
-  const auto trouble = std::get<StreamEnd>(agent.end().body).trouble;
+  const RobotMessage end = agent.end();
+  const std::optional<Error>& trouble = std::get<StreamEnd>(end.body).trouble;
   ASSERT_TRUE(trouble);
   EXPECT_EQ(trouble->code(), ErrorCode::kBadInput);
   EXPECT_THAT(trouble->what(), testing::HasSubstr("no usable laser scan"));
@@ -81,7 +82,10 @@ TEST_F(AgentTest, ends_in_trouble_when_there_was_no_laser) {
 
 TEST_F(AgentTest, passes_on_the_trouble_that_ended_its_log) {
   agent.step(scan(1.0));
-  const auto trouble = std::get<StreamEnd>(agent.end(Error(ErrorCode::kCorrupt, "cut short")).body).trouble;
+  std::optional<Error> cut;
+  cut.emplace(ErrorCode::kCorrupt, "cut short");
+  const RobotMessage end = agent.end(cut);
+  const std::optional<Error>& trouble = std::get<StreamEnd>(end.body).trouble;
   ASSERT_TRUE(trouble);
   EXPECT_EQ(trouble->code(), ErrorCode::kCorrupt);
 }

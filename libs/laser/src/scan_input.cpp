@@ -4,6 +4,9 @@
 #include <mrpt/obs/CObservation2DRangeScan.h>
 #include <mrpt/obs/CObservationOdometry.h>
 
+#include <algorithm>
+#include <cmath>
+
 namespace mapweave::laser {
 namespace {
 

@@ -2,12 +2,15 @@
 #include <mapweave/matching/branch_and_bound.h>
 
 #include <algorithm>
+#include <numeric>
 #include <queue>
+#include <tuple>
 
 namespace mapweave::matching {
 namespace {
 
 constexpr double kStep = SubmapModel::kSearchResolution;
+constexpr int kTopLevel = 4;  // coarser blocks hold a wall nearly always: they bound nothing
 
 struct Candidate {
   int turn, x, y, level;   // shifts [x, x + 2^level) in cells, likewise y
@@ -31,35 +34,50 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   if (a.walls().empty() || points.empty()) return peaks;
   // Turns are about the middle of b's walls, so that a turn moves the far points least.
   const Point2f centre = b.centre();
-  const double arm = std::max(2.0, static_cast<double>(b.radius_m()) * 0.7);
-  const double yaw_step = std::clamp(1.5 * kStep / arm, 0.008, 0.05);
+  double arm = 0.0;
+  for (const auto& p : points) arm += std::hypot(p.x - centre.x, p.y - centre.y) / static_cast<double>(points.size());
+  arm = std::max(2.0, arm);
+  const double yaw_step = std::clamp(2.0 * kStep / arm, 0.01, 0.05);
   const bool around = window.yaw_rad >= M_PI - 1e-9;
   const int turns = around ? static_cast<int>(std::ceil(M_PI / yaw_step)) : static_cast<int>(std::ceil(window.yaw_rad / yaw_step));
   const int first_turn = around ? -turns + 1 : -turns;
   const double turn_size = around ? M_PI / turns : yaw_step;
   const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m / kStep)));
   int top = 0;
-  while (top < SubmapModel::kLevels - 1 && (2 << top) <= radius) ++top;
+  while (top < kTopLevel && (2 << top) <= radius) ++top;
 
   const Pose2 middle = window.a_from_b;
   const double middle_x = middle.x + std::cos(middle.phi) * centre.x - std::sin(middle.phi) * centre.y;
   const double middle_y = middle.y + std::sin(middle.phi) * centre.x + std::cos(middle.phi) * centre.y;
   const auto turned = [&](int turn) { return middle.phi + turn * turn_size; };
+  std::size_t stride = points.size() / 2 + 1;
+  while (std::gcd(stride, points.size()) != 1) ++stride;
   // Cells of b's points at shift zero, per turn.
   std::vector<std::vector<std::pair<int, int>>> cells(static_cast<std::size_t>(turns - first_turn + 1));
   for (int turn = first_turn; turn <= turns; ++turn) {
     const double c = std::cos(turned(turn)), s = std::sin(turned(turn));
     auto& out = cells[static_cast<std::size_t>(turn - first_turn)];
     out.reserve(points.size());
-    for (const auto& p : points) {
+    // In an order that jumps about, so that the first few stand for all.
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const auto& p = points[k * stride % points.size()];
       const double dx = p.x - centre.x, dy = p.y - centre.y;
       out.emplace_back(cell_of(middle_x + c * dx - s * dy, 1.0 / kStep), cell_of(middle_y + s * dx + c * dy, 1.0 / kStep));
     }
   }
+  const auto full = static_cast<double>(255 * points.size());
+  auto threshold = static_cast<std::uint32_t>(options.min_score * full);
+  // Zero as soon as what is left cannot reach the threshold.
   const auto bound_of = [&](int turn, int x, int y, int level) {
     const auto& raster = a.pyramid()[static_cast<std::size_t>(level)];
-    std::uint32_t sum = 0;
-    for (const auto& [px, py] : cells[static_cast<std::size_t>(turn - first_turn)]) sum += raster.get(shifted(px + x, level), shifted(py + y, level));
+    const auto& here = cells[static_cast<std::size_t>(turn - first_turn)];
+    std::uint32_t sum = 0, possible = static_cast<std::uint32_t>(255 * here.size());
+    for (std::size_t k = 0; k < here.size();) {
+      const std::size_t end = std::min(k + 16, here.size());
+      possible -= static_cast<std::uint32_t>(255 * (end - k));
+      for (; k < end; ++k) sum += raster.get(shifted(here[k].first + x, level), shifted(here[k].second + y, level));
+      if (sum + possible < threshold) return std::uint32_t{0};
+    }
     return sum;
   };
   const auto pose_of = [&](const Candidate& candidate) {
@@ -70,8 +88,6 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   const auto centre_of = [&](const Pose2& pose) {
     return std::make_pair(pose.x + std::cos(pose.phi) * centre.x - std::sin(pose.phi) * centre.y, pose.y + std::sin(pose.phi) * centre.x + std::cos(pose.phi) * centre.y);
   };
-  const auto full = static_cast<double>(255 * points.size());
-  auto threshold = static_cast<std::uint32_t>(options.min_score * full);
 
   std::priority_queue<Candidate, std::vector<Candidate>, Later> open;
   for (int turn = first_turn; turn <= turns; ++turn)

@@ -24,9 +24,11 @@ ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)) {
   if (::stat(path_.c_str(), &status) != 0) {
     throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check the path");
   }
-  if (S_ISDIR(status.st_mode)) throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
+  if (S_ISDIR(status.st_mode))
+    throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
   file_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file_ < 0) throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check its permissions");
+  if (file_ < 0)
+    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check its permissions");
   file_bytes_ = static_cast<std::uint64_t>(status.st_size);
   const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(file_bytes_, kBufferBytes));
   packed_buffer_.resize(std::clamp(size, kLeastBytes, kPackedBytes));
@@ -69,7 +71,8 @@ std::size_t ByteSource::read_file(char* to, std::size_t count) {
 
 void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
   const auto fail = [&](const std::string& what) {
-    return Error(ErrorCode::kCorrupt, what, path_.string() + " at byte " + std::to_string(file_bytes_read()) + " of the gz file", kCopyAgain);
+    return Error(ErrorCode::kCorrupt, what, path_.string() + " at byte " + std::to_string(file_bytes_read()) + " of the gz file",
+                 kCopyAgain);
   };
   while (got == 0) {
     if (packed_begin_ == packed_end_) {

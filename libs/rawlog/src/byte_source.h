@@ -37,7 +37,9 @@ class ByteSource {
   // Nothing is left. Throws where nothing is left because of damage.
   bool at_end();
   // Throws the damage that ended the stream, if it was damage.
-  void throw_damage() const { if (damage_) std::rethrow_exception(damage_); }
+  void throw_damage() const {
+    if (damage_) std::rethrow_exception(damage_);
+  }
   void rewind();
 
   std::uint64_t position() const { return position_; }  // in the unpacked stream

@@ -81,8 +81,7 @@ class CarmenReader final : public RecordSource {
           add_parameter(*fields, survey);
         }
       }
-    } catch (const Error&) {
-    }
+    } catch (const Error&) {}
     bytes.rewind();
     return survey;
   }
@@ -108,7 +107,8 @@ class CarmenReader final : public RecordSource {
 
 bool is_carmen(std::string_view start) {
   return any_line(start, [](std::string_view keyword, std::string_view line) {
-    return is_laser_keyword(keyword) || keyword == "ODOM" || keyword == "PARAM" || line.substr(0, 8) == "# CARMEN" || line.substr(0, 25) == "# message formats defined";
+    return is_laser_keyword(keyword) || keyword == "ODOM" || keyword == "PARAM" || line.substr(0, 8) == "# CARMEN" ||
+           line.substr(0, 25) == "# message formats defined";
   });
 }
 

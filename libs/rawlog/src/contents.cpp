@@ -37,8 +37,9 @@ LaserGeometry geometry_of(const mrpt::obs::CObservation2DRangeScan& scan) {
 
 bool alike(const LaserGeometry& a, const LaserGeometry& b) {
   const auto near = [](double x, double y) { return std::abs(x - y) < 1e-4; };
-  return a.rays == b.rays && near(a.first_angle_rad, b.first_angle_rad) && near(a.last_angle_rad, b.last_angle_rad) && near(a.max_range_m, b.max_range_m) &&
-         near(a.x_m, b.x_m) && near(a.y_m, b.y_m) && near(a.z_m, b.z_m) && near(a.pitch_rad, b.pitch_rad) && near(a.roll_rad, b.roll_rad);
+  return a.rays == b.rays && near(a.first_angle_rad, b.first_angle_rad) && near(a.last_angle_rad, b.last_angle_rad) &&
+         near(a.max_range_m, b.max_range_m) && near(a.x_m, b.x_m) && near(a.y_m, b.y_m) && near(a.z_m, b.z_m) &&
+         near(a.pitch_rad, b.pitch_rad) && near(a.roll_rad, b.roll_rad);
 }
 
 struct Sensor {
@@ -50,8 +51,9 @@ struct Sensor {
 
 Sensor& sensor_of(const mrpt::obs::CObservation& observation, std::vector<Sensor>& sensors) {
   const auto* class_id = observation.GetRuntimeClass();
-  const auto known = std::find_if(sensors.begin(), sensors.end(),
-                                  [&](const Sensor& sensor) { return sensor.class_id == class_id && sensor.contents.label == observation.sensorLabel; });
+  const auto known = std::find_if(sensors.begin(), sensors.end(), [&](const Sensor& sensor) {
+    return sensor.class_id == class_id && sensor.contents.label == observation.sensorLabel;
+  });
   if (known != sensors.end()) return *known;
   Sensor sensor{class_id, {}, {}};
   const std::string name = class_id->className;
@@ -105,12 +107,14 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
   for (auto& [class_id, sensor, last_odometry, length_m] : sensors) {
     const double seconds = seconds_between(sensor.first, sensor.last);
     if (seconds > 0.0) sensor.rate_hz = static_cast<double>(sensor.count - 1) / seconds;
-    std::stable_sort(sensor.geometries.begin(), sensor.geometries.end(), [](const LaserGeometry& a, const LaserGeometry& b) { return a.scans > b.scans; });
+    std::stable_sort(sensor.geometries.begin(), sensor.geometries.end(),
+                     [](const LaserGeometry& a, const LaserGeometry& b) { return a.scans > b.scans; });
     contents.odometry_length_m = std::max(contents.odometry_length_m, length_m);
     contents.sensors.push_back(std::move(sensor));
   }
-  std::sort(contents.sensors.begin(), contents.sensors.end(),
-            [](const SensorContents& a, const SensorContents& b) { return std::tie(a.label, a.class_name) < std::tie(b.label, b.class_name); });
+  std::sort(contents.sensors.begin(), contents.sensors.end(), [](const SensorContents& a, const SensorContents& b) {
+    return std::tie(a.label, a.class_name) < std::tie(b.label, b.class_name);
+  });
   return contents;
 }
 

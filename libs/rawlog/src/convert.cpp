@@ -5,7 +5,8 @@
 
 namespace mapweave::rawlog {
 
-std::uint64_t convert_log(const std::filesystem::path& log, const std::filesystem::path& out, Progress& progress, const ReadOptions& options) {
+std::uint64_t convert_log(const std::filesystem::path& log, const std::filesystem::path& out, Progress& progress,
+                          const ReadOptions& options) {
   const auto stream = open_log(log, options);
   RawlogWriter writer(out);
   Task task(progress, "converting " + log.filename().string(), *stream);

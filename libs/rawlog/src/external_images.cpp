@@ -57,7 +57,8 @@ std::filesystem::path images_folder(const std::filesystem::path& log) {
 }
 
 void make_image_paths_absolute(mrpt::obs::CObservation& observation, const std::filesystem::path& folder) {
-  if (IS_CLASS(observation, mrpt::obs::CObservation2DRangeScan) || IS_CLASS(observation, mrpt::obs::CObservationOdometry)) return;  // nearly all
+  if (IS_CLASS(observation, mrpt::obs::CObservation2DRangeScan) || IS_CLASS(observation, mrpt::obs::CObservationOdometry))
+    return;  // nearly all
   if (auto* image = dynamic_cast<mrpt::obs::CObservationImage*>(&observation)) {
     make_absolute(image->image, folder);
   } else if (auto* stereo = dynamic_cast<mrpt::obs::CObservationStereoImages*>(&observation)) {

@@ -42,7 +42,8 @@ const Format& recognise(ByteSource& bytes) {
     if (std::find(format.extensions.begin(), format.extensions.end(), extension) != format.extensions.end()) return format;
   }
   std::string known;
-  for (const Format& format : formats()) known += (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
+  for (const Format& format : formats())
+    known += (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
   const bool zip = start.substr(0, 4) == "PK\x03\x04";
   throw Error(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz", bytes.path().string(),
               zip ? "unzip it first" : "convert it to one of them");

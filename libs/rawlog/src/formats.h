@@ -14,9 +14,9 @@ namespace mapweave::rawlog {
 class ByteSource;
 
 struct Format {
-  const char* name;                                      // "MRPT rawlog"
-  std::vector<std::string_view> extensions;              // with the dot; ".gz" aside
-  bool (*recognises)(std::string_view start_of_file);    // unpacked
+  const char* name;                                    // "MRPT rawlog"
+  std::vector<std::string_view> extensions;            // with the dot; ".gz" aside
+  bool (*recognises)(std::string_view start_of_file);  // unpacked
   std::unique_ptr<RecordSource> (*open)(std::unique_ptr<ByteSource> bytes, const ReadOptions& options);
 };
 

@@ -1,5 +1,5 @@
-// g2o pose graphs that carry scans: a VERTEX_SE2, then its ROBOTLASER1 lines. The chained edges from vertex i to i + 1 are the odometry; the
-// vertices' own poses are somebody's result and are not used, nor are the other edges.
+// g2o pose graphs that carry scans: a VERTEX_SE2, then its ROBOTLASER1 lines. The chained edges from vertex i to i + 1 are the odometry;
+// the vertices' own poses are somebody's result and are not used, nor are the other edges.
 
 #include "formats.h"
 #include "laser_lines.h"
@@ -20,7 +20,8 @@ class G2oReader final : public RecordSource {
       : bytes_(std::move(bytes)), step_s_(1.0 / options.scan_rate_hz), converter_(survey_, options), lines_(*bytes_) {
     read_edges();
     if (!survey_.has_usable_stamps() && scans_ > 0) {
-      log(LogLevel::warning, bytes_->path().string() + ": its scans have no usable stamps; they get one every " + std::to_string(step_s_) + " s");
+      log(LogLevel::warning,
+          bytes_->path().string() + ": its scans have no usable stamps; they get one every " + std::to_string(step_s_) + " s");
     }
   }
 
@@ -81,11 +82,14 @@ class G2oReader final : public RecordSource {
   }
 
   void move_to(std::size_t vertex, const Fields& fields) {
-    if (at_ && vertex < *at_) throw fields.error("vertex " + std::to_string(vertex) + " with a scan comes after vertex " + std::to_string(*at_) + "; rising numbers were expected");
+    if (at_ && vertex < *at_)
+      throw fields.error("vertex " + std::to_string(vertex) + " with a scan comes after vertex " + std::to_string(*at_) +
+                         "; rising numbers were expected");
     for (std::size_t i = at_.value_or(vertex); i < vertex; ++i) {
       const auto step = steps_.find(i);
       if (step == steps_.end()) {
-        throw fields.error("no edge leads from vertex " + std::to_string(i) + " to " + std::to_string(i + 1) + "; the sequential edges serve as odometry");
+        throw fields.error("no edge leads from vertex " + std::to_string(i) + " to " + std::to_string(i + 1) +
+                           "; the sequential edges serve as odometry");
       }
       odometry_from_robot_ = compose(odometry_from_robot_, step->second);
     }
@@ -113,7 +117,9 @@ class G2oReader final : public RecordSource {
 }  // namespace
 
 bool is_g2o(std::string_view start) {
-  return any_line(start, [](std::string_view keyword, std::string_view) { return keyword.substr(0, 7) == "VERTEX_" || keyword.substr(0, 5) == "EDGE_"; });
+  return any_line(start, [](std::string_view keyword, std::string_view) {
+    return keyword.substr(0, 7) == "VERTEX_" || keyword.substr(0, 5) == "EDGE_";
+  });
 }
 
 std::unique_ptr<RecordSource> open_g2o(std::unique_ptr<ByteSource> bytes, const ReadOptions& options) {

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kMostRays = 100'000, kMostPosesKept = 20'000;
 constexpr double kDegree = M_PI / 180.0;
-constexpr double kUsualMaximum = 81.0;            // m, of a SICK LMS; it answers 81.83 to 81.91 for "nothing there"
+constexpr double kUsualMaximum = 81.0;  // m, of a SICK LMS; it answers 81.83 to 81.91 for "nothing there"
 constexpr const char* kOdometryLabel = "ODOM";
 
 bool is_rear(std::string_view label) { return label == "RLASER"; }
@@ -60,7 +60,8 @@ Fan fan_of(const LaserLine& line, std::optional<double> stated_resolution_rad) {
   double field_of_view = M_PI;
   if (steps == 540.0 || steps == 1080.0) {
     field_of_view = 1.5 * M_PI;
-  } else if (steps != 180.0 && steps != 360.0 && steps != 720.0 && stated_resolution_rad && steps * *stated_resolution_rad <= 2.0 * M_PI + 1e-9) {
+  } else if (steps != 180.0 && steps != 360.0 && steps != 720.0 && stated_resolution_rad &&
+             steps * *stated_resolution_rad <= 2.0 * M_PI + 1e-9) {
     field_of_view = steps * *stated_resolution_rad;
   }
   return {-0.5 * field_of_view, field_of_view / steps};
@@ -117,7 +118,8 @@ void parse_laser_line(std::string_view keyword, Fields& fields, LaserLine& line)
   line.world_from_laser = parse_pose(fields, "the laser's x", "the laser's y", "the laser's heading");
   line.world_from_robot = parse_pose(fields, "the robot's x", "the robot's y", "the robot's heading");
   if (line.geometry_given) {
-    for (const char* name : {"the speed", "the turn rate", "the forward safety distance", "the side safety distance", "the turn axis"}) fields.any_number(name);
+    for (const char* name : {"the speed", "the turn rate", "the forward safety distance", "the side safety distance", "the turn axis"})
+      fields.any_number(name);
   }
   line.ipc_stamp_s = fields.number("the ipc stamp");
   fields.text("the host's name");
@@ -145,7 +147,8 @@ void LaserSurvey::add(const LaserLine& line) {
     sensor.longest_m = std::max(sensor.longest_m, static_cast<double>(range));
   }
   if (line.geometry_given) sensor.stated_max_m = std::max(sensor.stated_max_m, line.max_range_m);
-  if (sensor.robot_from_laser.size() < kMostPosesKept) sensor.robot_from_laser.push_back(between(line.world_from_robot, line.world_from_laser));
+  if (sensor.robot_from_laser.size() < kMostPosesKept)
+    sensor.robot_from_laser.push_back(between(line.world_from_robot, line.world_from_laser));
   if (first_) first_pose_ = line.world_from_robot;
   const Pose2 moved = between(first_pose_, line.world_from_robot);
   poses_move_ = poses_move_ || std::hypot(moved.x, moved.y) > 1e-3 || std::abs(moved.phi) > 1e-3;
@@ -164,7 +167,8 @@ bool LaserSurvey::has_usable_stamps() const {
 }
 
 std::optional<double> LaserSurvey::resolution_rad(bool rear) const {
-  for (const char* name : rear ? std::array{"laser_rear_laser_resolution", "laser_rearlaser_resolution"} : std::array{"laser_front_laser_resolution", "laser_frontlaser_resolution"}) {
+  for (const char* name : rear ? std::array{"laser_rear_laser_resolution", "laser_rearlaser_resolution"}
+                               : std::array{"laser_front_laser_resolution", "laser_frontlaser_resolution"}) {
     const auto found = parameters_.find(name);
     if (found != parameters_.end() && found->second > 0.0 && found->second <= 10.0) return found->second * kDegree;
   }
@@ -182,7 +186,8 @@ LaserTraits LaserSurvey::traits(const std::string& label, const ReadOptions& opt
   if (traits.max_range_m <= 0.0) {
     const auto readings_between = [&](double low_m, double high_m) {
       std::uint64_t count = 0;
-      for (auto i = static_cast<std::size_t>(low_m * 100.0); i < sensor.centimetres.size() && static_cast<double>(i) <= high_m * 100.0; ++i) count += sensor.centimetres[i];
+      for (auto i = static_cast<std::size_t>(low_m * 100.0); i < sensor.centimetres.size() && static_cast<double>(i) <= high_m * 100.0; ++i)
+        count += sensor.centimetres[i];
       return count;
     };
     const double longest = sensor.longest_m;
@@ -250,14 +255,16 @@ PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std:
 }
 
 Stamp stamp_of_text(double seconds, const Fields& fields) {
-  if (!(std::abs(seconds) < 9e9)) throw fields.error("the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected");
+  if (!(std::abs(seconds) < 9e9))
+    throw fields.error("the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected");
   return Stamp{std::llround(seconds * 1e6) * 1000};
 }
 
 Stamp stamp_of_line(const LaserSurvey& survey, double ipc_stamp_s, double logger_stamp_s, const Fields& fields) {
   if (!survey.uses_logger_stamps()) return stamp_of_text(ipc_stamp_s, fields);
   if (!fields.terminated()) {  // the last number of the file, and it matters
-    throw Error(ErrorCode::kCorrupt, "the file ends within this line; a line break was expected", fields.place(), "copy the log again, or end the line");
+    throw Error(ErrorCode::kCorrupt, "the file ends within this line; a line break was expected", fields.place(),
+                "copy the log again, or end the line");
   }
   return stamp_of_text(logger_stamp_s, fields);
 }

@@ -18,7 +18,8 @@ constexpr std::uint32_t kMostParticles = 1'000'000;
 constexpr const char* kRemedy = "record or copy the log again; what precedes this place can be used (split --at)";
 
 bool is_name_letter(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' || c == ',';
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' ||
+         c == ',';
 }
 
 bool can_be_made(std::string_view class_name) {
@@ -37,11 +38,6 @@ class Walker {
   }
 
  private:
-  static std::string_view short_name(std::string_view name) {
-    const auto colon = name.rfind(':');
-    return colon == std::string_view::npos ? name : name.substr(colon + 1);
-  }
-
   ObjectHeader header() {
     ObjectHeader found;
     const auto first = number<std::uint8_t>();
@@ -72,10 +68,11 @@ class Walker {
   bool object(const ObjectHeader& object_header, std::size_t start, std::size_t depth) {
     if (object_header.version < 0) return end(object_header);
     const ObjectHeader* outer = std::exchange(within_, &object_header);
-    const std::optional<bool> known = body(short_name(object_header.class_name()), object_header.version, depth);
+    const std::optional<bool> known = body(object_header.short_name(), object_header.version, depth);
     if (!known && !can_be_made(object_header.class_name())) {
-      throw Error(ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which cannot be read",
-                  source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
+      throw Error(
+          ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which cannot be read",
+          source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
     }
     const bool whole = known.value_or(false) && end(object_header);
     within_ = outer;
@@ -86,8 +83,11 @@ class Walker {
   std::optional<bool> body(std::string_view name, int version, std::size_t depth) {
     if (name == "CObservation2DRangeScan") return version >= 4 && version <= 7 && scan(version, depth);
     if (name == "CObservationOdometry") return version <= 2 && odometry(version, depth);
-    if (name == "CSensoryFrame") return version <= 2 && frame(version, depth);
-    if (name == "CActionCollection") return version == 0 && objects(depth);
+    if (name == "CSensoryFrame" || name == "CActionCollection") {
+      if (depth > 0) throw corrupt("stands within another object");
+      if (version > (name == "CSensoryFrame" ? 2 : 0)) throw corrupt("its version " + std::to_string(version) + " is not known");
+      return name == "CSensoryFrame" ? frame(version, depth) : objects(depth);
+    }
     if (name == "CActionRobotMovement2D") return version >= 5 && version <= 7 && movement(version, depth);
     if (name == "CObservationComment") return version == 0 && text() && skip(8);
     if (name == "CPose2D") return version == 1 && skip(3 * 8);
@@ -168,7 +168,8 @@ class Walker {
   }
   void array(std::uint64_t count, std::size_t bytes_each, const char* what, bool take = true) {
     if (count * bytes_each > most_bytes_) {
-      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" + std::to_string(most_bytes_) + " bytes)");
+      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" + std::to_string(most_bytes_) +
+                    " bytes)");
     }
     if (source_.ahead(at_ + count * bytes_each).size() < at_ + count * bytes_each) throw cut_short(count * bytes_each);
     if (take) at_ += count * bytes_each;
@@ -197,13 +198,15 @@ class Walker {
   }
   Error no_header() { return corrupt("the name of a class was expected here"); }
   Error corrupt(const std::string& what) const {
-    return Error(ErrorCode::kCorrupt, (within_ == nullptr ? "" : "an object of class '" + std::string(within_->class_name()) + "': ") + what, source_.place(source_.position() + at_), kRemedy);
+    return Error(ErrorCode::kCorrupt,
+                 (within_ == nullptr ? "" : "an object of class '" + std::string(within_->class_name()) + "': ") + what,
+                 source_.place(source_.position() + at_), kRemedy);
   }
 
   ByteSource& source_;
   std::uint64_t most_bytes_;
-  std::size_t at_ = 0;                      // from the source's position
-  const ObjectHeader* within_ = nullptr;    // the innermost object
+  std::size_t at_ = 0;                    // from the source's position
+  const ObjectHeader* within_ = nullptr;  // the innermost object
 };
 
 }  // namespace

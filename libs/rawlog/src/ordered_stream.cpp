@@ -63,8 +63,9 @@ class OrderedStream final : public ObservationStream {
       for (auto& placed : fresh_) add(placed);
       if (ended_ && !failure_ && count_ == 0) {
         const std::string found = source_->nothing_found();
-        throw Error(ErrorCode::kBadInput, "holds no observations" + (found.empty() ? "" : " (" + found + ")") + "; at least one was expected",
-                    source_->path(), "record again, or check that this is the right file");
+        throw Error(ErrorCode::kBadInput,
+                    "holds no observations" + (found.empty() ? "" : " (" + found + ")") + "; at least one was expected", source_->path(),
+                    "record again, or check that this is the right file");
       }
     } catch (const Error&) {
       fail();
@@ -87,20 +88,23 @@ class OrderedStream final : public ObservationStream {
       rank = 0;
       const auto& pose = odometry->odometry;
       if (!std::isfinite(pose.x()) || !std::isfinite(pose.y()) || !std::isfinite(pose.phi())) {
-        throw Error(ErrorCode::kBadInput, "an odometry pose is not a number; finite x, y, heading were expected", where(), "cut the log before it");
+        throw Error(ErrorCode::kBadInput, "an odometry pose is not a number; finite x, y, heading were expected", where(),
+                    "cut the log before it");
       }
     }
     if (count_ > 1 && newest_.ns - placed.record.stamp.ns > window_ns_) {
       throw Error(ErrorCode::kBadInput,
-                  "time runs backwards: stamp " + seconds_text(placed.record.stamp) + " comes after stamp " + seconds_text(newest_) + ", later than the window of " +
-                      std::to_string(window_s_) + " s allows",
+                  "time runs backwards: stamp " + seconds_text(placed.record.stamp) + " comes after stamp " + seconds_text(newest_) +
+                      ", later than the window of " + std::to_string(window_s_) + " s allows",
                   where(), "repair the clock of the recording, cut the log there, or widen reorder_window_s");
     }
     newest_.ns = count_ > 1 ? std::max(newest_.ns, placed.record.stamp.ns) : placed.record.stamp.ns;
     heap_.push_back({std::move(placed.record), rank, count_});
     std::push_heap(heap_.begin(), heap_.end(), leaves_later);
     if (heap_.size() > kMostWaiting) {
-      throw Error(ErrorCode::kBadInput, "more than " + std::to_string(kMostWaiting) + " records within " + std::to_string(window_s_) + " s; stamps that advance were expected",
+      throw Error(ErrorCode::kBadInput,
+                  "more than " + std::to_string(kMostWaiting) + " records within " + std::to_string(window_s_) +
+                      " s; stamps that advance were expected",
                   where(), "repair the stamps (carmen2rawlog of MRPT writes wrong ones), or narrow reorder_window_s");
     }
   }
@@ -109,14 +113,16 @@ class OrderedStream final : public ObservationStream {
   static void check_scan(mrpt::obs::CObservation2DRangeScan& scan, const Where& where) {
     const std::size_t rays = scan.getScanSize();
     if (rays == 0) {
-      throw Error(ErrorCode::kBadInput, "a scan of '" + scan.sensorLabel + "' has no rays; at least one was expected", where(), "cut the log before it");
+      throw Error(ErrorCode::kBadInput, "a scan of '" + scan.sensorLabel + "' has no rays; at least one was expected", where(),
+                  "cut the log before it");
     }
     const float* ranges = &scan.getScanRange(0);
     if (std::all_of(ranges, ranges + rays, [](float range) { return std::isfinite(range); })) return;
     for (std::size_t i = 0; i < rays; ++i) {
       if (std::isfinite(ranges[i]) || !scan.getScanRangeValidity(i)) continue;
       if (std::isnan(ranges[i])) {
-        throw Error(ErrorCode::kBadInput, "ray " + std::to_string(i) + " of a scan of '" + scan.sensorLabel + "' is not a number, yet marked valid", where(),
+        throw Error(ErrorCode::kBadInput,
+                    "ray " + std::to_string(i) + " of a scan of '" + scan.sensorLabel + "' is not a number, yet marked valid", where(),
                     "cut the log before it, or mark such rays invalid when recording");
       }
       scan.setScanRangeValidity(i, false);  // infinite: no return (the habit of ROS)

@@ -1,4 +1,5 @@
-// MRPT rawlogs of either form: observations alone, or pairs of actions and sensory frames. Not with MRPT's CRawlog: it takes damage for the end.
+// MRPT rawlogs of either form: observations alone, or pairs of actions and sensory frames. Not with MRPT's CRawlog: it takes damage for the
+// end.
 
 #include "external_images.h"
 #include "formats.h"
@@ -6,12 +7,10 @@
 #include "source_archive.h"
 
 #include <mapweave/core/geometry.h>
-#include <mrpt/obs/CActionCollection.h>
 #include <mrpt/obs/CActionRobotMovement2D.h>
 #include <mrpt/obs/CActionRobotMovement3D.h>
 #include <mrpt/obs/CObservationComment.h>
 #include <mrpt/obs/CObservationOdometry.h>
-#include <mrpt/obs/CSensoryFrame.h>
 #include <mrpt/obs/registerAllClasses.h>
 
 #include <algorithm>
@@ -23,12 +22,18 @@
 namespace mapweave::rawlog {
 namespace {
 
+constexpr std::uint8_t kEndFlag = 0x88;
 constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as increments
+
+using Object = mrpt::serialization::CSerializable::Ptr;
 
 class RawlogReader final : public RecordSource {
  public:
   RawlogReader(std::unique_ptr<ByteSource> bytes, const ReadOptions& options)
-      : bytes_(std::move(bytes)), archive_(*bytes_), most_bytes_(static_cast<std::uint64_t>(options.max_object_mb * 1e6)), images_(images_folder(bytes_->path())) {
+      : bytes_(std::move(bytes)),
+        archive_(*bytes_),
+        most_bytes_(static_cast<std::uint64_t>(options.max_object_mb * 1e6)),
+        images_(images_folder(bytes_->path())) {
     static std::once_flag registered;  // a program that only reads would not load the classes otherwise
     std::call_once(registered, [] { mrpt::obs::registerAllClasses_mrpt_obs(); });
   }
@@ -36,18 +41,19 @@ class RawlogReader final : public RecordSource {
   bool read(std::vector<PlacedRecord>& records) override {
     if (bytes_->at_end()) return false;
     const std::uint64_t place = bytes_->position();
-    const auto object = read_object(check_object(*bytes_, most_bytes_), place);
-    if (!object) return true;  // a null object
-    if (const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object)) {
-      add(observation, std::nullopt, place, records);
-    } else if (const auto frame = std::dynamic_pointer_cast<mrpt::obs::CSensoryFrame>(object)) {
-      add_frame(*frame, place, records);
-    } else if (const auto actions = std::dynamic_pointer_cast<mrpt::obs::CActionCollection>(object)) {
-      add_actions(*actions, place, records);
-    } else if (const auto action = std::dynamic_pointer_cast<mrpt::obs::CAction>(object)) {
-      add_movement(action.get(), place, records);
-    } else {
-      ++others_[object->GetRuntimeClass()->className];
+    const ObjectHeader header = check_object(*bytes_, most_bytes_);
+    archive_.start_object(most_bytes_);
+    if (header.short_name() == "CSensoryFrame") {
+      read_frame(header, place, records);
+    } else if (header.short_name() == "CActionCollection") {
+      bytes_->skip(header.bytes());
+      add_actions(read_objects(header, place), place, records);
+    } else if (const auto object = read_object(header, place)) {
+      const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object);
+      const auto action = observation ? nullptr : std::dynamic_pointer_cast<mrpt::obs::CAction>(object);
+      if (observation) add(observation, std::nullopt, place, records);
+      if (action) add_movement(*action, place, records);
+      if (!observation && !action) ++others_[object->GetRuntimeClass()->className];
     }
     return true;
   }
@@ -63,48 +69,75 @@ class RawlogReader final : public RecordSource {
   }
 
  private:
-  mrpt::serialization::CSerializable::Ptr read_object(const ObjectHeader& header, std::uint64_t place) {
-    const auto corrupt = [&](const std::string& what) {
-      return Error(ErrorCode::kCorrupt, "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")", bytes_->place(place),
-                   "record or copy the log again; what precedes this place can be used (split --at)");
-    };
+  template <class Number>
+  Number take(const ObjectHeader& header, std::uint64_t place) {  // little-endian, as MRPT writes
+    Number number;
+    if (bytes_->take(reinterpret_cast<char*>(&number), sizeof number)) return number;
+    bytes_->throw_damage();
+    throw corrupt(header, place, "it is cut short");
+  }
+
+  Error corrupt(const ObjectHeader& header, std::uint64_t place, const std::string& what) const {
+    return Error(ErrorCode::kCorrupt, "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")",
+                 bytes_->place(place), "record or copy the log again; what precedes this place can be used (split --at)");
+  }
+
+  // `header`: of the object, or of the collection it stands in.
+  Object read_object(const ObjectHeader& header, std::uint64_t place) {
     try {
-      archive_.start_object(most_bytes_);
       return archive_.ReadObject();
     } catch (const std::bad_alloc&) {
-      throw corrupt("it announces more than the memory can hold");
+      throw corrupt(header, place, "it announces more than the memory can hold");
     } catch (const std::length_error&) {
-      throw corrupt("it announces more than the memory can hold");
+      throw corrupt(header, place, "it announces more than the memory can hold");
     } catch (const std::exception& problem) {
       archive_.rethrow_failure();
       const std::string what = problem.what();
-      throw corrupt(what.substr(0, std::min<std::size_t>(what.find('\n'), 160)));
+      throw corrupt(header, place, what.substr(0, std::min<std::size_t>(what.find('\n'), 160)));
     } catch (...) {
-      throw corrupt("MRPT gives no reason");
+      throw corrupt(header, place, "MRPT gives no reason");
     }
   }
 
-  void add_frame(const mrpt::obs::CSensoryFrame& frame, std::uint64_t place, std::vector<PlacedRecord>& records) {
+  // The objects of a collection or a frame, one by one: MRPT itself dereferences a null among them.
+  std::vector<Object> read_objects(const ObjectHeader& header, std::uint64_t place) {
+    std::vector<Object> objects(take<std::uint32_t>(header, place));
+    for (Object& object : objects) object = read_object(header, place);
+    if (header.has_end_flag && take<std::uint8_t>(header, place) != kEndFlag) throw corrupt(header, place, "its end flag is missing");
+    return objects;
+  }
+
+  void read_frame(const ObjectHeader& header, std::uint64_t place, std::vector<PlacedRecord>& records) {
+    bytes_->skip(header.bytes());
+    std::optional<mrpt::Clock::time_point> of_all;  // version 0 has one stamp for all
+    if (header.version < 2) take<std::uint32_t>(header, place);
+    if (header.version == 0) of_all = mrpt::Clock::time_point(mrpt::Clock::duration(take<std::int64_t>(header, place)));
+    std::vector<mrpt::obs::CObservation::Ptr> observations;
     std::optional<Stamp> earliest;
-    for (const auto& observation : frame) {
-      if (!observation || !has_stamp(observation->timestamp)) continue;
+    for (const auto& object : read_objects(header, place)) {
+      const auto observation = std::dynamic_pointer_cast<mrpt::obs::CObservation>(object);
+      if (!observation) continue;
+      if (of_all) observation->timestamp = *of_all;
+      observations.push_back(observation);
+      if (!has_stamp(observation->timestamp)) continue;
       const Stamp stamp = to_stamp(observation->timestamp);
       earliest = earliest ? std::min(*earliest, stamp) : stamp;
     }
     if (odometry_waits_ && earliest) add_odometry(*earliest, place, records);
-    for (const auto& observation : frame) {
-      if (observation) add(observation, earliest, place, records);
-    }
+    for (const auto& observation : observations) add(observation, earliest, place, records);
   }
 
-  void add(const mrpt::obs::CObservation::Ptr& observation, std::optional<Stamp> otherwise, std::uint64_t place, std::vector<PlacedRecord>& records) {
+  void add(const mrpt::obs::CObservation::Ptr& observation, std::optional<Stamp> otherwise, std::uint64_t place,
+           std::vector<PlacedRecord>& records) {
     if (IS_CLASS(*observation, mrpt::obs::CObservationComment)) {  // stamped, if at all, by who wrote it and when
       ++others_[observation->GetRuntimeClass()->className];
       return;
     }
     const bool stamped = has_stamp(observation->timestamp);
     if (!stamped && !otherwise) {
-      throw Error(ErrorCode::kBadInput, "an observation of '" + observation->sensorLabel + "' (" + observation->GetRuntimeClass()->className + ") has no time stamp; one was expected",
+      throw Error(ErrorCode::kBadInput,
+                  "an observation of '" + observation->sensorLabel + "' (" + observation->GetRuntimeClass()->className +
+                      ") has no time stamp; one was expected",
                   bytes_->place(place), "stamp the log when recording it");
     }
     const Stamp stamp = stamped ? to_stamp(observation->timestamp) : *otherwise;
@@ -113,41 +146,40 @@ class RawlogReader final : public RecordSource {
     records.push_back({{stamp, observation}, place});
   }
 
-  void add_actions(const mrpt::obs::CActionCollection& actions, std::uint64_t place, std::vector<PlacedRecord>& records) {
+  void add_actions(const std::vector<Object>& actions, std::uint64_t place, std::vector<PlacedRecord>& records) {
     // Wheel odometry is preferred to what was computed from scans.
     const mrpt::obs::CAction* chosen = nullptr;
-    for (const auto& pointer : actions) {
-      const mrpt::obs::CAction* action = pointer.get();
-      if (action == nullptr) continue;
-      const auto* planar_movement = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(action);
-      const bool is_movement = planar_movement != nullptr || dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(action) != nullptr;
-      const bool from_wheels = planar_movement != nullptr && planar_movement->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry;
-      if (is_movement && (chosen == nullptr || from_wheels)) chosen = action;
+    for (const auto& object : actions) {
+      const auto* movement = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(object.get());
+      const bool from_wheels = movement != nullptr && movement->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry;
+      const bool is_movement = movement != nullptr || dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(object.get()) != nullptr;
+      if (is_movement && (chosen == nullptr || from_wheels)) chosen = dynamic_cast<const mrpt::obs::CAction*>(object.get());
       if (from_wheels) break;
     }
-    if (chosen != nullptr) add_movement(chosen, place, records);
+    if (chosen != nullptr) add_movement(*chosen, place, records);
   }
 
-  void add_movement(const mrpt::obs::CAction* action, std::uint64_t place, std::vector<PlacedRecord>& records) {
+  void add_movement(const mrpt::obs::CAction& action, std::uint64_t place, std::vector<PlacedRecord>& records) {
     mrpt::math::TPose2D increment;
-    if (const auto* in_plane = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(action)) {
+    if (const auto* in_plane = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(&action)) {
       if (in_plane->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry) {
         increment = in_plane->rawOdometryIncrementReading.asTPose();
       } else if (in_plane->poseChange) {
         increment = in_plane->poseChange->getMeanVal().asTPose();
       }
-    } else if (const auto* in_space = dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(action)) {
+    } else if (const auto* in_space = dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(&action)) {
       increment = mrpt::math::TPose2D(in_space->poseChange.mean.asTPose());
     } else {
-      ++others_[action->GetRuntimeClass()->className];
+      ++others_[action.GetRuntimeClass()->className];
       return;
     }
     if (!is_finite(increment)) {
-      throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected", bytes_->place(place), "cut the log before it");
+      throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected", bytes_->place(place),
+                  "cut the log before it");
     }
     odometry_from_robot_ = compose(odometry_from_robot_, increment);
-    odometry_waits_ = !has_stamp(action->timestamp);
-    if (!odometry_waits_) add_odometry(to_stamp(action->timestamp), place, records);
+    odometry_waits_ = !has_stamp(action.timestamp);
+    if (!odometry_waits_) add_odometry(to_stamp(action.timestamp), place, records);
   }
 
   void add_odometry(Stamp stamp, std::uint64_t place, std::vector<PlacedRecord>& records) {

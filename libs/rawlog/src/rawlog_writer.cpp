@@ -117,7 +117,10 @@ void RawlogWriter::add(const mrpt::obs::CObservation& observation) {
   try {
     state_->archive.WriteObject(observation);
   } catch (const std::exception& problem) {
-    throw Error(ErrorCode::kInternal, "MRPT cannot write an observation of '" + observation.sensorLabel + "' (" + std::string(problem.what()).substr(0, 200) + ")", state_->goal.string());
+    throw Error(
+        ErrorCode::kInternal,
+        "MRPT cannot write an observation of '" + observation.sensorLabel + "' (" + std::string(problem.what()).substr(0, 200) + ")",
+        state_->goal.string());
   }
   ++state_->observations;
   if (state_->archive.bytes.size() >= kBlockBytes) state_->deflate_all(Z_NO_FLUSH);

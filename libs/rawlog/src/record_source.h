@@ -19,7 +19,7 @@ class RecordSource {
   virtual bool read(std::vector<PlacedRecord>& records) = 0;
   virtual std::string place_name(std::uint64_t place) const = 0;  // "a.log:17"
   virtual std::string path() const = 0;
-  virtual std::string nothing_found() const { return {}; }        // what was there instead of observations
+  virtual std::string nothing_found() const { return {}; }  // what was there instead of observations
   virtual std::uint64_t bytes_read() const = 0;
   virtual std::uint64_t bytes_total() const = 0;
   virtual ~RecordSource() = default;

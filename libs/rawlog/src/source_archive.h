@@ -19,7 +19,9 @@ class SourceArchive final : public mrpt::serialization::CArchive {
     most_ = source_.position() + most_bytes;
     failure_ = nullptr;
   }
-  void rethrow_failure() const { if (failure_) std::rethrow_exception(failure_); }
+  void rethrow_failure() const {
+    if (failure_) std::rethrow_exception(failure_);
+  }
 
  protected:
   std::size_t read(void* to, std::size_t count) override {
@@ -39,9 +41,7 @@ class SourceArchive final : public mrpt::serialization::CArchive {
     }
     return count;
   }
-  std::size_t write(const void*, std::size_t) override {
-    throw Error(ErrorCode::kInternal, "a log that is read cannot be written");
-  }
+  std::size_t write(const void*, std::size_t) override { throw Error(ErrorCode::kInternal, "a log that is read cannot be written"); }
 
  private:
   ByteSource& source_;

@@ -28,16 +28,21 @@ std::string seconds_text(double seconds) {
 
 void check(const SplitOptions& options) {
   const auto refuse = [](const std::string& what, const std::string& remedy) { return Error(ErrorCode::kUsage, what, "split", remedy); };
-  if (options.robots < 1 || options.robots > kMostRobots) throw refuse("the number of robots is " + std::to_string(options.robots), "1.." + std::to_string(kMostRobots) + " can be made");
-  if (!(options.overlap_s >= 0.0 && options.overlap_s < 9e9)) throw refuse("the overlap is " + std::to_string(options.overlap_s) + " s", "0 s or more is needed");
+  if (options.robots < 1 || options.robots > kMostRobots)
+    throw refuse("the number of robots is " + std::to_string(options.robots), "1.." + std::to_string(kMostRobots) + " can be made");
+  if (!(options.overlap_s >= 0.0 && options.overlap_s < 9e9))
+    throw refuse("the overlap is " + std::to_string(options.overlap_s) + " s", "0 s or more is needed");
   if (options.at_s.empty()) return;
   if (options.at_s.size() + 1 != static_cast<std::size_t>(options.robots)) {
-    throw refuse(std::to_string(options.at_s.size()) + " cuts make " + std::to_string(options.at_s.size() + 1) + " parts, not " + std::to_string(options.robots), "give one cut fewer than robots");
+    throw refuse(std::to_string(options.at_s.size()) + " cuts make " + std::to_string(options.at_s.size() + 1) + " parts, not " +
+                     std::to_string(options.robots),
+                 "give one cut fewer than robots");
   }
   for (std::size_t i = 0; i < options.at_s.size(); ++i) {
     const double cut = options.at_s[i];
     if (!(std::abs(cut) < 9e9)) throw refuse("the cut " + std::to_string(cut) + " s is no time", "give seconds as in the log");
-    if (i > 0 && cut <= options.at_s[i - 1]) throw refuse("the cut at " + seconds_text(cut) + " s does not come after the one before", "give the cuts in rising order");
+    if (i > 0 && cut <= options.at_s[i - 1])
+      throw refuse("the cut at " + seconds_text(cut) + " s does not come after the one before", "give the cuts in rising order");
   }
 }
 
@@ -101,13 +106,15 @@ class PartWriter {
 
 }  // namespace
 
-std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder, const SplitOptions& options, Progress& progress) {
+std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder, const SplitOptions& options,
+                                 Progress& progress) {
   check(options);
   const auto cuts = cuts_of(log, options, progress);
   const auto stream = open_log(log, options.reading);
   std::error_code problem;
   std::filesystem::create_directories(out_folder, problem);
-  if (problem) throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), out_folder.string(), "choose another folder");
+  if (problem)
+    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), out_folder.string(), "choose another folder");
 
   const auto overlap_ns = std::llround(options.overlap_s * 1e9);
   std::vector<std::unique_ptr<PartWriter>> parts;
@@ -130,10 +137,14 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
   }
   const std::string span = "the log spans " + seconds_text(range.first.seconds()) + " to " + seconds_text(range.last.seconds()) + " s";
   for (const Stamp cut : cuts) {
-    if (cut <= range.first || range.last < cut) throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span, log.string(), "cut within it");
+    if (cut <= range.first || range.last < cut)
+      throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span, log.string(),
+                  "cut within it");
   }
   for (const auto& part : parts) {
-    if (part->part().observations == 0) throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part->part().path.filename().string() + "; " + span, log.string(), "make fewer robots, or cut elsewhere");
+    if (part->part().observations == 0)
+      throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part->part().path.filename().string() + "; " + span, log.string(),
+                  "make fewer robots, or cut elsewhere");
   }
 
   std::vector<SplitPart> written;

@@ -24,7 +24,9 @@ std::optional<std::string_view> Fields::next() {
 std::string_view Fields::text(const char* name) {
   const auto field = next();
   if (field) return *field;
-  if (!terminated_) throw Error(ErrorCode::kCorrupt, std::string("the file ends within this line; ") + name + " was expected", place_, "copy the log again, or remove the line");
+  if (!terminated_)
+    throw Error(ErrorCode::kCorrupt, std::string("the file ends within this line; ") + name + " was expected", place_,
+                "copy the log again, or remove the line");
   throw error(std::string("the line ends early; ") + name + " was expected");
 }
 
@@ -54,13 +56,12 @@ std::size_t Fields::count(const char* name, std::size_t most) {
 
 void Fields::expect_end(const char* what) {
   if (const auto more = next()) {
-    throw error("'" + std::string(more->substr(0, 40)) + "' follows where " + what + " should end; does the number of readings announced fit the line?");
+    throw error("'" + std::string(more->substr(0, 40)) + "' follows where " + what +
+                " should end; does the number of readings announced fit the line?");
   }
 }
 
-Error Fields::error(const std::string& what) const {
-  return Error(ErrorCode::kBadInput, what, place_, "correct or remove the line");
-}
+Error Fields::error(const std::string& what) const { return Error(ErrorCode::kBadInput, what, place_, "correct or remove the line"); }
 
 std::optional<Fields> LineReader::next() {
   bytes_.skip(taken_);
@@ -80,7 +81,8 @@ std::optional<Fields> LineReader::next() {
     searched = view.size();
     look = 2 * view.size();
     if (look > kLongestLine) {
-      throw Error(ErrorCode::kCorrupt, "the line is longer than " + std::to_string(kLongestLine) + " bytes; a text log was expected", place(line_ + 1), "check that the file is what its name says");
+      throw Error(ErrorCode::kCorrupt, "the line is longer than " + std::to_string(kLongestLine) + " bytes; a text log was expected",
+                  place(line_ + 1), "check that the file is what its name says");
     }
   }
 }

@@ -16,10 +16,10 @@ namespace mapweave::rawlog {
 class Fields {
  public:
   Fields(std::string_view text, std::string place, bool terminated) : rest_(text), place_(std::move(place)), terminated_(terminated) {}
-  std::optional<std::string_view> next();          // nullopt at the end of the line
-  std::string_view text(const char* name);         // throws at the end of the line
-  double any_number(const char* name);             // infinite and NaN too
-  double number(const char* name);                 // finite
+  std::optional<std::string_view> next();   // nullopt at the end of the line
+  std::string_view text(const char* name);  // throws at the end of the line
+  double any_number(const char* name);      // infinite and NaN too
+  double number(const char* name);          // finite
   std::size_t count(const char* name, std::size_t most);
   void expect_end(const char* what);               // throws where more follows
   bool terminated() const { return terminated_; }  // by a line break; else the last field may have lost its end

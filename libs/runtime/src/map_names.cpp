@@ -71,21 +71,6 @@ Map rekeyed(const Map& map, MapId id, const std::function<RobotId(RobotId)>& ren
   return result;
 }
 
-Map map_of_grid(MapId id, OccupancyGrid grid) {
-  Map map;
-  map.id = id;
-  const SessionId session{{RobotId(id.str()), SensorId("grid")}, 0};
-  const NodeId node{session, 0};
-  map.nodes.set(node, Node{node, Stamp{}, Pose3{}, std::make_shared<const Payload>(std::move(grid))});
-  Submap submap;
-  submap.id = {session, 0};
-  submap.submap_from_node = {{node, Pose3{}}};
-  submap.frozen = true;
-  submap.content = content_hash(submap, map.nodes);
-  map.submaps.set(submap.id, submap);
-  return map;
-}
-
 std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes) {
   std::sort(maps.begin(), maps.end(), [](const Map& a, const Map& b) { return a.id < b.id; });
   std::map<RobotId, int> owners;

@@ -1,6 +1,7 @@
 #include "results.h"
 
 #include <mapweave/exporters/map_server.h>
+#include <mapweave/fusion/grid_map.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/map_names.h>
 #include <mapweave/runtime/merge_runner.h>
@@ -20,7 +21,7 @@ struct Inputs {
 void read_input(const std::filesystem::path& path, MapId name, Inputs& inputs) {
   const std::string ending = path.extension().string();
   if (ending == ".yaml" || ending == ".yml") {
-    inputs.maps.push_back(map_of_grid(name, exporters::read_map_server(path)));
+    inputs.maps.push_back(fusion::map_of_grid(name, exporters::read_map_server(path)));
   } else if (ending == ".mwdb") {
     mapdb::StoredMaps stored = mapdb::read_store(path);
     if (stored.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "merge stores that hold maps");

@@ -30,7 +30,7 @@ class SubmapModel {
  public:
   static constexpr double kSightResolution = 0.10;
   static constexpr double kSearchResolution = 0.10;
-  static constexpr int kLevels = 7;
+  static constexpr int kLevels = 5;
 
   // Throws ContractViolation for a submap that is not frozen or names unknown nodes.
   SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes);

@@ -22,7 +22,7 @@ struct SensorContents {
   std::string label, class_name;  // "FLASER", "CObservation2DRangeScan"
   std::uint64_t count = 0;
   Stamp first, last;
-  double rate_hz = 0.0;           // (count - 1) / (last - first); 0 for a single instant
+  double rate_hz = 0.0;  // (count - 1) / (last - first); 0 for a single instant
   double longest_gap_s = 0.0;
   std::vector<LaserGeometry> geometries;  // of lasers: most frequent first
 };
@@ -33,7 +33,7 @@ struct LogContents {
   std::uint64_t observations = 0, scans = 0;
   Stamp first, last;
   double duration_s = 0.0;
-  double odometry_length_m = 0.0;       // sum of steps; 0 where there is no odometry
+  double odometry_length_m = 0.0;  // sum of steps; 0 where there is no odometry
   bool has_laser() const { return scans > 0; }
 };
 

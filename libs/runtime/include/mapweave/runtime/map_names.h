@@ -17,9 +17,6 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths);
 // The same map under another id and with its robots renamed, content and belief untouched.
 Map rekeyed(const Map&, MapId id, const std::function<RobotId(RobotId)>& renamed);
 
-// A raster as a map: one node at the origin of its frame, in one frozen submap.
-Map map_of_grid(MapId id, OccupancyGrid grid);
-
 // Gives maps whose robots occur in another map of the list robots of their own: the map's id, or "<id>.<robot>" where it has
 // several. The answer is sorted by map id. `notes`: a line per renamed robot.
 std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes);

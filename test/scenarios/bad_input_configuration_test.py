@@ -1,0 +1,48 @@
+"""Configurations that cannot be meant: the message names file and line, exit code 3, nothing is written."""
+import support
+from support import BAD_INPUT, USAGE
+
+
+class BadConfiguration(support.Scenario):
+    def setUp(self):
+        super().setUp()
+        lines = "\n".join(support.room_lines(10)) + "\n"
+        self.write("a.log", lines)
+        self.write("b.log", lines)
+
+    def refuse(self, text, *words):
+        config = self.write("team.yaml", text)
+        self.assert_says(self.mapweave("run", config, "--out", "out", code=BAD_INPUT), *words)
+        self.assert_says(self.mapweave("config", "check", config, code=BAD_INPUT), *words)
+        self.assert_nothing_left("out")
+
+    def test_two_robots_with_one_id(self):
+        self.refuse("robots:\n  - {id: alpha, log: a.log}\n  - {id: alpha, log: b.log}\n", "team.yaml:3", "alpha", "two robots")
+
+    def test_an_edge_that_no_robot_uses(self):
+        self.refuse("robots:\n  - {id: alpha, log: a.log, edge: north}\nedges:\n  - {id: north}\n  - {id: south}\n", "team.yaml:5", "south")
+
+    def test_a_log_that_is_not_there(self):
+        self.refuse("robots:\n  - {id: alpha, log: a.log}\n  - {id: beta, log: lost.log}\n", "team.yaml:3", "lost.log")
+
+    def test_no_robots_at_all(self):
+        self.refuse("laser: {engine: graph}\n", "robots")
+        self.refuse("", "robots")
+
+    def test_names_that_cannot_be_folders(self):
+        self.refuse("robots:\n  - {id: ../../etc, log: a.log}\n", "team.yaml:2", "../../etc")
+
+    def test_values_out_of_range_and_unknown_engines(self):
+        self.refuse("robots:\n  - {id: alpha, log: a.log}\nlaser: {engine: magic}\n", "team.yaml:3", "magic", "graph")
+
+    def test_text_that_is_no_yaml(self):
+        self.refuse("robots: [{id: alpha, log: a.log\n", "team.yaml")
+        self.refuse("robots: 7\n", "team.yaml:1", "robots")
+
+    def test_a_configuration_that_is_not_there(self):
+        self.assert_says(self.mapweave("run", "lost.yaml", "--out", "out", code=(BAD_INPUT, USAGE)), "lost.yaml")
+        self.assert_nothing_left("out")
+
+
+if __name__ == "__main__":
+    support.main()

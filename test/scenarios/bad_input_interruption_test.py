@@ -1,0 +1,115 @@
+"""Ctrl-C and SIGTERM in the middle, and a helper process that is killed."""
+import os
+import pathlib
+import signal
+import time
+
+import support
+from support import APART, CANNOT_WRITE, DONE, INTERRUPTED
+
+
+def children(pid):
+    found = []
+    for entry in pathlib.Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                name, rest = (entry / "stat").read_text().split("(", 1)[1].rsplit(")", 1)
+            except OSError:
+                continue
+            if int(rest.split()[1]) == pid:
+                found.append((int(entry.name), name))
+    return sorted(found)
+
+
+class Interruption(support.Scenario):
+    def interrupt(self, process, delay, sign=signal.SIGINT):
+        """Sends the signal after `delay` seconds; the exit code, and what was said."""
+        time.sleep(delay)
+        helpers = [pid for pid, name in children(process.pid) if name == "mrpt_mapper"]
+        process.send_signal(sign)
+        began = time.monotonic()
+        _, said = process.communicate(timeout=60 * support.PATIENCE)
+        self.assertLess(time.monotonic() - began, 20 * support.PATIENCE, "an interruption is heeded soon")
+        for pid in helpers:
+            self.assertFalse(pathlib.Path(f"/proc/{pid}").exists() and self.is_running(pid), "a helper outlived the program")
+        return process.returncode, said
+
+    def is_running(self, pid):
+        for _ in range(50):
+            try:
+                if pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z":
+                    return False
+            except OSError:
+                return False
+            time.sleep(0.1)
+        return True
+
+    def assert_whole_or_absent(self, name):
+        """A result that exists is complete: its manifest's files are there and unchanged."""
+        self.assert_nothing_left()
+        if (self.folder / name).exists():
+            inspected = support.json.loads(self.mapweave("inspect", name, "--json").stdout)
+            self.assertEqual(inspected["files"]["changed"] + inspected["files"]["missing"], [])
+
+    def test_slam_stops_with_130_and_leaves_nothing_half_written(self):
+        log, codes = support.need(support.SIMULATED_BUILDING), []
+        for i, (delay, engine, sign) in enumerate([(0.3, "graph", signal.SIGINT), (1.0, "rbpf", signal.SIGINT), (0.6, "rbpf", signal.SIGTERM)]):
+            with self.subTest(f"{engine} after {delay} s"):
+                process = self.start("slam", log, "--out", f"out{i}", "--engine", engine)
+                code, said = self.interrupt(process, delay * support.PATIENCE, sign)
+                self.assertIn(code, (INTERRUPTED, DONE), said)
+                if code == INTERRUPTED:
+                    self.assertIn("interrupt", said.lower())
+                self.assert_whole_or_absent(f"out{i}")
+                codes.append(code)
+        self.assertIn(INTERRUPTED, codes)
+
+    def test_run_saves_the_robots_that_were_finished(self):
+        self.write("room.log", "\n".join(support.room_lines(30)) + "\n")
+        config = self.configuration([("a_quick", "room.log"), ("b_slow", support.need(support.SIMULATED_BUILDING))], laser="{engine: rbpf}")
+        process = self.start("run", config, "--out", "out", "--threads", "1")
+        code, said = self.interrupt(process, 4.0 * support.PATIENCE)
+        self.assertIn(code, (INTERRUPTED, DONE, APART), said)
+        self.assert_whole_or_absent("out")
+        if code == INTERRUPTED and (self.folder / "out").exists():
+            self.assertTrue((self.folder / "out/robots/a_quick/map.pgm").exists())
+
+    def test_a_killed_helper_ends_its_own_robot_only(self):
+        slow = support.need(support.SIMULATED_BUILDING)
+        self.write("room.log", "\n".join(support.room_lines(30)) + "\n")
+        config = self.configuration([("alpha", "room.log"), ("beta", slow)], laser="{engine: rbpf}")
+        process = self.start("run", config, "--out", "out", "--keep-going", "--threads", "1")
+        # alpha's helper comes first and is quick; the one that is still there a good second later is beta's
+        killed, since = None, {}
+        deadline = time.monotonic() + 60 * support.PATIENCE
+        while killed is None and process.poll() is None and time.monotonic() < deadline:
+            for pid, name in children(process.pid):
+                if name == "mrpt_mapper" and time.monotonic() - since.setdefault(pid, time.monotonic()) > 1.5 * support.PATIENCE:
+                    os.kill(pid, signal.SIGKILL)
+                    killed = pid
+            time.sleep(0.05)
+        self.assertIsNotNone(killed, "no helper was running")
+        said, told = process.communicate(timeout=60 * support.PATIENCE)
+        self.assertEqual(process.returncode, CANNOT_WRITE, told)
+        self.assertIn("mrpt_mapper", said + told)
+        self.assertIn("beta", said + told)
+        self.assertTrue((self.folder / "out/robots/alpha/map.pgm").exists())
+        self.assertIn("trouble", {robot["id"]: robot for robot in self.read_json("out/summary.json")["robots"]}["beta"])
+
+    def test_without_keep_going_a_killed_helper_ends_the_run(self):
+        process = self.start("slam", support.need(support.SIMULATED_BUILDING), "--out", "out", "--engine", "rbpf")
+        deadline = time.monotonic() + 60 * support.PATIENCE
+        while process.poll() is None and time.monotonic() < deadline:
+            helpers = [pid for pid, name in children(process.pid) if name == "mrpt_mapper"]
+            if helpers:
+                os.kill(helpers[0], signal.SIGKILL)
+                break
+            time.sleep(0.02)
+        _, told = process.communicate(timeout=60 * support.PATIENCE)
+        self.assertEqual(process.returncode, CANNOT_WRITE, told)
+        self.assertIn("mrpt_mapper", told)
+        self.assert_nothing_left("out")
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,183 @@
+"""gui-less/systemd/mapweave-batch: jobs in, maps out, each once, whatever happens in between."""
+import fcntl
+import os
+import pathlib
+import signal
+import subprocess
+import time
+import unittest
+
+import support
+
+SCRIPT = support.ROOT / "gui-less/systemd/mapweave-batch"
+
+# Stands in for `mapweave run CONFIG --out DIR --force`: notes what it was asked, then does what the job's name says.
+FAKE = """#!/bin/sh
+echo "$*" >> "$FAKE_LOG"
+cat "$2" >> "$FAKE_LOG"
+case $2 in
+  *bad*) echo "bad.rawlog at byte 7: cut short"; exit 3 ;;
+  *apart*) code=4 ;;
+  *slow*) trap 'exit 130' TERM; touch "$FAKE_LOG.slow"; i=0; while [ $i -lt 200 ]; do sleep 0.1; i=$((i + 1)); done; code=0 ;;
+  *) code=0 ;;
+esac
+mkdir -p "$4" && echo "{}" > "$4/manifest.json"
+exit $code
+"""
+
+
+class Batch(support.Scenario):
+    def setUp(self):
+        super().setUp()
+        self.home = self.folder / "site one"   # a blank in the name, as people have them
+        (self.home / "inbox").mkdir(parents=True)
+        self.log = self.folder / "calls"
+        self.fake = self.write("fake-mapweave", FAKE)
+        self.fake.chmod(0o755)
+        self.defaults = self.write("site.yaml", "laser: {engine: graph}\n")
+
+    def environment(self, **more):
+        return {**support.environment(), "PROGRAM": str(self.fake), "SETTLE_SECONDS": "0", "FAKE_LOG": str(self.log), **more}
+
+    def batch(self, code=0, **more):
+        done = subprocess.run([SCRIPT, self.home, self.defaults], env=self.environment(**more), text=True, capture_output=True, timeout=100, check=False)
+        self.assertEqual(done.returncode, code, done.stderr)
+        return done
+
+    def job(self, name, content=b"log"):
+        path = self.home / "inbox" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+        time.sleep(0.02)   # so that "changed during the last 0 seconds" is past
+        return path
+
+    def files(self, folder):
+        return sorted(str(path.relative_to(self.home / folder)) for path in (self.home / folder).rglob("*") if path.is_file())
+
+    def calls(self):
+        return self.log.read_text() if self.log.exists() else ""
+
+    def test_single_logs_and_teams_are_mapped_once_and_put_away(self):
+        self.job("alpha.rawlog")
+        self.job("team/b.clf.gz")
+        self.job("team/a robot.rawlog")
+        self.job("team/notes.txt")
+        self.batch()
+        self.assertEqual(self.files("inbox") + self.files("working"), [])
+        self.assertEqual(self.files("done"), ["alpha.rawlog", "team/a robot.rawlog", "team/b.clf.gz", "team/notes.txt"])
+        self.assertEqual(self.files("results"), ["alpha.rawlog/manifest.json", "alpha.rawlog/messages.txt", "team/manifest.json", "team/messages.txt"])
+        calls = self.calls()
+        self.assertIn("laser: {engine: graph}", calls)
+        self.assertIn('{id: "alpha"', calls)
+        self.assertLess(calls.index('{id: "a-robot", log: "' + str(self.home.resolve())), calls.index('{id: "b"'))
+        self.batch()
+        self.assertEqual(self.calls(), calls, "nothing is mapped twice")
+
+    def test_a_team_may_bring_its_own_configuration(self):
+        self.job("team/run.yaml", b"robots: [{id: mine, log: x.rawlog}]\n")
+        self.job("team/x.rawlog")
+        self.batch()
+        self.assertIn("run working/team/run.yaml", self.calls())
+
+    def test_what_is_still_arriving_is_left_alone(self):
+        self.job("half.rawlog.part")
+        self.job("team/ok.rawlog")
+        self.job("team/second.rawlog.partial")
+        self.job(".hidden.rawlog")
+        self.batch()
+        self.job("fresh.rawlog")
+        self.batch(SETTLE_SECONDS="60")
+        self.assertEqual(self.calls(), "")
+        (self.home / "inbox/team/second.rawlog.partial").rename(self.home / "inbox/team/second.rawlog")
+        time.sleep(0.02)
+        self.batch()
+        self.assertEqual(self.files("inbox"), [".hidden.rawlog", "half.rawlog.part"])
+
+    def test_a_job_that_fails_is_put_aside_with_its_message_and_the_next_goes_on(self):
+        self.job("bad.rawlog")
+        self.job("good.rawlog")
+        self.job("nothing/readme.txt")
+        self.batch()
+        self.assertEqual(self.files("done"), ["good.rawlog"])
+        self.assertEqual(self.files("failed"), ["bad.rawlog", "bad.rawlog.txt", "nothing.txt", "nothing/readme.txt"])
+        self.assertIn("at byte 7", (self.home / "failed/bad.rawlog.txt").read_text())
+        self.assertIn("exit code 3", (self.home / "failed/bad.rawlog.txt").read_text())
+        self.assertIn("no log in it", (self.home / "failed/nothing.txt").read_text())
+
+    def test_maps_that_stayed_apart_are_a_result(self):
+        self.job("apart.rawlog")
+        self.assertIn("stayed apart", self.batch().stderr)
+        self.assertEqual(self.files("done"), ["apart.rawlog"])
+
+    def test_a_name_that_comes_again_gets_a_number(self):
+        for _ in range(3):
+            self.job("alpha.rawlog")
+            self.batch()
+        self.assertEqual(self.files("done"), ["alpha-2.rawlog", "alpha-3.rawlog", "alpha.rawlog"])
+        self.assertEqual(self.calls().count("run working/"), 3)
+
+    def start_batch(self):
+        """Starts it, and waits until the job `slow` is being mapped."""
+        process = subprocess.Popen([SCRIPT, self.home, self.defaults], env=self.environment(), text=True, stderr=subprocess.PIPE, start_new_session=True)
+
+        def end():
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+            process.stderr.close()
+        self.addCleanup(end)
+        deadline = time.monotonic() + 20
+        while not pathlib.Path(f"{self.log}.slow").exists() and time.monotonic() < deadline:
+            time.sleep(0.02)
+        return process
+
+    def test_two_never_work_at_once(self):
+        self.job("slow.rawlog")
+        first = self.start_batch()
+        self.job("other.rawlog")
+        self.assertIn("another", self.batch().stderr)
+        self.assertEqual(self.calls().count("run working/"), 1)
+        os.killpg(first.pid, signal.SIGKILL)
+
+    def test_a_stop_leaves_the_job_for_the_next_time(self):
+        self.job("slow.rawlog")
+        first = self.start_batch()
+        first.send_signal(signal.SIGTERM)
+        self.assertEqual(first.wait(timeout=20), 130)
+        self.assertEqual(self.files("results"), [])
+        self.fake.write_text(FAKE.replace("*slow*)", "*never*)"))
+        self.batch()
+        self.assertEqual(self.files("done"), ["slow.rawlog"])
+
+    def test_a_crash_is_survived_and_a_job_that_always_crashes_is_given_up(self):
+        self.job("slow.rawlog")
+        for _ in range(3):
+            first = self.start_batch()
+            os.killpg(first.pid, signal.SIGKILL)   # as a reboot would
+            first.wait()
+            pathlib.Path(f"{self.log}.slow").unlink()
+        with open(self.home / ".lock") as lock:    # released by the kernel
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        self.batch()
+        self.assertEqual(self.files("failed"), ["slow.rawlog", "slow.rawlog.txt"])
+        self.assertIn("given up", (self.home / "failed/slow.rawlog.txt").read_text())
+        self.assertEqual(self.files("working"), [])
+
+    def test_it_says_what_it_lacks(self):
+        self.assertIn("cannot find the program", self.batch(code=1, PROGRAM="/nowhere/mapweave").stderr)
+        self.assertEqual(subprocess.run([SCRIPT], capture_output=True, check=False).returncode, 2)
+        done = subprocess.run([SCRIPT, self.folder / "lost"], env=self.environment(), capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, "lost" in done.stderr), (1, True))
+
+    @unittest.skipUnless(support.PROGRAM.exists(), "the program is not built")
+    def test_the_real_program_maps_what_arrives(self):
+        self.job("room.log", ("\n".join(support.room_lines(30)) + "\n").encode())
+        self.job("cut.rawlog", support.need(support.MALAGA).read_bytes()[:5000])
+        self.batch(PROGRAM=str(support.PROGRAM))
+        self.assertEqual(self.files("done"), ["room.log"])
+        self.assertIn("team/map.png", "\n".join(self.files("results/room.log")))
+        self.assertIn("cut.rawlog", (self.home / "failed/cut.rawlog.txt").read_text())
+
+
+if __name__ == "__main__":
+    support.main()

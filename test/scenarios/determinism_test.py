@@ -1,0 +1,74 @@
+"""One input, one result: whatever the number of threads, the order of the robots, the time of day."""
+import json
+
+import support
+from support import APART, DONE
+
+
+def sealed(folder):
+    """Every file's bytes by its name, but for what tells of time: those parts of the reports are taken out."""
+    files = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            name = str(path.relative_to(folder))
+            files[name] = WITHOUT_TIMES.get(name, lambda data: data)(path.read_bytes())
+    return files
+
+
+def without(data, keys):
+    if isinstance(data, list):
+        return [without(item, keys) for item in data]
+    if isinstance(data, dict):
+        return {key: without(value, keys) for key, value in data.items() if key not in keys}
+    return data
+
+
+TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes"}
+WITHOUT_TIMES = {
+    "summary.json": lambda data: without(json.loads(data), TIMES),
+    "merges.json": lambda data: without(json.loads(data), TIMES),
+    "manifest.json": lambda data: without(json.loads(data), {"outputs_with_times"}),
+}
+
+
+class Determinism(support.Scenario):
+    def setUp(self):
+        super().setUp()
+        self.mapweave("split", support.need(support.MALAGA), "--robots", "3", "--overlap", "10", "--out", "logs")
+        self.robots = [(name, f"logs/robot{i}.rawlog", edge) for i, (name, edge) in enumerate([("alpha", "north"), ("beta", "south"), ("gamma", "north")])]
+
+    def run_team(self, name, robots, *flags, laser="{engine: graph}"):
+        config = self.configuration(robots, laser=laser)
+        self.mapweave("run", config, "--out", name, *flags, code=(DONE, APART))
+        return sealed(self.folder / name)
+
+    def assert_same(self, one, other):
+        self.assertEqual(list(one), list(other))
+        self.assertEqual([name for name in one if one[name] != other[name]], [])
+
+    def test_threads_repetition_and_order_of_robots_change_no_byte(self):
+        first = self.run_team("first", self.robots, "--threads", "1")
+        self.assertGreater(len(first), 30)
+        self.assert_same(first, self.run_team("again", self.robots, "--threads", "1"))
+        self.assert_same(first, self.run_team("two", self.robots, "--threads", "2"))
+        self.assert_same(first, self.run_team("reversed", self.robots[::-1], "--threads", "2"))
+
+    def test_the_checksums_of_the_manifest_are_those_of_the_files(self):
+        import hashlib
+        self.run_team("run", self.robots[:2])
+        manifest = self.read_json("run/manifest.json")
+        for name, checksum in {**manifest["outputs"], **manifest["outputs_with_times"]}.items():
+            self.assertEqual(hashlib.sha256((self.folder / "run" / name).read_bytes()).hexdigest(), checksum, name)
+        for entry in manifest["inputs"]:
+            self.assertIn(hashlib.sha256(open(entry["path"], "rb").read()).hexdigest(), {entry["sha256"]})
+
+    def test_the_engines_of_mrpt_answer_alike_to_one_seed(self):
+        for engine in ("icp", "rbpf"):
+            with self.subTest(engine):
+                laser = f"{{engine: {engine}}}"
+                first = self.run_team(f"{engine}-1", self.robots[:2], "--threads", "1", "--seed", "7", laser=laser)
+                self.assert_same(first, self.run_team(f"{engine}-2", self.robots[1::-1], "--threads", "2", "--seed", "7", laser=laser))
+
+
+if __name__ == "__main__":
+    support.main()
