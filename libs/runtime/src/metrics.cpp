@@ -20,11 +20,6 @@ double thread_cpu_seconds() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-double helpers_cpu_seconds() {
-  const rusage usage = usage_of(RUSAGE_CHILDREN);
-  return static_cast<double>(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) + 1e-6 * static_cast<double>(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
-}
-
 std::uint64_t peak_rss_bytes() {
   return 1024 * static_cast<std::uint64_t>(usage_of(RUSAGE_SELF).ru_maxrss + usage_of(RUSAGE_CHILDREN).ru_maxrss);  // kB each
 }

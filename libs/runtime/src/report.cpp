@@ -194,6 +194,7 @@ std::string in_words(const Report& report, const std::string& folder) {
     text += "\n";
   }
   text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds, static_cast<double>(report.peak_rss_bytes) / 1e6, folder.c_str());
+  if (!report.picture.empty()) text += "picture: " + folder + "/" + report.picture + "\n";
   return text;
 }
 

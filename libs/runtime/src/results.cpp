@@ -1,5 +1,6 @@
 #include "results.h"
 
+#include <mapweave/core/interrupt.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/metrics.h>
@@ -29,10 +30,27 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
 Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool)
     : configuration_(configuration), pool_(pool), folder_(out, force) {}
 
+OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
+  if (interrupted_) return {};
+  try {
+    return fusion::compose_grid(map, configuration_.compose, pool_);
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kInterrupted) {
+      interrupted_ = true;
+      clear_interrupt();  // what is finished is saved; a further signal ends that too
+    } else if (error.code() != ErrorCode::kBadInput) {
+      throw;
+    } else {
+      notes_.push_back(title + " is not drawn: " + error.what());
+    }
+    return {};
+  }
+}
+
 void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
-  exporters::write_map_folder(folder_.staging() / folder, map, fusion::compose_grid(map, configuration_.compose, pool_), options);
+  exporters::write_map_folder(folder_.staging() / folder, map, grid_of(title, map), options);
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -56,8 +74,12 @@ void Results::add_components(const std::string& folder, const std::string& furth
   seconds_ += watch.seconds();
 }
 
-void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, const Report& report) {
-  const auto& staging = folder_.staging();
+void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report) {
+  report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
+  report.interrupted = report.interrupted || interrupted_;
+  for (const char* picture : {"team/map.color.png", "map.color.png"})
+    if (report.picture.empty() && std::filesystem::exists(folder_.staging() / picture)) report.picture = picture;
+  const std::filesystem::path& staging = folder_.staging();
   write_file(staging / "config.yaml", to_yaml(effective));
   write_file(staging / "summary.json", summary_json(report).dump(2) + "\n");
   if (verb != "slam") write_file(staging / "merges.json", merges_json(report).dump(2) + "\n");

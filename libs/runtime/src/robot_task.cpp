@@ -3,6 +3,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
 
 namespace mapweave::runtime {
@@ -47,6 +48,7 @@ tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOpti
     if (error.code() == ErrorCode::kInterrupted) throw;
     trouble = error;
   }
+  progress.say("robot " + robot.id.str() + ": " + std::to_string(agent.scans()) + " scans read, now the last loops and the final refinement");
   return *slam.step(agent.end(std::move(trouble)));
 }
 
@@ -63,8 +65,9 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan);
   tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
   result.outcome = outcome_of(robot, configuration.reading, agent, slam, give_up, progress);
+  return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = watch.seconds();
-  result.report.cpu_seconds = thread_cpu_seconds() - cpu_before;
+  result.report.cpu_seconds = thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;
   result.report.scans = agent.scans();
   result.report.log_seconds = agent.seconds();
   result.report.mapped = result.outcome.map.has_value();

@@ -9,12 +9,10 @@ std::optional<RobotOutcome> RobotSlam::step(const RobotMessage& message) {
   try {
     return act(message);
   } catch (const Error& error) {
-    mapper_.reset();
     if (error.code() == ErrorCode::kInterrupted) throw;
-    return RobotOutcome{robot_, std::nullopt, error};
+    return failed(error);
   } catch (const std::exception& error) {
-    mapper_.reset();
-    return RobotOutcome{robot_, std::nullopt, Error(ErrorCode::kInternal, error.what(), "robot " + robot_.str())};
+    return failed(Error(ErrorCode::kInternal, error.what(), "robot " + robot_.str()));
   }
 }
 
@@ -30,18 +28,25 @@ std::optional<RobotOutcome> RobotSlam::act(const RobotMessage& message) {
   return std::nullopt;
 }
 
+RobotOutcome RobotSlam::failed(Error trouble) {
+  RobotOutcome outcome{robot_, std::nullopt, std::move(trouble), mapper_->helper_cpu_seconds()};
+  mapper_.reset();
+  return outcome;
+}
+
 RobotOutcome RobotSlam::finished(std::optional<Error> trouble) {
   RobotOutcome outcome{robot_, std::nullopt, std::move(trouble)};
-  const std::unique_ptr<laser::LaserMapper> mapper = std::move(mapper_);
-  if (!anything_) return outcome;
-  try {
-    mapper->finish();
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::kInterrupted || !outcome.trouble) throw;
-    return outcome;  // the first trouble is the cause
+  if (anything_) {
+    try {
+      mapper_->finish();
+      Map map = mapper_->snapshot();
+      if (!map.empty()) outcome.map = std::move(map);
+    } catch (const Error& error) {
+      if (error.code() == ErrorCode::kInterrupted || !outcome.trouble) throw;  // else the first trouble is the cause
+    }
   }
-  Map map = mapper->snapshot();
-  if (!map.empty()) outcome.map = std::move(map);
+  outcome.helper_cpu_seconds = mapper_->helper_cpu_seconds();
+  mapper_.reset();
   return outcome;
 }
 

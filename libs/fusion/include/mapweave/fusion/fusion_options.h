@@ -17,8 +17,8 @@ struct FusionOptions {
   int min_witnesses = 2;
   double sole_witness_probability = 0.999;
   double min_probability = 0.6;
-  double max_conflict = 0.08;
-  double prior_sigma_m = 1000.0;
+  double max_conflict = 0.03;
+  double max_rival = 0.3;
   int neighbours_per_submap = 5;
   int cache_mb = 128;
   matching::JudgeOptions judge;
@@ -36,7 +36,7 @@ struct FusionOptions {
     v.fraction("sole_witness_probability", sole_witness_probability, "unless a single one is as probable as this");
     v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
     v.fraction("max_conflict", max_conflict, "share of the walls of one map that the other saw through, once they lie on each other");
-    v.positive("prior_sigma_m", prior_sigma_m, "how far apart maps may lie, for the joint transforms");
+    v.fraction("max_rival", max_rival, "share of the best group's weight that a group of witnesses for another place may have");
     v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000, "submaps of other maps that each submap is tied to once the maps lie on each other");
     v.integer("cache_mb", cache_mb, 1, 100000, "memory for submaps that are ready to be compared");
     v.section("judge", judge, "when two submaps show the same place");

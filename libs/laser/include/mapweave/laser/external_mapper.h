@@ -41,6 +41,7 @@ class ExternalMapper : public LaserMapper {
   void add(const LaserInput&) override;
   void finish() override;
   Map snapshot() const override { return map_; }
+  double helper_cpu_seconds() const override { return helper_cpu_seconds_; }
 
   int helper_process() const { return process_; }  // its id; -1 once it has ended
 
@@ -49,6 +50,7 @@ class ExternalMapper : public LaserMapper {
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
   void take(const protocol::Frame&);
+  int reap(int* status, int options);  // as waitpid(2); counts the processor time
   [[noreturn]] void fail();  // the helper ended early: reaps it and says how
   void end_helper();
 
@@ -69,6 +71,7 @@ class ExternalMapper : public LaserMapper {
   std::string failure_;                      // what the helper said of its own end
   std::optional<Error> error_;
   bool finished_ = false;
+  double helper_cpu_seconds_ = 0.0;
   Map map_;
 };
 

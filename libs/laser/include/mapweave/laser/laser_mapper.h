@@ -29,6 +29,8 @@ class LaserMapper {
   virtual void finish() = 0;
   // The map so far. Every scan is a node; scans that showed nothing new have no payload.
   virtual Map snapshot() const = 0;
+  // Processor time of child processes that have ended; for reports.
+  virtual double helper_cpu_seconds() const { return 0.0; }
   virtual ~LaserMapper() = default;
 };
 

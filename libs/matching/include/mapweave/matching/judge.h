@@ -15,8 +15,8 @@ struct JudgeOptions {
   double rival_ratio = 0.80;
   double min_overlap_m2 = 6.0;
   double min_inliers = 0.62;
-  double max_conflict = 0.12;
-  double max_contradiction_m = 1.6;
+  double max_conflict = 0.06;
+  double max_contradiction_m = 0.9;
   double max_second_best = 0.92;
   double min_observability = 0.03;
   bool second_verifier = true;

@@ -15,8 +15,7 @@ class Stopwatch {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-double thread_cpu_seconds();       // of the calling thread, since it began
-double helpers_cpu_seconds();      // of all child processes that have ended
+double thread_cpu_seconds();  // of the calling thread, since it began
 // Largest resident size so far: of this process, and of the largest child process that has ended on top of it.
 std::uint64_t peak_rss_bytes();
 

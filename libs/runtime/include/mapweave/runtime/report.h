@@ -42,7 +42,8 @@ struct Report {
   std::vector<FusionReport> edges;    // by id
   FusionReport team;
   std::vector<StageReport> stages;
-  std::vector<std::string> notes;     // for people: maps renamed, edges that have no map
+  std::vector<std::string> notes;     // for people: maps renamed, maps too large to draw
+  std::string picture;                // the one to look at first, within the folder; may be empty
   bool interrupted = false;
   double wall_seconds = 0.0;
   std::uint64_t peak_rss_bytes = 0;

@@ -15,6 +15,7 @@ struct RobotOutcome {
   RobotId robot;
   std::optional<Map> map;
   std::optional<Error> trouble;
+  double helper_cpu_seconds = 0.0;  // of the engine's child process; for reports
 };
 
 class RobotSlam {
@@ -28,6 +29,7 @@ class RobotSlam {
  private:
   std::optional<RobotOutcome> act(const RobotMessage&);
   RobotOutcome finished(std::optional<Error> trouble);
+  RobotOutcome failed(Error trouble);
   RobotId robot_;
   std::unique_ptr<laser::LaserMapper> mapper_;  // null after the outcome
   std::uint64_t expected_ = 1;
