@@ -44,6 +44,13 @@ function(mapweave_check_arrows name folder allowed)
   endforeach()
 endfunction()
 
+# mapweave_compile_quickly(TARGET <arguments of target_precompile_headers>): headers that nearly every source of a kind parses (1 to 3 s
+# each) are parsed once, and -O1 is enough: neither verbs nor tests are where time goes at run time. A third less to compile in them (DECISIONS 12).
+function(mapweave_compile_quickly target)
+  target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1> -fpch-preprocess)   # the latter is for ccache
+  target_precompile_headers(${target} ${ARGN})
+endfunction()
+
 # `programs`: what scripts/build makes unless told otherwise.
 add_custom_target(programs)
 
@@ -64,6 +71,7 @@ endfunction()
 function(mapweave_add_test name)
   cmake_parse_arguments(arg "" "TIMEOUT" "USES;SOURCES;PRIVATE" ${ARGN})
   add_executable(${name}_test ${arg_SOURCES})
+  mapweave_compile_quickly(${name}_test REUSE_FROM mapweave_test_headers)
   list(TRANSFORM arg_USES PREPEND mapweave::)
   target_link_libraries(${name}_test PRIVATE ${arg_USES} mapweave_test_support ${arg_PRIVATE} GTest::gmock GTest::gtest_main)
   target_link_options(${name}_test PRIVATE -Wl,--no-as-needed)

@@ -18,7 +18,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   std::atomic<bool> give_up{false};
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
-      RobotResult result = map_robot(plan.robots[i], configuration, give_up, progress);
+      RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress);
       if (result.outcome.trouble && !keep_going) give_up = true;
       return result;
     } catch (const Error& error) {

@@ -40,21 +40,23 @@ std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlo
 }
 
 tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent, tiers::RobotSlam& slam,
-                               const std::atomic<bool>& give_up, Progress& progress) {
+                               bool keep_going, const std::atomic<bool>& give_up, Progress& progress) {
   std::optional<Error> trouble;
   try {
     if (auto outcome = replay(robot, reading, agent, slam, give_up, progress)) return std::move(*outcome);
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) throw;
+    if (!keep_going) return {robot.id, std::nullopt, error};
     trouble = error;
   }
-  progress.say("robot " + robot.id.str() + ": " + std::to_string(agent.scans()) + " scans read, now the last loops and the final refinement");
+  progress.say("robot " + robot.id.str() + ": " + std::to_string(agent.scans()) + " scans read; now the end of the mapping");
   return *slam.step(agent.end(std::move(trouble)));
 }
 
 }  // namespace
 
-RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, const std::atomic<bool>& give_up, Progress& progress) {
+RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
+                      Progress& progress) {
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;
@@ -64,7 +66,7 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   const double cpu_before = thread_cpu_seconds();
   tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan);
   tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
-  result.outcome = outcome_of(robot, configuration.reading, agent, slam, give_up, progress);
+  result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = watch.seconds();
   result.report.cpu_seconds = thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;

@@ -50,8 +50,8 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   std::map<std::string, std::size_t> seen;  // id -> its place in the list
   for (std::size_t i = 0; i < configuration.robots.size(); ++i) {
     const RobotEntry& robot = configuration.robots[i];
-    const std::string where = origins.place_of(key("robots", i, "id"));
-    if (robot.log.empty()) throw Error(ErrorCode::kMissing, "a robot without a log", origins.place_of(key("robots", i, "log")), "add: log: FILE.rawlog");
+    const std::string where = origins.place_of(key("robots", i, "id")), log_key = key("robots", i, "log");
+    if (robot.log.empty()) throw Error(ErrorCode::kMissing, "a robot without a log", origins.place_of(log_key), "add: log: FILE.rawlog");
     const std::string id = robot.id.empty() ? name_of_file(robot.log) : robot.id;
     expect_name(id, "robot", where);
     if (const auto [other, is_new] = seen.emplace(id, i); !is_new)
@@ -64,9 +64,10 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
         throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' is the tier above all edges", edge_where, "call the edge otherwise");
     }
     std::error_code unreadable;
-    const std::filesystem::path log = std::filesystem::absolute(origins.file_of(key("robots", i, "log")).parent_path() / robot.log).lexically_normal();
+    const std::filesystem::path log = std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
     if (!std::filesystem::is_regular_file(log, unreadable))
-      throw Error(ErrorCode::kMissing, "there is no log " + log.string(), origins.place_of(key("robots", i, "log")), "paths are relative to the configuration file");
+      throw Error(ErrorCode::kMissing, "there is no log " + log.string(), origins.place_of(log_key),
+                  origins.file_of(log_key).empty() ? "check its path" : "paths are relative to the configuration file");
     plan.robots.push_back({RobotId(id), TierId(robot.edge), log});
   }
   std::sort(plan.robots.begin(), plan.robots.end(), [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
