@@ -64,7 +64,7 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
-  tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan);
+  tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan, robot.log.string());
   tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
   result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
   return_free_memory();  // of the engine, which has ended

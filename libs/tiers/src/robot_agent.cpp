@@ -9,8 +9,8 @@ Stamp stamp_of(const laser::LaserInput& input) {
 
 }  // namespace
 
-RobotAgent::RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options)
-    : robot_(robot), edge_(edge), packer_(std::move(options)) {}
+RobotAgent::RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options, std::string stream)
+    : robot_(robot), edge_(edge), stream_(stream.empty() ? "robot " + robot.str() : std::move(stream)), packer_(std::move(options)) {}
 
 RobotMessage RobotAgent::next_message() {
   RobotMessage message;
@@ -28,7 +28,7 @@ std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
   if (latest_ && stamp < *latest_)
     throw Error(ErrorCode::kBadInput,
                 "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " + std::to_string(latest_->seconds()) + " s",
-                "robot " + robot_.str(), "sort or cut the log (mapweave split --at), or run with --keep-going to keep what came before");
+                stream_, "sort or cut the log (mapweave split --at), or run with --keep-going to keep what came before");
   latest_ = stamp;
   if (std::holds_alternative<laser::ScanInput>(*input)) {
     if (scans_++ == 0) first_ = stamp;
@@ -46,7 +46,7 @@ RobotMessage RobotAgent::end(std::optional<Error> trouble) {
     std::string others;
     for (const auto& [label, count] : packer_.ignored_lasers()) others += (others.empty() ? "" : ", ") + label + " (" + std::to_string(count) + ")";
     trouble = Error(ErrorCode::kBadInput, "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others),
-                    "robot " + robot_.str(), others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
+                    stream_, others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
   }
   RobotMessage message = next_message();
   message.body.emplace<StreamEnd>().trouble = std::move(trouble);

@@ -5,6 +5,7 @@
 #include <mapweave/laser/scan_input.h>
 
 #include <optional>
+#include <string>
 #include <variant>
 
 namespace mapweave::tiers {
@@ -24,7 +25,8 @@ struct RobotMessage {
 
 class RobotAgent {
  public:
-  RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options = {});
+  // `stream`: what the records come from, for messages; the robot's name where it is empty.
+  RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options = {}, std::string stream = {});
 
   // The next record of the robot's own stream; nullopt where it is of no use to a laser mapper. Throws Error(kBadInput) where time runs
   // backwards; the stream should then end.
@@ -40,6 +42,7 @@ class RobotAgent {
   RobotMessage next_message();
   RobotId robot_;
   TierId edge_;
+  std::string stream_;
   laser::ScanPacker packer_;
   std::uint64_t sequence_ = 0, scans_ = 0;
   Stamp first_, last_;              // of scans
