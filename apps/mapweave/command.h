@@ -18,16 +18,16 @@ using Action = std::function<int()>;
 struct Command {
   const char* name;
   const char* summary;
-  const char* example;                   // shown under the verb's help
-  Action (*set_up)(CLI::App& verb);      // declares the verb's arguments; the action reads them after parsing
+  const char* example;               // shown under the verb's help
+  Action (*set_up)(CLI::App& verb);  // declares the verb's arguments; the action reads them after parsing
 };
 
 // Flags that all verbs which compute and write share.
 struct WritingFlags {
   std::filesystem::path out;
-  int threads = 0;                       // 0: as many as there are processors
+  int threads = 0;  // 0: as many as there are processors
   std::optional<std::uint64_t> seed;
-  std::vector<std::string> set;          // key=value
+  std::vector<std::string> set;  // key=value
   bool force = false, json = false;
 };
 void add_writing_flags(CLI::App& verb, WritingFlags&);

@@ -24,7 +24,9 @@ Action set_up_config(CLI::App& verb) {
   for (CLI::App* reader : {show, check})
     reader->add_option("--set", arguments->flags.set, "sets one option: key=value")->type_name("KEY=VALUE")->allow_extra_args(false);
   CLI::App* reference = verb.add_subcommand("reference", "every option with its default, meaning and range");
-  reference->add_option("--of", arguments->of, "a run's options, or a simulated world's")->check(CLI::IsMember({"run", "world"}))->capture_default_str();
+  reference->add_option("--of", arguments->of, "a run's options, or a simulated world's")
+      ->check(CLI::IsMember({"run", "world"}))
+      ->capture_default_str();
   reference->add_option("FILE", arguments->file, "a configuration whose values stand in the page; without it: the defaults");
 
   return [=] {

@@ -50,7 +50,9 @@ Action set_up_convert(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("IN", arguments->log, "MRPT rawlog, CARMEN log (.gz too) or g2o with scans")->required();
   verb.add_option("OUT", arguments->out, "rawlog to write")->required()->type_name("OUT.rawlog");
-  verb.add_option("--set", arguments->set, "what the log does not say, as in reading.laser_x_m=0.2")->type_name("KEY=VALUE")->allow_extra_args(false);
+  verb.add_option("--set", arguments->set, "what the log does not say, as in reading.laser_x_m=0.2")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
   verb.add_flag("--force", arguments->force, "replace an old file");
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] { return convert(*arguments); };

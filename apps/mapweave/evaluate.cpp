@@ -33,7 +33,8 @@ struct Arguments {
 Json relation_numbers(const Arguments& arguments) {
   evaluation::RelationErrorOptions options;
   if (!arguments.sensor.empty()) options.robot_from_sensor = {arguments.sensor[0], arguments.sensor[1], arguments.sensor[2]};
-  const auto error = evaluation::relation_error(evaluation::read_tum(arguments.trajectory), evaluation::read_relations(arguments.relations), options);
+  const auto error =
+      evaluation::relation_error(evaluation::read_tum(arguments.trajectory), evaluation::read_relations(arguments.relations), options);
   return {{"count", error.count},
           {"used", error.used},
           {"interpolated", error.interpolated},
@@ -72,13 +73,17 @@ Json trajectory_numbers(const Arguments& arguments) {
 }
 
 Json grid_numbers(const Arguments& arguments) {
-  const auto result = evaluation::grid_agreement(exporters::read_map_server(arguments.grid_a), exporters::read_map_server(arguments.grid_b), arguments.agreement);
-  return {{"resolution_m", result.resolution_m}, {"known_a_m2", result.known_a_m2}, {"known_b_m2", result.known_b_m2}, {"common_m2", result.common_m2},
-          {"overlap", result.overlap},           {"agreement", result.agreement},   {"conflict", result.conflict},     {"wall_iou", result.wall_iou}};
+  const auto result = evaluation::grid_agreement(exporters::read_map_server(arguments.grid_a), exporters::read_map_server(arguments.grid_b),
+                                                 arguments.agreement);
+  return {{"resolution_m", result.resolution_m}, {"known_a_m2", result.known_a_m2}, {"known_b_m2", result.known_b_m2},
+          {"common_m2", result.common_m2},       {"overlap", result.overlap},       {"agreement", result.agreement},
+          {"conflict", result.conflict},         {"wall_iou", result.wall_iou}};
 }
 
 void add_output(CLI::App& judge, Arguments& arguments) {
-  judge.add_option("--max", arguments.limits, "a gate: exit code 5 when the number KEY is larger than VALUE")->type_name("KEY=VALUE")->allow_extra_args(false);
+  judge.add_option("--max", arguments.limits, "a gate: exit code 5 when the number KEY is larger than VALUE")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
   judge.add_flag("--json", arguments.json, "print JSON");
 }
 
@@ -92,31 +97,39 @@ Action set_up_evaluate(CLI::App& verb) {
   relations->add_option("--trajectory", arguments->trajectory, "TUM file")->required()->type_name("T.tum");
   relations->add_option("--relations", arguments->relations, "t_i t_j x y z roll pitch yaw a line")->required()->type_name("R");
   relations->add_option("--sensor", arguments->sensor, "pose on the robot of the sensor that the relations speak of: metres and radians")
-      ->delimiter(',')->expected(3)->type_name("X,Y,YAW");
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("X,Y,YAW");
   add_output(*relations, *arguments);
 
   CLI::App* trajectory = verb.add_subcommand("trajectory", "absolute and relative error against a reference (ATE, RPE)");
   trajectory->add_option("--estimate", arguments->estimate, "TUM file")->required()->type_name("E.tum");
   trajectory->add_option("--reference", arguments->reference, "TUM file")->required()->type_name("R.tum");
   using Kind = evaluation::AlignmentKind;
-  trajectory->add_option("--align", arguments->error.align, "how the estimate is laid on the reference first")->required()->transform(
-      CLI::CheckedTransformer(std::vector<std::pair<std::string, Kind>>{{"none", Kind::none}, {"se2", Kind::se2}, {"se3", Kind::se3}, {"sim3", Kind::sim3}}));
-  trajectory->add_option("--max-difference", arguments->error.max_stamp_difference_s, "seconds between poses that belong together")->capture_default_str();
+  trajectory->add_option("--align", arguments->error.align, "how the estimate is laid on the reference first")
+      ->required()
+      ->transform(CLI::CheckedTransformer(
+          std::vector<std::pair<std::string, Kind>>{{"none", Kind::none}, {"se2", Kind::se2}, {"se3", Kind::se3}, {"sim3", Kind::sim3}}));
+  trajectory->add_option("--max-difference", arguments->error.max_stamp_difference_s, "seconds between poses that belong together")
+      ->capture_default_str();
   trajectory->add_option("--delta", arguments->relative.delta, "RPE: length of the pieces")->capture_default_str();
   using Unit = evaluation::DeltaUnit;
-  trajectory->add_option("--delta-unit", arguments->relative.unit, "RPE: frames or metres")->transform(
-      CLI::CheckedTransformer(std::vector<std::pair<std::string, Unit>>{{"frames", Unit::frames}, {"metres", Unit::metres}}));
+  trajectory->add_option("--delta-unit", arguments->relative.unit, "RPE: frames or metres")
+      ->transform(CLI::CheckedTransformer(std::vector<std::pair<std::string, Unit>>{{"frames", Unit::frames}, {"metres", Unit::metres}}));
   trajectory->add_flag("--all-pairs", arguments->relative.all_pairs, "RPE: pieces from every pose");
   add_output(*trajectory, *arguments);
 
   CLI::App* grids = verb.add_subcommand("grids", "agreement and conflict of two grids of one frame");
   grids->add_option("A", arguments->grid_a, "map_server file")->required()->type_name("A.yaml");
   grids->add_option("B", arguments->grid_b, "map_server file")->required()->type_name("B.yaml");
-  grids->add_option("--wall-tolerance", arguments->agreement.wall_tolerance_cells, "cells; a wall this near is the same wall")->capture_default_str();
+  grids->add_option("--wall-tolerance", arguments->agreement.wall_tolerance_cells, "cells; a wall this near is the same wall")
+      ->capture_default_str();
   add_output(*grids, *arguments);
 
   return [=] {
-    const Json numbers = relations->parsed() ? relation_numbers(*arguments) : trajectory->parsed() ? trajectory_numbers(*arguments) : grid_numbers(*arguments);
+    const Json numbers = relations->parsed()    ? relation_numbers(*arguments)
+                         : trajectory->parsed() ? trajectory_numbers(*arguments)
+                                                : grid_numbers(*arguments);
     return report_numbers(numbers, arguments->json, arguments->limits);
   };
 }

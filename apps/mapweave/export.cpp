@@ -46,10 +46,12 @@ int export_map(Arguments arguments) {
     options.files = files;
     options.files.robot_trajectories = files.tum && map.robots().size() > 1;
     const std::filesystem::path below = maps.size() == 1 ? "" : map.id.str();
-    for (const auto& file : exporters::write_map_folder(folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
+    for (const auto& file :
+         exporters::write_map_folder(folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
       written.push_back((below / file).string());
   }
-  const auto manifest = runtime::manifest_json("export", configuration.seed, {{arguments.map.string(), hash_of_file(arguments.map)}}, folder.staging());
+  const auto manifest =
+      runtime::manifest_json("export", configuration.seed, {{arguments.map.string(), hash_of_file(arguments.map)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
@@ -63,7 +65,9 @@ int export_map(Arguments arguments) {
 
 Action set_up_export(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("MAP", arguments->map, "a map of mapweave (.mwdb), or a map_server grid (.yaml); without one of the five flags below all but --g2o is written")->required();
+  verb.add_option("MAP", arguments->map,
+                  "a map of mapweave (.mwdb), or a map_server grid (.yaml); without one of the five flags below all but --g2o is written")
+      ->required();
   verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' ways");
   verb.add_flag("--pgm", arguments->files.pgm, "map.pgm and map.yaml, as map_server and nav2 load them");
   verb.add_flag("--pcd", arguments->files.pcd, "map.pcd, the points of the walls");

@@ -37,7 +37,11 @@ Json of_log(const std::filesystem::path& path) {
                             {"yaw_rad", laser.yaw_rad},
                             {"pitch_rad", laser.pitch_rad},
                             {"roll_rad", laser.roll_rad}});
-    Json line = {{"label", sensor.label}, {"class", sensor.class_name}, {"count", sensor.count}, {"rate_hz", sensor.rate_hz}, {"longest_gap_s", sensor.longest_gap_s}};
+    Json line = {{"label", sensor.label},
+                 {"class", sensor.class_name},
+                 {"count", sensor.count},
+                 {"rate_hz", sensor.rate_hz},
+                 {"longest_gap_s", sensor.longest_gap_s}};
     if (!geometries.empty()) line["lasers"] = geometries;
     sensors.push_back(line);
   }
@@ -74,8 +78,14 @@ Json of_store(const std::filesystem::path& path) {
                     {"content", to_hex(map.content)},
                     {"sessions", sessions}});
   }
-  return {{"kind", "map store"},          {"schema", store.schema},     {"file_bytes", store.file_bytes}, {"maps", maps},
-          {"judgements", store.judgements}, {"verdicts", store.verdicts}, {"metadata", store.metadata},     {"identity", to_hex(store.identity)}};
+  return {{"kind", "map store"},
+          {"schema", store.schema},
+          {"file_bytes", store.file_bytes},
+          {"maps", maps},
+          {"judgements", store.judgements},
+          {"verdicts", store.verdicts},
+          {"metadata", store.metadata},
+          {"identity", to_hex(store.identity)}};
 }
 
 Json of_grid(const std::filesystem::path& path) {
@@ -126,7 +136,8 @@ Json checked_files(const std::filesystem::path& folder, const Json& manifest) {
 
 Json of_folder(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(folder / "manifest.json"))
-    throw Error(ErrorCode::kBadInput, "no folder of results: there is no manifest.json in it", folder.string(), "name a log, a map or a folder that mapweave wrote");
+    throw Error(ErrorCode::kBadInput, "no folder of results: there is no manifest.json in it", folder.string(),
+                "name a log, a map or a folder that mapweave wrote");
   const Json manifest = parsed_file(folder / "manifest.json");
   Json result = {{"kind", "results"}};
   for (const char* key : {"verb", "versions", "seed", "inputs"})

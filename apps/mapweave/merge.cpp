@@ -14,15 +14,18 @@ Action set_up_merge(CLI::App& verb) {
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("MAPS", arguments->maps, "map.mwdb files of mapweave and map_server grids (.yaml), mixed; each is named by its file's stem")
-      ->required()->type_name("MAP.mwdb|MAP.yaml");
+  verb.add_option("MAPS", arguments->maps,
+                  "map.mwdb files of mapweave and map_server grids (.yaml), mixed; each is named by its file's stem")
+      ->required()
+      ->type_name("MAP.mwdb|MAP.yaml");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     const LoadedConfiguration loaded = load_configuration({}, {}, arguments->flags);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force};
-    return tell(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out, arguments->flags.json);
+    return tell(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out,
+                arguments->flags.json);
   };
 }
 

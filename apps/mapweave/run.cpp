@@ -15,7 +15,9 @@ Action set_up_run(CLI::App& verb) {
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("CONFIG", arguments->file, "robots and their logs; all keys: mapweave config reference")->required()->type_name("CONFIG.yaml");
+  verb.add_option("CONFIG", arguments->file, "robots and their logs; all keys: mapweave config reference")
+      ->required()
+      ->type_name("CONFIG.yaml");
   verb.add_flag("--keep-going", arguments->keep_going, "bad input ends its robot's stream only; the others finish");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {

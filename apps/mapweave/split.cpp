@@ -48,10 +48,16 @@ int split(Arguments arguments) {
   for (const rawlog::SplitPart& part : parts) {
     const std::string file = part.path.filename().string(), robot = part.path.stem().string();
     run += "  - {id: " + robot + ", log: " + file + "}\n";
-    summary.push_back({{"robot", robot}, {"log", file}, {"first", part.first.seconds()}, {"last", part.last.seconds()}, {"scans", part.scans}, {"odometry", part.odometry}});
+    summary.push_back({{"robot", robot},
+                       {"log", file},
+                       {"first", part.first.seconds()},
+                       {"last", part.last.seconds()},
+                       {"scans", part.scans},
+                       {"odometry", part.odometry}});
   }
   write_file(folder.staging() / "run.yaml", run);
-  const Json manifest = runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, hash_of_file(arguments.log)}}, folder.staging());
+  const Json manifest =
+      runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, hash_of_file(arguments.log)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
@@ -60,8 +66,8 @@ int split(Arguments arguments) {
     return 0;
   }
   for (const rawlog::SplitPart& part : parts)
-    std::printf("%s: %llu scans, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(), static_cast<unsigned long long>(part.scans),
-                part.first.seconds(), part.last.seconds());
+    std::printf("%s: %llu scans, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(),
+                static_cast<unsigned long long>(part.scans), part.first.seconds(), part.last.seconds());
   std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
   return 0;
 }
@@ -72,9 +78,12 @@ Action set_up_split(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log or g2o with scans")->required();
   verb.add_option("--robots", arguments->options.robots, "how many logs to make")->required()->check(CLI::Range(1, 1000))->type_name("N");
-  verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")->check(CLI::NonNegativeNumber)->type_name("SECONDS");
+  verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("SECONDS");
   verb.add_option("--at", arguments->options.at_s, "where to cut, N - 1 times, in the log's own seconds; without it: equal durations")
-      ->type_name("T")->allow_extra_args(false);
+      ->type_name("T")
+      ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);
   return [arguments] { return split(*arguments); };
 }

@@ -6,9 +6,15 @@ namespace mapweave::app {
 
 void add_writing_flags(CLI::App& verb, WritingFlags& flags) {
   verb.add_option("--out", flags.out, "new folder for the results")->required()->type_name("DIR");
-  verb.add_option("--threads", flags.threads, "threads to use; 0: one per processor. Results do not depend on it")->check(CLI::Range(0, 1024))->type_name("N");
-  verb.add_option("--seed", flags.seed, "of everything random")->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))->type_name("S");
-  verb.add_option("--set", flags.set, "sets one option: key=value, as in laser.engine=icp (see: mapweave config reference)")->type_name("KEY=VALUE")->allow_extra_args(false);
+  verb.add_option("--threads", flags.threads, "threads to use; 0: one per processor. Results do not depend on it")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("N");
+  verb.add_option("--seed", flags.seed, "of everything random")
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))
+      ->type_name("S");
+  verb.add_option("--set", flags.set, "sets one option: key=value, as in laser.engine=icp (see: mapweave config reference)")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false);
   verb.add_flag("--force", flags.force, "replace an old folder of results");
   verb.add_flag("--json", flags.json, "print the summary as JSON");
 }

@@ -49,7 +49,8 @@ struct BatchTest : testing::Test {
   ~BatchTest() override { clear_interrupt(); }
   Report run(const std::string& out, int threads = 1, bool keep_going = false, Progress* watched = nullptr) {
     WorkerPool pool(threads);
-    return run_batch(configuration, make_plan(configuration, {}), {folder / out, false, keep_going}, pool, watched != nullptr ? *watched : *silent);
+    return run_batch(configuration, make_plan(configuration, {}), {folder / out, false, keep_going}, pool,
+                     watched != nullptr ? *watched : *silent);
   }
   void break_log(const std::string& robot) {  // cut in the middle
     const std::string bytes = read_file(simulated_team().log(robot));
@@ -65,7 +66,8 @@ struct BatchTest : testing::Test {
 TEST_F(BatchTest, leaves_the_files_of_the_contract) {
   const Report report = run("out");
   EXPECT_EQ(entries(folder.path()), "out ");
-  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json"}) EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
+  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json"})
+    EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
   for (const char* map : {"robots/alpha", "robots/beta", "edges/north", "edges/south", "team"})
     for (const char* file : {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"})
       EXPECT_TRUE(fs::exists(folder / "out" / map / file)) << map << "/" << file;

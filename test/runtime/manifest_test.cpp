@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <mapweave/core/files.h>
-#include <nlohmann/json.hpp>
 #include <support/temporary_folder.h>
+#include <nlohmann/json.hpp>
 
 namespace mapweave::runtime {
 namespace {

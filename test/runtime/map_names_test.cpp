@@ -16,9 +16,7 @@ std::vector<std::string> texts(const std::vector<MapId>& names) {
   return result;
 }
 
-TEST(MapNames, are_the_files_stems) {
-  EXPECT_THAT(texts(names_of({"x/alpha.mwdb", "y/hall.yaml"})), ElementsAre("alpha", "hall"));
-}
+TEST(MapNames, are_the_files_stems) { EXPECT_THAT(texts(names_of({"x/alpha.mwdb", "y/hall.yaml"})), ElementsAre("alpha", "hall")); }
 
 TEST(MapNames, are_the_folders_names_where_stems_are_alike) {
   EXPECT_THAT(texts(names_of({"robots/beta/map.mwdb", "robots/alpha/map.mwdb", "hall.yaml"})), ElementsAre("beta", "alpha", "hall"));

@@ -39,7 +39,8 @@ TEST_F(MergeTest, joins_robots_maps_as_the_run_did_whatever_their_order) {
   merge({results() / "robots/beta/map.mwdb", results() / "robots/alpha/map.mwdb"});
   for (const char* file : {"team/map.png", "team/map.pcd", "team/trajectory.tum", "robots/alpha/map.png", "robots/beta/map.png"})
     EXPECT_EQ(read_file(folder / "out" / file), read_file(results() / file)) << file;
-  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"}) EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
+  for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"})
+    EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
 }
 
 TEST_F(MergeTest, takes_a_grid_among_the_maps) {

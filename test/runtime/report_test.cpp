@@ -56,14 +56,15 @@ TEST(Report, tells_an_alignment_in_space_with_its_scale) {
   const auto t = json["t"].get<std::vector<double>>(), q = json["q"].get<std::vector<double>>();
   const Eigen::Vector3d point_in_b(0.3, -0.2, 0.7);
   const Eigen::Vector3d point_in_a = a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
-  const Eigen::Vector3d back = json["scale"].get<double>() * (Eigen::Quaterniond(q[3], q[0], q[1], q[2]) * point_in_a) + Eigen::Vector3d(t[0], t[1], t[2]);
+  const Eigen::Vector3d back =
+      json["scale"].get<double>() * (Eigen::Quaterniond(q[3], q[0], q[1], q[2]) * point_in_a) + Eigen::Vector3d(t[0], t[1], t[2]);
   EXPECT_LT((back - point_in_b).norm(), 1e-12);
 }
 
 TEST(Report, has_the_keys_of_the_contract) {
   const auto merges = merges_json(report_of(Decision::refused, 2));
-  for (const char* key : {"tier", "a", "b", "kind", "accepted", "decision", "reason", "proposer", "probability", "b_from_a", "covariance", "overlap",
-                          "conflict", "second_best", "witnesses", "seconds"})
+  for (const char* key : {"tier", "a", "b", "kind", "accepted", "decision", "reason", "proposer", "probability", "b_from_a", "covariance",
+                          "overlap", "conflict", "second_best", "witnesses", "seconds"})
     EXPECT_TRUE(merges[0].contains(key)) << key;
   const auto summary = summary_json(report_of(Decision::refused, 2));
   for (const char* key : {"robots", "edges", "team", "wall_seconds", "peak_rss_bytes", "stages"}) EXPECT_TRUE(summary.contains(key)) << key;

@@ -79,7 +79,8 @@ TEST_F(PlanTest, carries_out_the_effective_configuration_as_the_first_one) {
 TEST_F(PlanTest, refuses_what_cannot_be_run_and_says_where_it_stands) {
   EXPECT_THAT(complaint(), HasSubstr("no robots"));
   configuration.robots = {{"alpha", "a.rawlog", "north"}, {"alpha", "b.rawlog", "north"}};
-  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("two robots are called 'alpha'"), HasSubstr("team.yaml: robots.1.id"), HasSubstr("robots.0.id")));
+  EXPECT_THAT(complaint(),
+              testing::AllOf(HasSubstr("two robots are called 'alpha'"), HasSubstr("team.yaml: robots.1.id"), HasSubstr("robots.0.id")));
   configuration.robots = {{"../alpha", "a.rawlog", ""}};
   EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("'../alpha'"), HasSubstr("robots.0.id")));
   configuration.robots = {{"alpha", "a.rawlog", "no/rth"}};

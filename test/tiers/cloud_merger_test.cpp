@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
+#include <mapweave/tiers/edge_server.h>
 #include <support/fake_mapper.h>
 
 namespace mapweave::tiers {
@@ -41,6 +42,23 @@ TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetiti
   CloudMerger other(TierId("cloud"), {});
   for (const auto& bytes : {beta[1], alpha[1], alpha[1], alpha[0], beta[1], alpha[0], beta[0], alpha[1]}) other.receive(bytes, "test");
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(other.seal(pool, *progress)));
+}
+
+TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
+  EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {});
+  std::size_t judgements = 0;
+  CloudMerger without(TierId("cloud"), {});
+  for (const auto& [robot, scans] : {std::pair("alpha", 6), std::pair("beta", 6)}) {
+    const auto effects = edge.step({RobotId(robot), test::make_map(robot, scans), std::nullopt}, pool, *progress);
+    for (const std::string& bytes : effects.for_cloud) {
+      const MapUpdate update = decode_map_update(bytes, "test");
+      judgements += update.judgements.size();
+      cloud.receive(bytes, "test");
+      if (update.judgements.empty()) without.receive(bytes, "test");
+    }
+  }
+  EXPECT_GT(judgements, 0u);
+  EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(without.seal(pool, *progress)));
 }
 
 TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {

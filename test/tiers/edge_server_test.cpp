@@ -38,7 +38,8 @@ TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {
   other.step({RobotId("beta"), beta, std::nullopt}, pool, *progress);
   EXPECT_TRUE(other.step({RobotId("alpha"), alpha, std::nullopt}, pool, *progress).fused);
   ASSERT_EQ(edge.result().verdicts.size(), other.result().verdicts.size());
-  for (std::size_t i = 0; i < edge.result().verdicts.size(); ++i) EXPECT_EQ(encode(edge.result().verdicts[i]).size(), encode(other.result().verdicts[i]).size());
+  for (std::size_t i = 0; i < edge.result().verdicts.size(); ++i)
+    EXPECT_EQ(encode(edge.result().verdicts[i]).size(), encode(other.result().verdicts[i]).size());
   ASSERT_EQ(edge.result().components.size(), other.result().components.size());
   for (std::size_t i = 0; i < edge.result().components.size(); ++i)
     EXPECT_EQ(encode(difference(Map{}, edge.result().components[i].map)), encode(difference(Map{}, other.result().components[i].map)));

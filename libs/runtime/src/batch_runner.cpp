@@ -13,8 +13,8 @@ namespace mapweave::runtime {
 namespace {
 
 // Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived with.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going, WorkerPool& pool,
-                                                   Progress& progress) {
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
+                                                   WorkerPool& pool, Progress& progress) {
   std::atomic<bool> give_up{false};
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
@@ -63,7 +63,8 @@ void close(Report& report, const Stopwatch& watch, const Results& results) {
 
 }  // namespace
 
-Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool, Progress& progress) {
+Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
+                 Progress& progress) {
   const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);
   Report report;
@@ -109,7 +110,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     add_stages(report, edge.id(), edge.result());
-    results.add_components("edges/" + edge.id().str(), "edges/" + edge.id().str() + "/apart-", "edge " + edge.id().str(), false, edge.result());
+    results.add_components("edges/" + edge.id().str(), "edges/" + edge.id().str() + "/apart-", "edge " + edge.id().str(), false,
+                           edge.result());
   }
   report.team = Results::report_of(cloud_tier(), team);
   add_stages(report, cloud_tier(), team);
@@ -119,7 +121,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   return report;
 }
 
-Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool, Progress& progress) {
+Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
+                Progress& progress) {
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
   const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);

@@ -87,7 +87,8 @@ std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::strin
       std::string name = base;
       for (int number = 2; !taken.insert(RobotId(name)).second; ++number) name = base + "-" + std::to_string(number);
       renamed.emplace(robot, RobotId(name));
-      notes.push_back("robot '" + robot.str() + "' of map '" + map.id.str() + "' is called '" + name + "' here: another map has a robot of that name too");
+      notes.push_back("robot '" + robot.str() + "' of map '" + map.id.str() + "' is called '" + name +
+                      "' here: another map has a robot of that name too");
     }
     if (!renamed.empty())
       map = rekeyed(map, map.id, [&](RobotId robot) {

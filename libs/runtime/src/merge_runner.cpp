@@ -47,8 +47,8 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {
 
 }  // namespace
 
-Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings, WorkerPool& pool,
-                 Progress& progress) {
+Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
+                 WorkerPool& pool, Progress& progress) {
   const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);
   const Inputs inputs = read_inputs(paths);

@@ -137,7 +137,8 @@ Json summary_json(const Report& report) {
     line.update(fusion_json(edge));
     edges.push_back(line);
   }
-  for (const StageReport& stage : report.stages) stages.push_back({{"tier", stage.tier.str()}, {"name", stage.name}, {"seconds", stage.seconds}});
+  for (const StageReport& stage : report.stages)
+    stages.push_back({{"tier", stage.tier.str()}, {"name", stage.name}, {"seconds", stage.seconds}});
   return {{"robots", robots},
           {"edges", edges},
           {"team", fusion_json(report.team)},
@@ -158,7 +159,8 @@ Json merges_json(const Report& report) {
 
 std::string in_words(const Verdict& verdict) {
   const std::string pair = verdict.a.str() + " + " + verdict.b.str() + ": ";
-  const std::string numbers = format("probability %.2f, overlap %.0f %%, conflict %.1f %%", verdict.probability, 100.0 * verdict.overlap, 100.0 * verdict.conflict);
+  const std::string numbers =
+      format("probability %.2f, overlap %.0f %%, conflict %.1f %%", verdict.probability, 100.0 * verdict.overlap, 100.0 * verdict.conflict);
   switch (verdict.decision) {
     case Decision::accepted: {
       std::string line = pair + format("joined (%s, %zu place%s agree%s)", numbers.c_str(), verdict.witnesses.size(),
@@ -175,8 +177,9 @@ std::string in_words(const Verdict& verdict) {
 std::string in_words(const Report& report, const std::string& folder) {
   std::string text;
   for (const RobotReport& robot : report.robots) {
-    text += format("robot %s: %llu scans of %.0f s in %.1f s (%.0f x real time)%s\n", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans),
-                   robot.log_seconds, robot.wall_seconds, robot.real_time_factor(), robot.mapped ? "" : "; no map");
+    text += format("robot %s: %llu scans of %.0f s in %.1f s (%.0f x real time)%s\n", robot.id.str().c_str(),
+                   static_cast<unsigned long long>(robot.scans), robot.log_seconds, robot.wall_seconds, robot.real_time_factor(),
+                   robot.mapped ? "" : "; no map");
     if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
   for (const FusionReport& edge : report.edges)
@@ -193,7 +196,8 @@ std::string in_words(const Report& report, const std::string& folder) {
     }
     text += "\n";
   }
-  text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds, static_cast<double>(report.peak_rss_bytes) / 1e6, folder.c_str());
+  text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds, static_cast<double>(report.peak_rss_bytes) / 1e6,
+                 folder.c_str());
   if (!report.picture.empty()) text += "picture: " + folder + "/" + report.picture + "\n";
   return text;
 }

@@ -12,7 +12,8 @@ namespace {
 // Ends its task however it is left.
 class Task {
  public:
-  Task(Progress& progress, const std::string& name, std::uint64_t total, std::string_view unit) : progress_(progress), id_(progress.begin(name, total, unit)) {}
+  Task(Progress& progress, const std::string& name, std::uint64_t total, std::string_view unit)
+      : progress_(progress), id_(progress.begin(name, total, unit)) {}
   ~Task() { progress_.end(id_); }
   Task(const Task&) = delete;
   Task& operator=(const Task&) = delete;
@@ -24,8 +25,8 @@ class Task {
 };
 
 // Feeds the log to the agent and its messages to the instance; answers the instance's last word where it has one before the log's end.
-std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent, tiers::RobotSlam& slam,
-                                          const std::atomic<bool>& give_up, Progress& progress) {
+std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent,
+                                          tiers::RobotSlam& slam, const std::atomic<bool>& give_up, Progress& progress) {
   constexpr std::uint64_t kKilobyte = 1000;
   const auto log = rawlog::open_log(robot.log, reading);
   Task task(progress, "robot " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
@@ -39,8 +40,8 @@ std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlo
   return std::nullopt;
 }
 
-tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent, tiers::RobotSlam& slam,
-                               bool keep_going, const std::atomic<bool>& give_up, Progress& progress) {
+tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent,
+                               tiers::RobotSlam& slam, bool keep_going, const std::atomic<bool>& give_up, Progress& progress) {
   std::optional<Error> trouble;
   try {
     if (auto outcome = replay(robot, reading, agent, slam, give_up, progress)) return std::move(*outcome);
@@ -79,7 +80,8 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
     log(LogLevel::info, "robot " + robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
                             agent.packer().label() + "' is (choose with --set laser.scan.label=...)");
   if (agent.packer().unusable() > 0)
-    log(LogLevel::warning, "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
+    log(LogLevel::warning,
+        "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
   return result;
 }
 

@@ -16,7 +16,8 @@ std::string key(const char* list, std::size_t index, const char* field) {
 
 void expect_name(const std::string& name, const std::string& what, const std::string& where) {
   if (!is_valid_name(name))
-    throw Error(ErrorCode::kBadInput, what + " '" + name + "' cannot be a name", where, "use 1 to 64 letters, digits, '_', '-' and '.', not '.' first");
+    throw Error(ErrorCode::kBadInput, what + " '" + name + "' cannot be a name", where,
+                "use 1 to 64 letters, digits, '_', '-' and '.', not '.' first");
 }
 
 // The names of all edges; those under `edges` come first in the order of robots without one.
@@ -26,7 +27,8 @@ std::vector<std::string> edge_names(const RunConfiguration& configuration, const
     const std::string& id = configuration.edges[i].id;
     const std::string where = origins.place_of(key("edges", i, "id"));
     expect_name(id, "edge", where);
-    if (id == cloud_tier().str()) throw Error(ErrorCode::kBadInput, "'" + id + "' is the tier above all edges", where, "call the edge otherwise");
+    if (id == cloud_tier().str())
+      throw Error(ErrorCode::kBadInput, "'" + id + "' is the tier above all edges", where, "call the edge otherwise");
     if (std::find(listed.begin(), listed.end(), id) != listed.end())
       throw Error(ErrorCode::kBadInput, "two edges are called '" + id + "'", where, "remove one of them");
     listed.push_back(id);
@@ -55,7 +57,8 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
     const std::string id = robot.id.empty() ? name_of_file(robot.log) : robot.id;
     expect_name(id, "robot", where);
     if (const auto [other, is_new] = seen.emplace(id, i); !is_new)
-      throw Error(ErrorCode::kBadInput, "two robots are called '" + id + "'; the other one is at " + origins.place_of(key("robots", other->second, "id")), where,
+      throw Error(ErrorCode::kBadInput,
+                  "two robots are called '" + id + "'; the other one is at " + origins.place_of(key("robots", other->second, "id")), where,
                   "give one of them another id");
     if (!robot.edge.empty()) {
       const std::string edge_where = origins.place_of(key("robots", i, "edge"));
@@ -104,7 +107,8 @@ std::string name_of_file(const std::filesystem::path& path) {
   std::string name = path.filename().string();
   for (const char* ending : {".gz", ".rawlog", ".clf", ".log", ".g2o", ".zip", ".mwdb", ".yaml"}) {
     const std::string text(ending);
-    if (name.size() > text.size() && name.compare(name.size() - text.size(), text.size(), text) == 0) name.resize(name.size() - text.size());
+    if (name.size() > text.size() && name.compare(name.size() - text.size(), text.size(), text) == 0)
+      name.resize(name.size() - text.size());
   }
   for (char& letter : name)
     if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';

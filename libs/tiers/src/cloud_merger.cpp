@@ -11,12 +11,15 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
   MapUpdate update = decode_map_update(bytes, where);
   const auto known = collected_.find(update.origin.map);
   if (known != collected_.end() && known->second.tier != update.origin.tier)
-    throw Error(ErrorCode::kBadInput,
-                "map '" + update.origin.map.str() + "' comes from '" + update.origin.tier.str() + "' and from '" + known->second.tier.str() + "'", where,
-                "each robot ships to exactly one edge");
+    throw Error(
+        ErrorCode::kBadInput,
+        "map '" + update.origin.map.str() + "' comes from '" + update.origin.tier.str() + "' and from '" + known->second.tier.str() + "'",
+        where, "each robot ships to exactly one edge");
   if (update.sequence == 0 || update.base >= update.sequence)
     throw Error(ErrorCode::kBadInput,
-                "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) + "; updates count from 1", where);
+                "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) +
+                    "; updates count from 1",
+                where);
 
   Collected fresh;
   fresh.tier = update.origin.tier;

@@ -27,7 +27,8 @@ std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
   const Stamp stamp = stamp_of(*input);
   if (latest_ && stamp < *latest_)
     throw Error(ErrorCode::kBadInput,
-                "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " + std::to_string(latest_->seconds()) + " s",
+                "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " +
+                    std::to_string(latest_->seconds()) + " s",
                 stream_, "sort or cut the log (mapweave split --at), or run with --keep-going to keep what came before");
   latest_ = stamp;
   if (std::holds_alternative<laser::ScanInput>(*input)) {
@@ -44,9 +45,11 @@ RobotMessage RobotAgent::end(std::optional<Error> trouble) {
   ended_ = true;
   if (!trouble && scans_ == 0) {
     std::string others;
-    for (const auto& [label, count] : packer_.ignored_lasers()) others += (others.empty() ? "" : ", ") + label + " (" + std::to_string(count) + ")";
-    trouble = Error(ErrorCode::kBadInput, "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others),
-                    stream_, others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
+    for (const auto& [label, count] : packer_.ignored_lasers())
+      others += (others.empty() ? "" : ", ") + label + " (" + std::to_string(count) + ")";
+    trouble = Error(ErrorCode::kBadInput,
+                    "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others), stream_,
+                    others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
   }
   RobotMessage message = next_message();
   message.body.emplace<StreamEnd>().trouble = std::move(trouble);

@@ -19,8 +19,8 @@ std::optional<RobotOutcome> RobotSlam::step(const RobotMessage& message) {
 std::optional<RobotOutcome> RobotSlam::act(const RobotMessage& message) {
   if (message.sequence != expected_)
     return finished(Error(ErrorCode::kBadInput,
-                          "messages " + std::to_string(expected_) + " to " + std::to_string(message.sequence - 1) + " never came", "robot " + robot_.str(),
-                          "replay the robot's own log"));
+                          "messages " + std::to_string(expected_) + " to " + std::to_string(message.sequence - 1) + " never came",
+                          "robot " + robot_.str(), "replay the robot's own log"));
   ++expected_;
   if (const auto* end = std::get_if<StreamEnd>(&message.body)) return finished(end->trouble);
   mapper_->add(std::get<laser::LaserInput>(message.body));

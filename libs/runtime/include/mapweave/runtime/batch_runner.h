@@ -2,10 +2,10 @@
 // `mapweave run`: robots, edges and cloud in one process. Every robot is a task of the worker pool; what they leave is folded in
 // the order of their names, so that neither threads nor the order of the list change a byte.
 
-#include <mapweave/runtime/report.h>
-#include <mapweave/runtime/run_configuration.h>
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/runtime/report.h>
+#include <mapweave/runtime/run_configuration.h>
 
 namespace mapweave::runtime {
 
@@ -15,8 +15,8 @@ struct RunSettings {
   bool keep_going = false;  // a robot's trouble ends its stream only; otherwise it ends the run and nothing is written
 };
 
-// Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite. An interruption is not
-// thrown once a robot's map is finished: that is saved, and the report says so.
+// Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite. An interruption is
+// not thrown once a robot's map is finished: that is saved, and the report says so.
 Report run_batch(const RunConfiguration&, const RunPlan&, const RunSettings&, WorkerPool&, Progress&);
 
 // `mapweave slam`: the same for one robot, without edges and cloud.

@@ -19,8 +19,9 @@ struct InputFile {
   Hash sha256;
 };
 
-// Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for "outputs_with_times": files that
-// tell how long things took.
-nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs, const std::filesystem::path& folder);
+// Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for "outputs_with_times":
+// files that tell how long things took.
+nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
+                                     const std::filesystem::path& folder);
 
 }  // namespace mapweave::runtime

@@ -3,8 +3,8 @@
 
 namespace mapweave::runtime {
 
-// Once, by a program, before it begins: large blocks go back to the system as soon as they are freed. (glibc learns otherwise to keep blocks of up to
-// 32 MB, and a mapper's grown rasters then leave holes: 320 instead of 245 MB on MIT Killian Court.)
+// Once, by a program, before it begins: large blocks go back to the system as soon as they are freed. (glibc learns otherwise to keep
+// blocks of up to 32 MB, and a mapper's grown rasters then leave holes: 320 instead of 245 MB on MIT Killian Court.)
 void return_large_blocks();
 
 // After something large has ended: gives back what is free among small blocks too.

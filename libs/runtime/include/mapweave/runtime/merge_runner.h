@@ -10,8 +10,8 @@ struct MergeSettings {
   bool force = false;
 };
 
-// `paths`: stores (.mwdb) and map_server grids (.yaml), in any order. Throws Error: kUsage for a file of neither kind, what reading throws, kCannotWrite,
-// kInterrupted.
+// `paths`: stores (.mwdb) and map_server grids (.yaml), in any order. Throws Error: kUsage for a file of neither kind, what reading throws,
+// kCannotWrite, kInterrupted.
 Report run_merge(const RunConfiguration&, const std::vector<std::filesystem::path>& paths, const MergeSettings&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

@@ -14,13 +14,13 @@ namespace mapweave::runtime {
 
 struct RobotReport {
   RobotId id;
-  TierId edge;                      // empty for slam
+  TierId edge;  // empty for slam
   std::uint64_t scans = 0;
-  double log_seconds = 0.0;         // of data
-  double wall_seconds = 0.0;        // from opening the log to the finished map
-  double cpu_seconds = 0.0;         // the helper's included
+  double log_seconds = 0.0;   // of data
+  double wall_seconds = 0.0;  // from opening the log to the finished map
+  double cpu_seconds = 0.0;   // the helper's included
   bool mapped = false;
-  std::optional<Error> trouble;     // why the stream ended early
+  std::optional<Error> trouble;  // why the stream ended early
   double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }
 };
 
@@ -38,12 +38,12 @@ struct StageReport {
 };
 
 struct Report {
-  std::vector<RobotReport> robots;    // by id
-  std::vector<FusionReport> edges;    // by id
+  std::vector<RobotReport> robots;  // by id
+  std::vector<FusionReport> edges;  // by id
   FusionReport team;
   std::vector<StageReport> stages;
-  std::vector<std::string> notes;     // for people: maps renamed, maps too large to draw
-  std::string picture;                // the one to look at first, within the folder; may be empty
+  std::vector<std::string> notes;  // for people: maps renamed, maps too large to draw
+  std::string picture;             // the one to look at first, within the folder; may be empty
   bool interrupted = false;
   double wall_seconds = 0.0;
   std::uint64_t peak_rss_bytes = 0;
@@ -54,7 +54,8 @@ struct Report {
 
 nlohmann::ordered_json summary_json(const Report&);
 nlohmann::ordered_json merges_json(const Report&);
-// A verdict in one line: "alpha + beta: accepted (probability 0.99, overlap 0.41, 3 witnesses)", "...: refused: not enough common ground (...)".
+// A verdict in one line: "alpha + beta: accepted (probability 0.99, overlap 0.41, 3 witnesses)", "...: refused: not enough common ground
+// (...)".
 std::string in_words(const Verdict&);
 // The short summary that a person reads at the end. `folder`: where the results are.
 std::string in_words(const Report&, const std::string& folder);

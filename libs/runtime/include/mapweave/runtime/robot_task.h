@@ -17,7 +17,8 @@ struct RobotResult {
   InputFile input;  // the log
 };
 
-// Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. Throws Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
+// Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. Throws
+// Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
 RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, bool keep_going, const std::atomic<bool>& give_up, Progress&);
 
 }  // namespace mapweave::runtime

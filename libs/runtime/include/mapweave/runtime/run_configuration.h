@@ -63,7 +63,8 @@ struct RunConfiguration {
   void describe(Visitor& v) {
     v.integer("seed", seed, 0, 4294967295, "of everything random; the same seed gives the same bytes");
     v.list("robots", robots, "who recorded what");
-    v.list("edges", edges, "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
+    v.list("edges", edges,
+           "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("fusion", fusion, "how maps are joined");
@@ -85,8 +86,9 @@ struct RunPlan {
 // The tier that fuses everything; no edge is called so.
 TierId cloud_tier();
 
-// Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput for
-// no robots, two with one id, names that cannot be, an edge that no robot uses; kMissing for a robot without a log or a log that is not there.
+// Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput
+// for no robots, two with one id, names that cannot be, an edge that no robot uses; kMissing for a robot without a log or a log that is not
+// there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots by id, each with its edge and the full path of its log.

@@ -15,8 +15,8 @@ namespace mapweave::tiers {
 // What the cloud has of one origin.
 struct Receipt {
   Origin origin;
-  std::uint64_t stored = 0;    // every update up to this one
-  std::uint64_t awaited = 0;   // 0, or the number of the update that is missing: later ones have come
+  std::uint64_t stored = 0;   // every update up to this one
+  std::uint64_t awaited = 0;  // 0, or the number of the update that is missing: later ones have come
 };
 
 class CloudMerger {
@@ -25,13 +25,13 @@ class CloudMerger {
   CloudMerger(TierId cloud, fusion::FusionOptions options);
 
   // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt, kBadInput) for one that
-  // cannot be decoded, that does not fit what it builds on (this one, or one that waited for it), or that names a map of another tier; nothing
-  // is stored of it then.
+  // cannot be decoded, that does not fit what it builds on (this one, or one that waited for it), or that names a map of another tier;
+  // nothing is stored of it then.
   Receipt receive(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
-  // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among them
-  // change a byte.
+  // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among
+  // them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
 
  private:

@@ -26,8 +26,8 @@ class EdgeServer {
   Effects step(RobotOutcome, WorkerPool&, Progress&);
 
   TierId id() const { return edge_; }
-  const Table<MapId, Map>& maps() const { return maps_; }            // the store: every robot's own map
-  const fusion::FusionResult& result() const { return result_; }    // empty before all robots have ended, and where none left a map
+  const Table<MapId, Map>& maps() const { return maps_; }         // the store: every robot's own map
+  const fusion::FusionResult& result() const { return result_; }  // empty before all robots have ended, and where none left a map
 
  private:
   TierId edge_;

@@ -45,8 +45,8 @@ class RobotAgent {
   std::string stream_;
   laser::ScanPacker packer_;
   std::uint64_t sequence_ = 0, scans_ = 0;
-  Stamp first_, last_;              // of scans
-  std::optional<Stamp> latest_;     // of anything
+  Stamp first_, last_;           // of scans
+  std::optional<Stamp> latest_;  // of anything
   bool ended_ = false;
 };
 

@@ -22,8 +22,8 @@ class RobotSlam {
  public:
   RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper);
 
-  // The outcome, once: at the end of the stream, or where the engine failed. Messages after it, and those that came before, are ignored; a gap
-  // in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
+  // The outcome, once: at the end of the stream, or where the engine failed. Messages after it, and those that came before, are ignored; a
+  // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
   std::optional<RobotOutcome> step(const RobotMessage&);
 
  private:
