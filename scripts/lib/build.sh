@@ -14,6 +14,7 @@ build_jobs() {
 build_preset() {
   local preset=$1
   shift
+  mkdir -p build
   # The same source in another folder, or another clone of it, then comes from the cache.
   export CCACHE_BASEDIR=$root CCACHE_NOHASHDIR=1 CCACHE_SLOPPINESS=pch_defines,time_macros,include_file_mtime,include_file_ctime
   export NINJA_STATUS='   [%f/%t] '
