@@ -15,10 +15,11 @@ using test::IsNear;
 WallField room_field() {
   WallField field;
   field.add(room());
+  field.settle();
   return field;
 }
 
-double score_at(const WallField& field, const std::vector<Point2f>& points, const Pose2& pose) {
+double score_at(const WallField& field, const std::vector<WallPoint>& points, const Pose2& pose) {
   double sum = 0;
   const double c = std::cos(pose.phi), s = std::sin(pose.phi);
   for (const auto& p : points) sum += field.likelihood().get(cell_of(pose.x + c * p.x - s * p.y, 20.0), cell_of(pose.y + s * p.x + c * p.y, 20.0));
@@ -63,7 +64,7 @@ TEST(Correlate, says_when_the_answer_lies_at_the_border_of_the_window) {
 TEST(Correlate, has_no_answer_without_walls_or_points) {
   EXPECT_FALSE(correlate(WallField(), room(), {}, {}, {}));
   EXPECT_FALSE(correlate(room_field(), {}, {}, {}, {}));
-  EXPECT_THROW(correlate(room_field(), std::vector<Point2f>(300), {}, {}, {}), ContractViolation);
+  EXPECT_THROW(correlate(room_field(), std::vector<WallPoint>(300), {}, {}, {}), ContractViolation);
 }
 
 TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
@@ -81,11 +82,12 @@ TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
 
 TEST(Refine, leaves_to_the_prior_what_walls_do_not_tell) {
   WallField corridor;
-  std::vector<Point2f> walls;
-  for (int i = -400; i < 400; ++i) walls.push_back({0.025F * static_cast<float>(i), 1.0F}), walls.push_back({0.025F * static_cast<float>(i), -1.0F});
+  std::vector<WallPoint> walls;
+  for (int i = -400; i < 400; ++i) walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}), walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
   corridor.add(walls);
-  std::vector<Point2f> points;
-  for (int i = -40; i < 40; ++i) points.push_back({0.1F * static_cast<float>(i), 1.0F}), points.push_back({0.1F * static_cast<float>(i), -1.0F});
+  corridor.settle();
+  std::vector<WallPoint> points;
+  for (int i = -40; i < 40; ++i) points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}), points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
   const PriorWeight prior{0.02, 0.05};
   const ScanMatch match = refine(corridor, points, {0.1, 0.05, 0.01}, {0.02, 0.0, 0.0}, &prior);
   EXPECT_NEAR(match.field_from_scan.x, 0.02, 0.01);
@@ -106,17 +108,38 @@ TEST(Refine, overrules_wheels_that_slipped) {
 TEST(Refine, gives_information_in_the_frame_of_the_scan) {
   // One wall along x of the field; the scan is turned by 90 degrees: what is known lies along its own x.
   WallField wall;
-  std::vector<Point2f> points;
-  for (int i = -200; i < 200; ++i) points.push_back({0.025F * static_cast<float>(i), 0.0F});
+  std::vector<WallPoint> points;
+  for (int i = -200; i < 200; ++i) points.push_back({0.025F * static_cast<float>(i), 0.0F, 0, -1});
   wall.add(points);
+  wall.settle();
   const Pose2 pose{0.0, -1.0, M_PI / 2};
   const ScanMatch match = refine(wall, thinned(seen_from(points, pose), 0.05, 150), pose, {}, nullptr);
   EXPECT_GT(match.information(0, 0), 100.0 * match.information(1, 1));
 }
 
+TEST(Refine, is_not_pulled_by_the_other_face_of_a_thin_wall) {
+  // What is known: this room's end walls, and the far face of the partition at y = 1.1. The scan sees its near face, at y = 1.0.
+  WallField field;
+  std::vector<WallPoint> known, near_face;
+  for (int i = -150; i < 150; ++i) {
+    const float along = 0.02F * static_cast<float>(i);
+    known.push_back({along, 1.1F, 0, 1});
+    known.push_back({along, -2.0F, 0, 1});
+    known.push_back({-3.0F, along / 3, 1, 0});
+    near_face.push_back({along, 1.0F, 0, -1});
+  }
+  field.add(known);
+  field.settle();
+  std::vector<WallPoint> scan = near_face;
+  for (const auto& p : known)
+    if (p.y < 1.05F) scan.push_back(p);
+  const ScanMatch match = refine(field, thinned(scan, 0.04, 250), {0.02, 0.03, 0.005}, {}, nullptr, 30);
+  EXPECT_NEAR(match.field_from_scan.y, 0.0, 0.005);
+}
+
 TEST(Thinned, keeps_points_apart_and_bounds_their_number) {
-  std::vector<Point2f> line;
-  for (int i = 0; i < 1000; ++i) line.push_back({0.001F * static_cast<float>(i), 0.0F});
+  std::vector<WallPoint> line;
+  for (int i = 0; i < 1000; ++i) line.push_back({0.001F * static_cast<float>(i), 0.0F, 0, 1});
   const auto few = thinned(line, 0.05, 250);
   EXPECT_NEAR(static_cast<double>(few.size()), 20.0, 1.0);
   EXPECT_EQ(thinned(line, 0.0011, 100).size(), 100U);

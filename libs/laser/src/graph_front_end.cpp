@@ -57,8 +57,7 @@ Pose2 FrontEnd::predict(Stamp stamp, bool& from_odometry) const {
 int FrontEnd::add_scan(const ScanInput& input, Map& map) {
   const NodeId id{session_, next_node_++};
   Node node{id, input.stamp, {}, nullptr};
-  std::vector<matching::Point2f> points;
-  for (const auto& p : points_in_robot(input.scan, options_.min_range_m, options_.max_range_m)) points.push_back({p.x, p.y});
+  const auto points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
   const auto few = matching::thinned(points, options_.thinning_m, static_cast<std::size_t>(options_.most_points));
 
   bool inserted = false;
@@ -77,7 +76,8 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     bool matched = false;
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     if (few.size() >= kFewestPoints) {
-      const Active& against = active_.front();
+      Active& against = active_.front();
+      against.field.settle();
       const Pose2 guess = between(against.local_from_submap, predicted);
       matching::SearchWindow window{options_.window_m + 0.25 * distance, options_.window_yaw_rad + 0.25 * turn, 0.00873};
       if (!from_odometry) window.radius_m += 0.2, window.yaw_rad += 0.15;
@@ -159,7 +159,7 @@ void FrontEnd::start_submap(const Pose2& local_from_node, Map& map) {
 }
 
 // Into every active submap that does not hold the node yet.
-void FrontEnd::insert(const Node& node, const std::vector<matching::Point2f>& points, Map& map) {
+void FrontEnd::insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map) {
   const Pose2 local_from_node = planar(node.map_from_node);
   for (auto& active : active_) {
     Submap& submap = *map.submaps.find(active.id);
@@ -167,12 +167,7 @@ void FrontEnd::insert(const Node& node, const std::vector<matching::Point2f>& po
     const Pose2 submap_from_node = submap.submap_from_node.empty() ? Pose2{} : between(active.local_from_submap, local_from_node);
     submap.submap_from_node.emplace_back(node.id, spatial(submap_from_node));
     ++active.scans;
-    std::vector<matching::Point2f> placed;
-    placed.reserve(points.size());
-    const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
-    for (const auto& p : points)
-      placed.push_back({static_cast<float>(c * p.x - s * p.y + submap_from_node.x), static_cast<float>(s * p.x + c * p.y + submap_from_node.y)});
-    active.field.add(placed);
+    active.field.add(matching::placed(submap_from_node, points));
   }
 }
 

@@ -39,7 +39,7 @@ class FrontEnd {
     matching::WallField field;
   };
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
-  void insert(const Node& node, const std::vector<matching::Point2f>& points, Map& map);
+  void insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);
   void freeze(Active& active, Map& map);
   void start_submap(const Pose2& local_from_node, Map& map);
 

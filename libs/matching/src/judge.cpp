@@ -95,14 +95,11 @@ std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2
   return common;
 }
 
-std::vector<Point2f> wall_points(const SubmapModel& model, std::size_t most) {
-  std::vector<Point2f> points;
+std::vector<WallPoint> some_walls(const SubmapModel& model, std::size_t most) {
+  std::vector<WallPoint> points;
   const std::size_t count = std::min(most, model.walls().size());
   points.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto& wall = model.walls()[i * model.walls().size() / count];
-    points.push_back({wall.x, wall.y});
-  }
+  for (std::size_t i = 0; i < count; ++i) points.push_back(model.walls()[i * model.walls().size() / count]);
   return points;
 }
 
@@ -182,7 +179,7 @@ Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& wind
     double value;
   };
   std::vector<Hypothesis> hypotheses;
-  const auto coarse = wall_points(*b.model, 200), fine = wall_points(*b.model, 500);
+  const auto coarse = some_walls(*b.model, 200), fine = some_walls(*b.model, 500);
   for (const auto& peak : peaks) {
     const auto near = correlate(a.model->field(), coarse, peak.a_from_b, {0.2, 0.035, 0.005}, {1.0, 1.0});
     Hypothesis hypothesis;

@@ -9,23 +9,11 @@ namespace {
 
 constexpr std::size_t kPoints = 180;
 
-std::vector<Point2f> scan_points(const Node& node) {
-  std::vector<Point2f> points;
-  if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
-    for (const auto& p : points_in_robot(*scan)) points.push_back({p.x, p.y});
-  return points;
-}
-
 WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
   WallField field;
-  for (const auto& [id, pose] : submap.submap_from_node) {
-    const Pose2 submap_from_node = planar(pose);
-    const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
-    auto points = scan_points(*nodes.find(id));
-    for (auto& p : points)
-      p = {static_cast<float>(c * p.x - s * p.y + submap_from_node.x), static_cast<float>(s * p.x + c * p.y + submap_from_node.y)};
-    field.add(points);
-  }
+  for (const auto& [id, pose] : submap.submap_from_node)
+    if (const auto* scan = std::get_if<PackedScan>(nodes.find(id)->payload.get())) field.add(placed(planar(pose), wall_points(*scan)));
+  field.settle();
   return field;
 }
 
@@ -83,18 +71,28 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
     if (asked[i].empty()) return constraints;
     const Submap& submap = *submaps[i];
     const WallField field = field_of(submap, map.nodes);
+    struct Member {
+      Pose2 map_from_node, submap_from_node;
+    };
+    std::vector<Member> members;
+    members.reserve(submap.submap_from_node.size());
+    for (const auto& [id, pose] : submap.submap_from_node) members.push_back({planar(map.nodes.find(id)->map_from_node), planar(pose)});
+    const auto nearest_to = [&](const Pose2& pose, Pose2 Member::*frame) {
+      std::size_t nearest = 0;
+      double best = 1e300;
+      for (std::size_t k = 0; k < members.size(); ++k) {
+        const double dx = (members[k].*frame).x - pose.x, dy = (members[k].*frame).y - pose.y;
+        if (dx * dx + dy * dy < best) best = dx * dx + dy * dy, nearest = k;
+      }
+      return nearest;
+    };
     for (const Node* node : asked[i]) {
-      const auto points = thinned(scan_points(*node), 0.05, kPoints);
+      const auto points = thinned(wall_points(std::get<PackedScan>(*node->payload)), 0.05, kPoints);
       if (points.size() < 20) continue;
       // From the submap's member nearest to the node, not from its anchor: belief may bend a submap that is frozen straight.
       const Pose2 here = planar(node->map_from_node);
-      double nearest = 1e300;
-      Pose2 expected;
-      for (const auto& [id, pose] : submap.submap_from_node) {
-        const Pose2 member = planar(map.nodes.find(id)->map_from_node);
-        const double distance = std::hypot(member.x - here.x, member.y - here.y);
-        if (distance < nearest) nearest = distance, expected = compose(planar(pose), between(member, here));
-      }
+      const Member& near_node = members[nearest_to(here, &Member::map_from_node)];
+      const Pose2 expected = compose(near_node.submap_from_node, between(near_node.map_from_node, here));
       const auto coarse = correlate(field, points, expected, {0.15, 0.018, 0.006}, {0.2, 0.05});
       if (!coarse) continue;
       const ScanMatch match = refine(field, points, coarse->field_from_scan, {}, nullptr, 15);
@@ -103,20 +101,14 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
           std::abs(correction.phi) > options.max_correction_rad)
         continue;
       // Tie the node to the nearest member, for the same reason.
-      const NodeId* member_id = nullptr;
-      Pose2 submap_from_member;
-      nearest = 1e300;
-      for (const auto& [id, pose] : submap.submap_from_node) {
-        const Pose2 member = planar(pose);
-        const double distance = std::hypot(member.x - match.field_from_scan.x, member.y - match.field_from_scan.y);
-        if (distance < nearest) nearest = distance, member_id = &id, submap_from_member = member;
-      }
+      const std::size_t tied = nearest_to(match.field_from_scan, &Member::submap_from_node);
+      const NodeId& member_id = submap.submap_from_node[tied].first;
       Eigen::Matrix3d information = options.information_scale * match.information;
       const Eigen::Matrix3d floor = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();  // 1 cm, 0.11 degrees
       information = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
-      const bool own = member_id->session == node->id.session;
-      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps, *member_id, node->id, 1},
-                                              between(submap_from_member, match.field_from_scan), 0.5 * (information + information.transpose())));
+      const bool own = member_id.session == node->id.session;
+      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1},
+                                              between(members[tied].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
     }
     return constraints;
   });

@@ -13,44 +13,30 @@ namespace {
 
 constexpr int kLane = 16;  // poses along x tried at once
 
-// Adds 16 cells of one row to 16 sums.
+// Adds 16 cells, `offset` past each of the rows, to 16 sums.
 #ifdef __SSE2__
-inline void add_row(const std::uint8_t* row, std::uint16_t* sums) {
-  const __m128i zero = _mm_setzero_si128(), cells = _mm_loadu_si128(reinterpret_cast<const __m128i*>(row));
-  auto* low = reinterpret_cast<__m128i*>(sums);
-  _mm_storeu_si128(low, _mm_add_epi16(_mm_loadu_si128(low), _mm_unpacklo_epi8(cells, zero)));
-  _mm_storeu_si128(low + 1, _mm_add_epi16(_mm_loadu_si128(low + 1), _mm_unpackhi_epi8(cells, zero)));
+inline void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, std::uint16_t* sums) {
+  const __m128i zero = _mm_setzero_si128();
+  auto* place = reinterpret_cast<__m128i*>(sums);
+  __m128i low = _mm_loadu_si128(place), high = _mm_loadu_si128(place + 1);
+  for (std::size_t k = 0; k < count; ++k) {
+    const __m128i cells = _mm_loadu_si128(reinterpret_cast<const __m128i*>(rows[k] + offset));
+    low = _mm_add_epi16(low, _mm_unpacklo_epi8(cells, zero));
+    high = _mm_add_epi16(high, _mm_unpackhi_epi8(cells, zero));
+  }
+  _mm_storeu_si128(place, low);
+  _mm_storeu_si128(place + 1, high);
 }
 #else
-inline void add_row(const std::uint8_t* row, std::uint16_t* sums) {
-  for (int i = 0; i < kLane; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + row[i]);
+inline void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, std::uint16_t* sums) {
+  for (std::size_t k = 0; k < count; ++k)
+    for (int i = 0; i < kLane; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + rows[k][offset + i]);
 }
 #endif
 
 }  // namespace
 
-std::vector<Point2f> thinned(const std::vector<Point2f>& points, double cell_m, std::size_t most) {
-  MAPWEAVE_EXPECT(cell_m > 0 && most > 0, "thinning needs a cell size and room for points");
-  std::vector<Point2f> kept;
-  kept.reserve(points.size());
-  // Neighbouring rays hit neighbouring places: comparing with the last kept ones is enough to even out the density.
-  const double square = cell_m * cell_m;
-  for (const auto& p : points) {
-    bool near = false;
-    for (std::size_t back = 1; back <= 3 && back <= kept.size() && !near; ++back) {
-      const double dx = p.x - kept[kept.size() - back].x, dy = p.y - kept[kept.size() - back].y;
-      near = dx * dx + dy * dy < square;
-    }
-    if (!near) kept.push_back(p);
-  }
-  if (kept.size() <= most) return kept;
-  std::vector<Point2f> even;
-  even.reserve(most);
-  for (std::size_t i = 0; i < most; ++i) even.push_back(kept[i * kept.size() / most]);
-  return even;
-}
-
-std::optional<Correlation> correlate(const WallField& field, const std::vector<Point2f>& points, const Pose2& guess,
+std::optional<Correlation> correlate(const WallField& field, const std::vector<WallPoint>& points, const Pose2& guess,
                                      const SearchWindow& window, const PriorWeight& weight) {
   const auto& grid = field.likelihood();
   if (grid.empty() || points.empty()) return std::nullopt;
@@ -63,6 +49,8 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<P
   const int turns = std::max(1, static_cast<int>(std::ceil(window.yaw_rad / window.yaw_step_rad)));
   std::vector<std::uint16_t> sums(static_cast<std::size_t>(side) * static_cast<std::size_t>(2 * radius + 1));
   std::vector<std::pair<int, int>> cells(points.size());
+  std::vector<const std::uint8_t*> corners;  // of the windows that lie within the grid
+  corners.reserve(points.size());
   std::array<std::uint8_t, 1024> edge{};
   MAPWEAVE_EXPECT(side <= static_cast<int>(edge.size()), "search window wider than 50 m: use branch and bound");
 
@@ -81,14 +69,12 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<P
       cells[k] = {cell_of(x, kInverse), cell_of(y, kInverse)};
     }
     std::fill(sums.begin(), sums.end(), std::uint16_t{0});
+    corners.clear();
     for (const auto& [cx, cy] : cells) {
       const int x0 = cx - half;
       const bool whole = x0 >= grid.first_x() && x0 + side <= grid.first_x() + grid.width();
       if (whole && cy - radius >= grid.first_y() && cy + radius < grid.first_y() + grid.height()) {
-        const std::uint8_t* row = grid.row(x0, cy - radius);
-        std::uint16_t* sum = sums.data();
-        for (int dy = 0; dy <= 2 * radius; ++dy, row += grid.width())
-          for (int lane = 0; lane < lanes; ++lane, sum += kLane) add_row(row + lane * kLane, sum);
+        corners.push_back(grid.row(x0, cy - radius));
         continue;
       }
       for (int dy = -radius; dy <= radius; ++dy) {
@@ -105,9 +91,13 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<P
           row = edge.data();
         }
         std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
-        for (int lane = 0; lane < lanes; ++lane) add_row(row + lane * kLane, sum + lane * kLane);
+        for (int lane = 0; lane < lanes; ++lane) add_rows(&row, 1, lane * kLane, sum + lane * kLane);
       }
     }
+    std::uint16_t* sum_of_lane = sums.data();
+    for (int dy = 0; dy <= 2 * radius; ++dy)
+      for (int lane = 0; lane < lanes; ++lane, sum_of_lane += kLane)
+        add_rows(corners.data(), corners.size(), static_cast<std::ptrdiff_t>(dy) * grid.width() + lane * kLane, sum_of_lane);
     for (int dy = -radius; dy <= radius; ++dy) {
       const std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
       for (int i = 0; i < side; ++i) {
@@ -127,7 +117,7 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<P
   return result;
 }
 
-ScanMatch refine(const WallField& field, const std::vector<Point2f>& points, const Pose2& start, const Pose2& prior_pose,
+ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, const Pose2& start, const Pose2& prior_pose,
                  const PriorWeight* prior, int iterations) {
   ScanMatch match;
   match.field_from_scan = start;
@@ -142,7 +132,7 @@ ScanMatch refine(const WallField& field, const std::vector<Point2f>& points, con
     used = 0;
     for (const auto& p : points) {
       const double rx = c * p.x - s * p.y, ry = s * p.x + c * p.y;
-      const LocalNormal* normal = field.normal_at(rx + x, ry + y);
+      const LocalNormal* normal = field.normal_at(rx + x, ry + y, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y);
       if (normal == nullptr) continue;
       const double dx = rx + x - normal->mean_x, dy = ry + y - normal->mean_y;
       const double r0 = normal->w00 * dx + normal->w10 * dy, r1 = normal->w11 * dy;

@@ -42,6 +42,7 @@ void walk(double x0, double y0, double x1, double y1, double inverse, Visit&& vi
 SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes) {
   MAPWEAVE_EXPECT(submap.frozen, "only frozen submaps are matched");
   look(submap, nodes);
+  field_.settle();
   find_walls();
   build_pyramid();
   describe();
@@ -49,7 +50,10 @@ SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes)
 
 void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node) {
   const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
-  std::vector<Point2f> points;
+  std::vector<WallPoint> points;
+  const auto free = [&](std::int32_t column, std::int32_t row) {
+    return column >= 0 && row >= 0 && column < grid.columns && row < grid.rows && grid.at(column, row) < OccupancyGrid::kUnknown;
+  };
   const auto place = [&](double column, double row) {
     const double x = grid.origin_x_m + column * grid.resolution_m, y = grid.origin_y_m + row * grid.resolution_m;
     return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x), static_cast<float>(s * x + c * y + submap_from_node.y)};
@@ -66,7 +70,10 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
         sight_.grow(x, y, x, y);
         Sight& cell = sight_.at(x, y);
         cell = std::max(cell, value > 0 ? Sight::wall : Sight::free);
-        if (value > 0) points.push_back(p);
+        if (value < OccupancyGrid::kUnknown) continue;
+        // Seen from where it is free: a wall one cell thin has two faces.
+        for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {-1, 0}, {0, -1}})
+          if (free(column + dx, row + dy)) points.push_back({p.x, p.y, static_cast<float>(c * dx - s * dy), static_cast<float>(s * dx + c * dy)});
       }
     }
   // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.
@@ -97,10 +104,7 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     }
     const auto& scan = std::get<PackedScan>(*node->payload);
     path_.push_back(submap_from_node);
-    const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
-    std::vector<Point2f> points;
-    for (const auto& p : points_in_robot(scan))
-      points.push_back({static_cast<float>(c * p.x - s * p.y + submap_from_node.x), static_cast<float>(s * p.x + c * p.y + submap_from_node.y)});
+    const auto points = placed(submap_from_node, wall_points(scan));
     field_.add(points);
     if (last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
         std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad)
@@ -140,21 +144,8 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
 }
 
 void SubmapModel::find_walls() {
-  const auto cells = field_.wall_cells(2.0F);
-  std::size_t nearest = 0;
-  for (const auto& cell : cells) {
-    if (sight_.get(cell_of(cell.mean.x, kInverseSight), cell_of(cell.mean.y, kInverseSight)) != Sight::wall) continue;
-    // Towards the nearest place of the path: walls are seen from one side, but for posts. The search starts at the last answer: cells
-    // come in rows, and the path is short.
-    double best = 1e300;
-    for (std::size_t i = 0; i < path_.size(); i += 1 + path_.size() / 32) {
-      const double dx = path_[i].x - cell.mean.x, dy = path_[i].y - cell.mean.y;
-      if (dx * dx + dy * dy < best) best = dx * dx + dy * dy, nearest = i;
-    }
-    const double side = (path_[nearest].x - cell.mean.x) * cell.normal.normal_x + (path_[nearest].y - cell.mean.y) * cell.normal.normal_y;
-    const float sign = side < 0 ? -1.0F : 1.0F;
-    walls_.push_back({cell.mean.x, cell.mean.y, sign * cell.normal.normal_x, sign * cell.normal.normal_y});
-  }
+  for (const auto& wall : field_.walls(2.0F))
+    if (sight_.get(cell_of(wall.x, kInverseSight), cell_of(wall.y, kInverseSight)) == Sight::wall) walls_.push_back(wall);
   const std::size_t count = std::min(kQueryPoints, walls_.size());
   for (std::size_t i = 0; i < count; ++i) {
     const auto& wall = walls_[i * walls_.size() / count];

@@ -44,7 +44,8 @@ struct ConstraintId {  // of `from` to `to`, one of each kind, counted where the
   NodeId from, to;
   std::uint32_t index = 0;
 };
-inline auto key_of(const ConstraintId& id) { return std::tie(id.kind, id.from, id.to, id.index); }
+// By the node that was there last: a map that grows appends.
+inline auto key_of(const ConstraintId& id) { return std::tie(id.to, id.kind, id.from, id.index); }
 
 struct Constraint {
   ConstraintId id;

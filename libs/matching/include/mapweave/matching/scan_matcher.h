@@ -31,20 +31,17 @@ struct ScanMatch {
   bool at_border = false;           // the search ended at the rim of its window
 };
 
-// Points thinned to one a `cell_m` cell (the first in ray order) and at most `most` of them, spread evenly.
-std::vector<Point2f> thinned(const std::vector<Point2f>& points, double cell_m, std::size_t most);
-
 // The best pose of the window; nullopt when the field or the scan is empty. `weight` pulls ties towards the guess.
 struct Correlation {
   Pose2 field_from_scan;
   double score = 0.0;
   bool at_border = false;
 };
-std::optional<Correlation> correlate(const WallField&, const std::vector<Point2f>& points_in_scan, const Pose2& field_from_scan_guess,
+std::optional<Correlation> correlate(const WallField&, const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_guess,
                                      const SearchWindow&, const PriorWeight& weight);
 
 // Refines a pose that is within about 0.15 m and 2 degrees of the answer. `prior` (may be null) pulls towards `field_from_scan_prior`.
-ScanMatch refine(const WallField&, const std::vector<Point2f>& points_in_scan, const Pose2& field_from_scan_start,
+ScanMatch refine(const WallField&, const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_start,
                  const Pose2& field_from_scan_prior, const PriorWeight* prior, int iterations = 12);
 
 }  // namespace mapweave::matching

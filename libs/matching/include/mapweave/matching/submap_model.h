@@ -13,11 +13,6 @@ namespace mapweave::matching {
 // What rays said about a cell.
 enum class Sight : std::uint8_t { unknown = 0, free = 1, wall = 2 };
 
-// Oriented wall point, in the submap's frame; the normal points to where it was seen from.
-struct WallPoint {
-  float x, y, normal_x, normal_y;
-};
-
 // How the place looks around one point of the robot's path: walls per ring of distance. Does not change with heading.
 struct RingKey {
   static constexpr int kRings = 24;

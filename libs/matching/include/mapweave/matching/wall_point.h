@@ -1,0 +1,29 @@
+#pragma once
+// Scans as matching sees them: points on walls that know which side they were seen from.
+
+#include <mapweave/core/geometry.h>
+#include <mapweave/maps/scan.h>
+
+#include <vector>
+
+namespace mapweave::matching {
+
+struct Point2f {
+  float x, y;  // metres
+};
+
+// The normal is a unit vector to the side the wall was seen from.
+struct WallPoint {
+  float x, y, normal_x, normal_y;
+};
+
+// A scan's ends in the robot's frame, in ray order; normals from neighbouring rays, or towards the laser where an end stands alone.
+std::vector<WallPoint> wall_points(const PackedScan&, double min_range_m = 0.0, double max_range_m = 1e9);
+
+// The same points in another frame.
+std::vector<WallPoint> placed(const Pose2& pose, std::vector<WallPoint> points);
+
+// Points thinned to one a `cell_m` cell (the first in ray order) and at most `most` of them, spread evenly.
+std::vector<WallPoint> thinned(const std::vector<WallPoint>& points, double cell_m, std::size_t most);
+
+}  // namespace mapweave::matching
