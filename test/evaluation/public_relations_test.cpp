@@ -17,6 +17,8 @@ struct Expectation {
   double translation_mean_m, translation_std_m, rotation_mean_deg, rotation_std_deg;
 };
 
+void PrintTo(const Expectation& expectation, std::ostream* out) { *out << expectation.name; }
+
 // Stamp and odometry of every scan: of `FLASER n r_1..r_n x y th odom_x odom_y odom_th stamp host logger_stamp` the columns after the first
 // pose.
 std::vector<std::pair<Stamp, Pose2>> odometry_of(const std::filesystem::path& carmen_log) {

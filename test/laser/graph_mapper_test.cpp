@@ -21,7 +21,7 @@ TEST(GraphMapper, maps_an_apartment_within_centimetres) {
   const auto team = simulation::make_apartment({}, alone(40.0));
   const Map map = mapped(team.robots[0], team.laser);
   ASSERT_EQ(map.nodes.size(), team.robots[0].steps.size());
-  EXPECT_LT(error_m(map, team.robots[0]), 0.12);
+  EXPECT_LT(error_m(map, team.robots[0]), 0.02);
 }
 
 TEST(GraphMapper, closes_a_loop) {
@@ -29,7 +29,7 @@ TEST(GraphMapper, closes_a_loop) {
   const Map map = mapped(team.robots[0], team.laser);
   const auto loops = std::count_if(map.constraints.begin(), map.constraints.end(), [](const auto& entry) { return entry.first.kind == ConstraintKind::loop; });
   EXPECT_GT(loops, 0);
-  EXPECT_LT(error_m(map, team.robots[0]), 0.15);
+  EXPECT_LT(error_m(map, team.robots[0]), 0.04);
 }
 
 TEST(GraphMapper, works_without_odometry) {
@@ -43,7 +43,7 @@ TEST(GraphMapper, gets_over_wheels_that_miss_turns) {
   options.odometry.slip_min_deg = 5.0;
   options.odometry.slip_max_deg = 10.0;
   const auto team = simulation::make_apartment({}, options);
-  EXPECT_LT(error_m(mapped(team.robots[0], team.laser), team.robots[0]), 0.12);
+  EXPECT_LT(error_m(mapped(team.robots[0], team.laser), team.robots[0]), 0.02);
 }
 
 TEST(GraphMapper, holds_on_to_odometry_along_a_bare_corridor) {

@@ -172,5 +172,44 @@ TEST(ScanPacker, passes_odometry_on_and_nothing_else) {
   EXPECT_EQ(pack.unusable(), 1u);
 }
 
+rawlog::Record odometry(double seconds, const mrpt::math::TPose2D& pose) {
+  auto observation = mrpt::obs::CObservationOdometry::Create();
+  observation->odometry = mrpt::poses::CPose2D(pose);
+  return record(observation, static_cast<std::int64_t>(seconds * 1e9));
+}
+
+Pose2 packed_odometry(ScanPacker& pack, double seconds, const mrpt::math::TPose2D& pose) {
+  return planar(std::get<OdometryInput>(*pack(odometry(seconds, pose))).odometry_from_robot);
+}
+
+TEST(ScanPacker, goes_on_where_it_was_when_odometry_starts_anew) {
+  ScanPacker pack;
+  packed_odometry(pack, 0.0, {0, 0, 0});
+  packed_odometry(pack, 1.0, {10, 0, 1.0});
+  const Pose2 restarted = packed_odometry(pack, 1.1, {-700, 3, 0});
+  EXPECT_NEAR(restarted.x, 10.0, 1e-9);
+  EXPECT_NEAR(restarted.phi, 1.0, 1e-9);
+  const Pose2 onwards = packed_odometry(pack, 1.2, {-699, 3, 0});
+  EXPECT_NEAR(onwards.x, 10.0 + std::cos(1.0), 1e-9);
+  EXPECT_NEAR(onwards.y, std::sin(1.0), 1e-9);
+  EXPECT_EQ(pack.odometry_jumps(), 1U);
+  EXPECT_NEAR(packed_odometry(pack, 1e9, {1e9, 0, 0}).x, onwards.x, 1e-6) << "nor do years explain a thousand kilometres";
+  EXPECT_EQ(pack.odometry_jumps(), 2U);
+}
+
+TEST(ScanPacker, believes_in_no_laser_that_sees_for_kilometres_or_stands_far_off) {
+  ScanPacker pack;
+  const auto scan = make_scan(4);
+  scan->maxRange = 50000.0f;
+  scan->setScanRange(1, 40000.0f);
+  scan->setScanRange(2, 150.0f);
+  const PackedScan result = packed(pack, scan);
+  EXPECT_EQ(result.ranges[1], 0);
+  EXPECT_NEAR(result.ranges[2] * result.geometry->range_unit_m, 150.0, 0.01);
+  scan->sensorPose = mrpt::poses::CPose3D(1e7, 0, 0, 0, 0, 0);
+  EXPECT_FALSE(pack(record(scan)));
+  EXPECT_EQ(pack.unusable(), 1U);
+}
+
 }  // namespace
 }  // namespace mapweave::laser

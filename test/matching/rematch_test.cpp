@@ -30,8 +30,8 @@ TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
     errors.push_back(std::hypot(apart.x, apart.y));
   }
   std::sort(errors.begin(), errors.end());
-  EXPECT_LT(errors[errors.size() / 2], 0.04);
-  EXPECT_LT(errors[errors.size() * 9 / 10], 0.15);  // walls seen from their other side lie a wall's thickness off
+  EXPECT_LT(errors[errors.size() / 2], 0.01);
+  EXPECT_LT(errors[errors.size() * 9 / 10], 0.015);
 }
 
 TEST(Rematch, gives_the_same_constraints_for_any_number_of_threads) {

@@ -79,7 +79,7 @@ class Interruption(support.Scenario):
         slow = support.need(support.SIMULATED_BUILDING)
         self.write("room.log", "\n".join(support.room_lines(30)) + "\n")
         config = self.configuration([("alpha", "room.log"), ("beta", slow)], laser="{engine: rbpf}")
-        process = self.start("run", config, "--out", "out", "--keep-going", "--threads", "1")
+        process = self.start("run", config, "--out", "out", "--threads", "1")
         # alpha's helper comes first and is quick; the one that is still there a good second later is beta's
         killed, since = None, {}
         deadline = time.monotonic() + 60 * support.PATIENCE
@@ -97,7 +97,7 @@ class Interruption(support.Scenario):
         self.assertTrue((self.folder / "out/robots/alpha/map.pgm").exists())
         self.assertIn("trouble", {robot["id"]: robot for robot in self.read_json("out/summary.json")["robots"]}["beta"])
 
-    def test_without_keep_going_a_killed_helper_ends_the_run(self):
+    def test_where_the_only_helper_is_killed_there_is_no_result(self):
         process = self.start("slam", support.need(support.SIMULATED_BUILDING), "--out", "out", "--engine", "rbpf")
         deadline = time.monotonic() + 60 * support.PATIENCE
         while process.poll() is None and time.monotonic() < deadline:

@@ -56,6 +56,18 @@ class BadLog(support.Scenario):
         struct.pack_into("<f", data, place + 4 * 2, float("nan"))   # a ray that is marked valid
         self.refuse(self.write_bytes("nan.rawlog", gzip.compress(bytes(data), 1)), "nan")
 
+    def test_odometry_that_runs_away_is_no_reason_to_fail(self):
+        lines = support.room_lines(40)
+        for place in (1e3, 1e6, 1e12):
+            words = [line.split() for line in lines]
+            for line in words[20:]:
+                line[-6] = line[-9] = str(place)   # x of the laser and of the odometry
+            self.write("far.log", "\n".join(map(" ".join, words)) + "\n")
+            with self.subTest(place):
+                done = self.mapweave("slam", "far.log", "--out", "out", "--force")
+                self.assertIn("odometry jumps", done.stderr)
+                self.assertTrue((self.folder / "out/map.pgm").exists())
+
     def test_text_logs_with_bad_scans_name_the_line(self):
         good = support.room_lines(20)
         bad = {

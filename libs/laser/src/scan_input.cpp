@@ -11,6 +11,9 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kUnknownMaxRange_m = 100.0;  // for logs that do not say
+constexpr double kFarthest_m = 200.0;         // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
+constexpr double kJump_m = 1.0;               // beyond what the top speed allows
+constexpr double kFarthestJump_m = 100.0;     // however long nothing was recorded
 
 Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
   Pose3 result;
@@ -31,10 +34,10 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
   const double own_max = scan.maxRange;
   geometry.max_range_m = std::isfinite(own_max) && own_max > 0.0 ? own_max : kUnknownMaxRange_m;
   if (options.max_range_m > 0.0) geometry.max_range_m = std::min(geometry.max_range_m, options.max_range_m);
-  geometry.max_range_m = std::min(geometry.max_range_m, 65'000.0);
+  geometry.max_range_m = std::min(geometry.max_range_m, kFarthest_m);
   geometry.range_unit_m = 0.001 * std::max(1.0, std::ceil(geometry.max_range_m / 65.535));
   const auto& pose = scan.sensorPose;
-  if (!std::isfinite(pose.x() + pose.y() + pose.z() + pose.yaw() + pose.pitch() + pose.roll())) return std::nullopt;
+  if (!std::isfinite(pose.yaw() + pose.pitch() + pose.roll()) || !(pose.norm() < kFarthest_m)) return std::nullopt;
   geometry.robot_from_laser = pose_from_mrpt(pose);
   return geometry;
 }
@@ -43,11 +46,28 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
 
 ScanPacker::ScanPacker(ScanInputOptions options) : options_(std::move(options)), label_is_known_(!options_.label.empty()) {}
 
+Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
+  Pose2 result = compose(start_from_odometry_, odometry_from_robot);
+  if (last_odometry_) {
+    const auto& [then, there] = *last_odometry_;
+    const double possible = std::min(kJump_m + options_.max_speed_mps * std::max(0.0, seconds_between(then, stamp)), kFarthestJump_m);
+    if (std::hypot(result.x - there.x, result.y - there.y) > possible) {
+      start_from_odometry_ = compose(there, inverse(odometry_from_robot));
+      result = there;
+      if (++odometry_jumps_ == 1)
+        log(LogLevel::warning, "the odometry jumps farther than " + std::to_string(static_cast<int>(options_.max_speed_mps)) +
+                                   " m/s allow: taken as a counter that started anew (option 'max_speed_mps')");
+    }
+  }
+  last_odometry_.emplace(stamp, result);
+  return result;
+}
+
 std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
   using namespace mrpt::obs;
   if (const auto odometry = std::dynamic_pointer_cast<const CObservationOdometry>(record.observation)) {
     const Pose2 odometry_from_robot = odometry->odometry.asTPose();
-    if (is_finite(odometry_from_robot)) return OdometryInput{record.stamp, spatial(odometry_from_robot)};
+    if (is_finite(odometry_from_robot)) return OdometryInput{record.stamp, spatial(steady(record.stamp, odometry_from_robot))};
     ++unusable_;
     return std::nullopt;
   }

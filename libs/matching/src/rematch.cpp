@@ -12,7 +12,7 @@ constexpr std::size_t kPoints = 180;
 WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
   WallField field;
   for (const auto& [id, pose] : submap.submap_from_node)
-    if (const auto* scan = std::get_if<PackedScan>(nodes.find(id)->payload.get())) field.add(placed(planar(pose), wall_points(*scan)));
+    if (const auto* scan = std::get_if<PackedScan>(nodes.find(id)->payload.get())) field.add(placed(planar(pose), wall_points(*scan, 0.0, kFarthestWall_m)));
   field.settle();
   return field;
 }
@@ -87,7 +87,7 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       return nearest;
     };
     for (const Node* node : asked[i]) {
-      const auto points = thinned(wall_points(std::get<PackedScan>(*node->payload)), 0.05, kPoints);
+      const auto points = thinned(wall_points(std::get<PackedScan>(*node->payload), 0.0, kFarthestWall_m), 0.05, kPoints);
       if (points.size() < 20) continue;
       // From the submap's member nearest to the node, not from its anchor: belief may bend a submap that is frozen straight.
       const Pose2 here = planar(node->map_from_node);

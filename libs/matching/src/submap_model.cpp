@@ -104,7 +104,7 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     }
     const auto& scan = std::get<PackedScan>(*node->payload);
     path_.push_back(submap_from_node);
-    const auto points = placed(submap_from_node, wall_points(scan));
+    const auto points = placed(submap_from_node, wall_points(scan, 0.0, kFarthestWall_m));
     field_.add(points);
     if (last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
         std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad)

@@ -12,6 +12,12 @@
 namespace mapweave::runtime {
 namespace {
 
+// Bad input is somebody's to mend before half a team's map looks like a whole one; a helper that died is not.
+bool ends_the_run(const RobotResult& robot, bool keep_going) {
+  const auto& trouble = robot.outcome.trouble;
+  return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed;
+}
+
 // Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived with.
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
                                                    WorkerPool& pool, Progress& progress) {
@@ -19,7 +25,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
       RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress);
-      if (result.outcome.trouble && !keep_going) give_up = true;
+      if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Error& error) {
       if (error.code() != ErrorCode::kInterrupted) throw;
@@ -27,7 +33,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
     }
   });
   for (const auto& robot : robots)
-    if (robot && robot->outcome.trouble && !keep_going) throw *robot->outcome.trouble;
+    if (robot && ends_the_run(*robot, keep_going)) throw *robot->outcome.trouble;
   return robots;
 }
 
@@ -84,6 +90,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
     outcomes.push_back(std::move(robots[i]->outcome));
   }
   if (!whole) acknowledge_interruption(report, anything);
+  for (const auto& robot : robots)
+    if (!anything && robot && robot->outcome.trouble && !settings.keep_going) throw *robot->outcome.trouble;  // every helper died
 
   // Edges fuse what their robots left and tell the cloud, which fuses everything again.
   std::vector<tiers::EdgeServer> edges;

@@ -17,6 +17,9 @@ struct WallPoint {
   float x, y, normal_x, normal_y;
 };
 
+// Farther ends are sparse and say little about a submap, while rasters that hold them grow with the square of the distance.
+constexpr double kFarthestWall_m = 60.0;
+
 // A scan's ends in the robot's frame, in ray order; normals from neighbouring rays, or towards the laser where an end stands alone.
 std::vector<WallPoint> wall_points(const PackedScan&, double min_range_m = 0.0, double max_range_m = 1e9);
 
