@@ -71,7 +71,13 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     Pose2 local_from_node = predicted;
     matching::PriorWeight prior{options_.odometry_sigma_m + options_.odometry_sigma_per_m * distance,
                                 options_.odometry_sigma_yaw_rad + options_.odometry_sigma_yaw_per_rad * turn};
-    if (!from_odometry) prior = {0.15 + 0.3 * distance, 0.1 + 0.3 * turn};
+    if (from_odometry) {
+      heading_quality_.add_step(distance, motion.phi, prior.sigma_yaw_rad);
+      prior.sigma_yaw_rad *= heading_quality_.factor();
+    } else {
+      prior = {0.15 + 0.3 * distance, 0.1 + 0.3 * turn};
+      heading_quality_.add_heading(std::nullopt);
+    }
 
     bool matched = false;
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -93,6 +99,10 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
         const double scale = std::sqrt(options_.point_information_scale);
         const matching::PriorWeight relative{prior.sigma_m * scale, prior.sigma_yaw_rad * scale, 9.0 / options_.point_information_scale};
         const auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
+        if (from_odometry && heading_quality_.wants_heading()) {
+          const auto free = matching::refine(against.field, few, coarse->field_from_scan, {}, nullptr);
+          heading_quality_.add_heading(free.inliers >= options_.min_inliers ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi) : std::nullopt);
+        }
         if (match.inliers >= options_.min_inliers) {
           matched = true;
           local_from_node = compose(against.local_from_submap, match.field_from_scan);
@@ -109,7 +119,10 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     if (from_odometry || !matched) {
       // Without odometry and without a match nothing is known but that robots are slow.
       const double seconds = std::max(0.1, seconds_between(*last_stamp_, input.stamp));
-      const Eigen::Matrix3d known = from_odometry ? information_of(prior.sigma_m, prior.sigma_yaw_rad) : information_of(0.5 * seconds, 0.5 * seconds);
+      // What scans found to be wrong by far is told as wrong as that.
+      const double missed = matched ? std::abs(wrap_angle(moved.phi - motion.phi)) : 0.0;
+      const double sigma_yaw = missed > 3.0 * prior.sigma_yaw_rad ? std::max(missed, prior.sigma_yaw_rad) : prior.sigma_yaw_rad;
+      const Eigen::Matrix3d known = from_odometry ? information_of(prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
       const ConstraintId name{ConstraintKind::odometry, *last_node_, id, 0};
       map.constraints.set(name, planar_constraint(name, motion, known));
     }

@@ -1,6 +1,8 @@
 #pragma once
 // Local SLAM: each scan matched to the submap under way. Drifts; never jumps.
 
+#include "heading_quality.h"
+
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/laser/laser_mapper.h>
 #include <mapweave/matching/scan_matcher.h>
@@ -46,6 +48,7 @@ class FrontEnd {
   SessionId session_;
   FrontEndOptions options_;
   OdometryTrack odometry_;
+  HeadingQuality heading_quality_;
   std::deque<Active> active_;  // one or two; the older is matched against
   std::uint32_t next_node_ = 0, next_submap_ = 0;
   double travelled_m_ = 0.0;
