@@ -13,6 +13,7 @@ namespace {
 constexpr double kWideRadius_m = 12.0;
 constexpr double kNeighbourhood_m = 8.0;
 constexpr std::size_t kMostChecks = 40;
+constexpr std::size_t kFewestPlaces = 10;
 
 matching::Point2f placed(const Pose2& pose, const matching::Point2f& p) {
   const double c = std::cos(pose.phi), s = std::sin(pose.phi);
@@ -127,9 +128,15 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
     prepared.centres.push_back(placed(prepared.map_from_submap.back(), facts[i].centre));
     prepared.keys.push_back(facts[i].keys);
     prepared.radii_m.push_back(facts[i].radius_m);
-    const bool far = std::none_of(prepared.representatives.begin(), prepared.representatives.end(),
-                                  [&](std::size_t r) { return distance(prepared.centres[r], prepared.centres[i]) < stride_m; });
-    if (far) prepared.representatives.push_back(i);
+  }
+  // A small map has few places to be recognised by: all the closer together they are looked at.
+  for (double stride = stride_m;; stride *= 0.5) {
+    prepared.representatives.clear();
+    for (std::size_t i = 0; i < facts.size(); ++i)
+      if (std::none_of(prepared.representatives.begin(), prepared.representatives.end(),
+                       [&](std::size_t r) { return distance(prepared.centres[r], prepared.centres[i]) < stride; }))
+        prepared.representatives.push_back(i);
+    if (prepared.representatives.size() >= std::min(kFewestPlaces, facts.size()) || stride < 0.1) break;
   }
   return prepared;
 }
