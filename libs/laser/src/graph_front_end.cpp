@@ -10,6 +10,8 @@ namespace {
 
 constexpr double kLongestExtrapolation_s = 0.5;
 constexpr std::size_t kFewestPoints = 15;
+constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
+constexpr double kClearlyBetter = 0.03;  // of the mean likelihood under the points
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad)).asDiagonal();
@@ -88,7 +90,7 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
       matching::SearchWindow window{options_.window_m + 0.25 * distance, options_.window_yaw_rad + 0.25 * turn, 0.00873};
       if (!from_odometry) window.radius_m += 0.2, window.yaw_rad += 0.15;
       window.radius_m = std::min(window.radius_m, 2.0);
-      const matching::PriorWeight loose{std::max(0.1, 2 * prior.sigma_m), std::max(0.06, 2 * prior.sigma_yaw_rad)};
+      const matching::PriorWeight loose{std::max(0.05, 2 * prior.sigma_m), std::max(0.06, 2 * prior.sigma_yaw_rad)};
       auto coarse = matching::correlate(against.field, few, guess, window, loose);
       if (coarse && coarse->at_border && coarse->score < 0.6) {
         window.yaw_rad *= 2, window.radius_m *= 1.5;
@@ -98,7 +100,13 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
         // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
         const double scale = std::sqrt(options_.point_information_scale);
         const matching::PriorWeight relative{prior.sigma_m * scale, prior.sigma_yaw_rad * scale, 9.0 / options_.point_information_scale};
-        const auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
+        auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
+        // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that odometry is wrong.
+        const Pose2 shift = between(guess, coarse->field_from_scan);
+        if (from_odometry && (std::hypot(shift.x, shift.y) > kClearShift_m || std::abs(shift.phi) > kClearShift_rad)) {
+          const auto as_expected = matching::refine(against.field, few, guess, guess, &relative);
+          if (as_expected.inliers >= options_.min_inliers && as_expected.score > match.score - kClearlyBetter) match = as_expected;
+        }
         if (from_odometry && heading_quality_.wants_heading()) {
           const auto free = matching::refine(against.field, few, coarse->field_from_scan, {}, nullptr);
           heading_quality_.add_heading(free.inliers >= options_.min_inliers ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi) : std::nullopt);
