@@ -44,9 +44,9 @@ TEST(Pose3, between_undoes_compose) {
 
 TEST(Pose3, is_planar_seen_from_above) {
   for (const double yaw : {-3.1, -1.0, 0.0, 0.4, 3.1})
-    EXPECT_THAT(planar(spatial({2.0, -1.0, yaw})), IsNear(Pose2(2.0, -1.0, yaw), 1e-12, 1e-12));
+    EXPECT_THAT(planar(spatial(Pose2{2.0, -1.0, yaw})), IsNear(Pose2(2.0, -1.0, yaw), 1e-12, 1e-12));
   const Pose3 lifted_and_pitched =
-      compose(spatial({1, 2, 0.8}), {{0, 0, 5}, Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()))});
+      compose(spatial(Pose2{1, 2, 0.8}), {{0, 0, 5}, Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()))});
   EXPECT_THAT(planar(lifted_and_pitched), IsNear(Pose2(1, 2, 0.8), 1e-12, 1e-12));
 }
 

@@ -112,7 +112,7 @@ TEST(SubmapCutter, trusts_a_way_alike_whether_it_has_few_nodes_or_many) {
   const auto variance_along = [](const Map& map) {
     double sum = 0.0;
     for (const auto& [id, constraint] : map.constraints)
-      if (id.kind == ConstraintKind::scan_match) sum += 1.0 / planar_information(constraint)(0, 0);
+      if (id.kind == ConstraintKind::scan_match) sum += 1.0 / planar(constraint.information)(0, 0);
     return sum;
   };
   const double dense = variance_along(cut(straight(41, 0.1))), sparse = variance_along(cut(straight(5, 1.0)));

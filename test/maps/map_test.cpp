@@ -19,7 +19,7 @@ TEST(PlanarConstraint, gives_back_what_it_was_built_from) {
   Eigen::Matrix3d information;
   information << 3, 1, 2, 1, 5, 4, 2, 4, 9;
   const Constraint constraint = planar_constraint({}, Pose2(1, -2, 3), information);
-  EXPECT_EQ(planar_information(constraint), information);
+  EXPECT_EQ(planar(constraint.information), information);
   EXPECT_THAT(planar(constraint.from_from_to.pose), IsNear(Pose2(1, -2, 3), 1e-12, 1e-12));
   EXPECT_EQ(constraint.information(5, 5), 9) << "yaw is the last of the six";
   EXPECT_TRUE(constraint.information.row(2).isZero(0.0)) << "height is left open";

@@ -11,6 +11,20 @@ Pose2 planar(const Pose3& pose) {
   return {pose.t.x(), pose.t.y(), wrap_angle(std::atan2(x_axis.y(), x_axis.x()))};
 }
 
+Eigen::Matrix<double, 6, 6> spatial(const Eigen::Matrix3d& planar) {
+  Eigen::Matrix<double, 6, 6> result = Eigen::Matrix<double, 6, 6>::Zero();
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) result(kPlanarAxes[row], kPlanarAxes[column]) = planar(row, column);
+  return result;
+}
+
+Eigen::Matrix3d planar(const Eigen::Matrix<double, 6, 6>& spatial) {
+  Eigen::Matrix3d result;
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) result(row, column) = spatial(kPlanarAxes[row], kPlanarAxes[column]);
+  return result;
+}
+
 bool is_finite(const Pose2& pose) { return std::isfinite(pose.x) && std::isfinite(pose.y) && std::isfinite(pose.phi); }
 
 bool is_finite(const Pose3& pose) { return pose.t.allFinite() && pose.q.coeffs().allFinite(); }

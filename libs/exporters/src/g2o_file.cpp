@@ -40,7 +40,7 @@ void append_pose(std::string& text, const Pose3& pose, bool planar_graph) {
 
 void append_information(std::string& text, const Constraint& constraint, bool planar_graph) {
   if (planar_graph) {
-    const Eigen::Matrix3d information = planar_information(constraint);
+    const Eigen::Matrix3d information = planar(constraint.information);
     for (int row = 0; row < 3; ++row)
       for (int column = row; column < 3; ++column) append_numbers(text, {information(row, column)});
     return;

@@ -3,27 +3,14 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
+#include <mapweave/core/stopwatch.h>
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <chrono>
 #include <numeric>
 
 namespace mapweave::fusion {
 namespace {
-
-class Stopwatch {
- public:
-  double lap() {
-    const auto now = std::chrono::steady_clock::now();
-    const double seconds = std::chrono::duration<double>(now - start_).count();
-    start_ = now;
-    return seconds;
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 std::vector<const Map*> sorted(const std::vector<Map>& maps) {
   std::vector<const Map*> order;

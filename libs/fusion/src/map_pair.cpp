@@ -22,14 +22,6 @@ matching::Point2f placed(const Pose2& pose, const matching::Point2f& p) {
 
 double distance(const matching::Point2f& a, const matching::Point2f& b) { return std::hypot(a.x - b.x, a.y - b.y); }
 
-Eigen::Matrix3d information_of(const Alignment& alignment) {
-  Eigen::Matrix3d covariance;
-  const int order[3] = {0, 1, 5};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) covariance(i, j) = alignment.covariance(order[i], order[j]);
-  return covariance.inverse();
-}
-
 // Two witnesses agree when the transforms they imply put b's places where they are on (nearly) the same spot. Maps bend, so places far apart may disagree more.
 bool agree(const Witness& one, const Witness& other, const PreparedMap& b, const FusionOptions& options) {
   const auto& p = b.centres[one.submap_b];
@@ -168,7 +160,7 @@ std::vector<Witness> Judge::ask(const PreparedMap& a, const PreparedMap& b, cons
       const bool swapped = b.submaps[witness.submap_b]->id < a.submaps[witness.submap_a]->id;
       const Pose2 aligned = planar(answers[i].hypotheses.front().a_from_b.pose);
       witness.submap_a_from_submap_b = swapped ? inverse(aligned) : aligned;
-      witness.submap_information = information_of(answers[i].hypotheses.front());
+      witness.submap_information = planar(answers[i].hypotheses.front().covariance).inverse();
       if (swapped) {
         // A small motion of one end is a motion of the other, seen through the transform between them.
         const Pose2 t = inverse(aligned);

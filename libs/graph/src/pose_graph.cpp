@@ -168,7 +168,7 @@ MapSolution optimise(Map& map, const SolveOptions& options) {
   std::vector<ConstraintId> names;
   edges.reserve(map.constraints.size());
   for (const auto& [id, constraint] : map.constraints) {
-    edges.push_back({number(id.from), number(id.to), planar(constraint.from_from_to.pose), planar_information(constraint),
+    edges.push_back({number(id.from), number(id.to), planar(constraint.from_from_to.pose), planar(constraint.information),
                      id.kind == ConstraintKind::loop || id.kind == ConstraintKind::between_maps});
     names.push_back(id);
   }

@@ -17,14 +17,6 @@ Eigen::Matrix3d chain_information(double length_m, const LoopOptions& options) {
   return Eigen::Vector3d(1.0 / (sigma * sigma), 1.0 / (sigma * sigma), 1.0 / (yaw * yaw)).asDiagonal();
 }
 
-Eigen::Matrix3d planar_covariance(const Alignment& alignment) {
-  Eigen::Matrix3d out;
-  const int order[3] = {0, 1, 5};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out(i, j) = alignment.covariance(order[i], order[j]);
-  return out;
-}
-
 }  // namespace
 
 LoopCloser::LoopCloser(const GraphMapperOptions& options) : options_(options), cache_(static_cast<std::size_t>(options.loops.cache_mb) << 20) {}
@@ -131,7 +123,7 @@ bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncerta
   Loop loop;
   loop.a = a, loop.b = b;
   loop.a_from_b = planar(judgement.hypotheses.front().a_from_b.pose);
-  loop.information = planar_covariance(judgement.hypotheses.front()).inverse();
+  loop.information = planar(judgement.hypotheses.front().covariance).inverse();
   loop.sure = window.radius_m <= options_.loops.confirm_radius_m;
   loop.judgement = std::move(judgement);
   loops_.push_back(std::move(loop));

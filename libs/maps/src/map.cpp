@@ -6,8 +6,6 @@
 namespace mapweave {
 namespace {
 
-constexpr int kPlanarAxes[3] = {0, 1, 5};  // x, y, yaw among (x, y, z, roll, pitch, yaw)
-
 void add_pose(Hasher& hasher, const Pose3& pose) {
   hasher.add(pose.t.x()).add(pose.t.y()).add(pose.t.z());
   hasher.add(pose.q.x()).add(pose.q.y()).add(pose.q.z()).add(pose.q.w());
@@ -43,16 +41,8 @@ Constraint planar_constraint(ConstraintId id, const Pose2& from_from_to, const E
   Constraint constraint;
   constraint.id = std::move(id);
   constraint.from_from_to.pose = spatial(from_from_to);
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) constraint.information(kPlanarAxes[row], kPlanarAxes[column]) = information(row, column);
+  constraint.information = spatial(information);
   return constraint;
-}
-
-Eigen::Matrix3d planar_information(const Constraint& constraint) {
-  Eigen::Matrix3d information;
-  for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 3; ++column) information(row, column) = constraint.information(kPlanarAxes[row], kPlanarAxes[column]);
-  return information;
 }
 
 std::vector<SessionId> Map::sessions() const {

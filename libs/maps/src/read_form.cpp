@@ -7,7 +7,6 @@
 namespace mapweave {
 namespace {
 
-constexpr int kPlanarAxes[3] = {0, 1, 5};  // x, y, yaw among (x, y, z, roll, pitch, yaw)
 constexpr double kAsItIs = 1e-12;          // a quaternion whose norm is this near to 1 keeps its bits
 
 // Numbers of an enumeration; one too large for it becomes one that no soundness rule lets pass.

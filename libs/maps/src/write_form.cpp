@@ -5,8 +5,6 @@
 namespace mapweave {
 namespace {
 
-constexpr int kPlanarAxes[3] = {0, 1, 5};  // x, y, yaw among (x, y, z, roll, pitch, yaw)
-
 std::string bytes_of(const Hash& hash) { return std::string(hash.bytes.begin(), hash.bytes.end()); }
 
 void fill(form::Pose& form, const Pose3& pose) {

@@ -214,9 +214,7 @@ Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& wind
     Eigen::Matrix3d information = hypothesis.match.information / 50.0;
     information.diagonal() += Eigen::Vector3d(1e-2, 1e-2, 1e-1);
     const Eigen::Matrix3d covariance = information.inverse() + Eigen::Vector3d(1e-4, 1e-4, 3e-6).asDiagonal().toDenseMatrix();
-    const int order[3] = {0, 1, 5};
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) alignment.covariance(order[i], order[j]) = 0.5 * (covariance(i, j) + covariance(j, i));
+    alignment.covariance = spatial(Eigen::Matrix3d(0.5 * (covariance + covariance.transpose())));
     judgement.hypotheses.push_back(alignment);
     judgement.scores.push_back(hypothesis.match.score);
   }

@@ -1,6 +1,7 @@
 #include "results.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>

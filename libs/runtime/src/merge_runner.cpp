@@ -1,5 +1,6 @@
 #include "results.h"
 
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/mapdb/map_store.h>

@@ -1,9 +1,9 @@
 #include "results.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/mapdb/map_store.h>
-#include <mapweave/runtime/metrics.h>
 
 #include <nlohmann/json.hpp>
 

@@ -1,3 +1,4 @@
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/robot_task.h>
 
 #include <mapweave/core/interrupt.h>

@@ -53,6 +53,10 @@ struct Sim3 {
 // Planar poses in space, and what a pose in space shows when looked at from above (yaw of the x axis).
 Pose3 spatial(const Pose2&);
 Pose2 planar(const Pose3&);
+// The same for 6 x 6 covariances and informations in order (x, y, z, roll, pitch, yaw): rows and columns of x, y and yaw, all others zero.
+inline constexpr int kPlanarAxes[3] = {0, 1, 5};
+Eigen::Matrix<double, 6, 6> spatial(const Eigen::Matrix3d&);
+Eigen::Matrix3d planar(const Eigen::Matrix<double, 6, 6>&);
 bool is_finite(const Pose2&);
 bool is_finite(const Pose3&);
 

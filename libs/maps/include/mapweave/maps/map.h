@@ -58,7 +58,6 @@ struct Constraint {
 
 // Builds a planar constraint; information in order (x, y, yaw) in the frame of `to`.
 Constraint planar_constraint(ConstraintId id, const Pose2& from_from_to, const Eigen::Matrix3d& information);
-Eigen::Matrix3d planar_information(const Constraint&);
 
 // One map: of one session (a robot's own), or of several that were fused. A value; payloads are shared between copies.
 struct Map {
