@@ -12,7 +12,7 @@
 
 namespace mapweave::app {
 
-// Carries out a verb; returns the exit code (DESIGN section 5).
+// Carries out a verb; returns the exit code (README, verbs).
 using Action = std::function<int()>;
 
 struct Command {

@@ -16,7 +16,7 @@ if(MAPWEAVE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${MAPWEAVE_CCACHE})
 endif()
 
-# Contracted multiply-adds would make results differ between CPUs (DESIGN: rules of the sealed result).
+# Contracted multiply-adds would make results differ between CPUs (README: the same bytes).
 add_compile_options(-ffp-contract=off)
 if(MAPWEAVE_SANITIZER STREQUAL "address")
   add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer -fno-sanitize-recover=all)

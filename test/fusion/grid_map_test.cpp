@@ -6,6 +6,8 @@
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
 
+#include <algorithm>
+
 namespace mapweave::fusion {
 namespace {
 
@@ -54,6 +56,27 @@ TEST(GridMap, refuses_a_grid_that_knows_nothing) {
   grid.columns = grid.rows = 10;
   grid.log_odds.assign(100, OccupancyGrid::kUnknown);
   EXPECT_THROW(map_of_grid(MapId("void"), grid), Error);
+}
+
+TEST(GridMap, of_a_kilometre_in_coarse_cells_is_drawn_as_coarse_as_it_is) {
+  OccupancyGrid grid;
+  grid.resolution_m = 1.0;
+  grid.columns = grid.rows = 600;
+  grid.log_odds.assign(600 * 600, -100);
+  for (int i = 0; i < 600; ++i) grid.log_odds[static_cast<std::size_t>(i * 600 + i)] = 100;
+  WorkerPool pool(1);
+  const OccupancyGrid again = compose_grid(map_of_grid(MapId("site"), grid), {}, pool);
+  EXPECT_EQ(again.resolution_m, 1.0);
+  EXPECT_LE(again.columns, 603);
+  EXPECT_EQ(std::count_if(again.log_odds.begin(), again.log_odds.end(), [](std::int16_t v) { return v > 0; }), 600);
+}
+
+TEST(GridMap, refuses_cells_too_coarse_for_walls) {
+  OccupancyGrid grid;
+  grid.resolution_m = 500.0;
+  grid.columns = grid.rows = 2;
+  grid.log_odds.assign(4, 100);
+  EXPECT_THROW(map_of_grid(MapId("site"), grid), Error);
 }
 
 }  // namespace

@@ -37,6 +37,34 @@ TEST(GraphMapper, works_without_odometry) {
   EXPECT_LT(error_m(mapped(team.robots[0], team.laser, false), team.robots[0]), 0.10);
 }
 
+TEST(GraphMapper, gets_over_a_first_scan_that_saw_nothing) {
+  auto team = simulation::make_apartment({}, alone(15.0));
+  auto& robot = team.robots[0];
+  robot.steps.front().ranges.assign(robot.steps.front().ranges.size(), 0.0F);
+  const Map map = mapped(robot, team.laser, false);
+  EXPECT_GT(map.submaps.size(), 0U);
+  EXPECT_LT(error_m(map, robot), 0.3);
+}
+
+TEST(GraphMapper, begins_a_new_piece_of_map_where_nothing_fits_and_there_is_no_odometry) {
+  const auto team = simulation::make_apartment({}, alone(25.0));
+  auto robot = team.robots[0];
+  // Carried off in the middle: what the laser sees next fits nothing.
+  const auto away = simulation::make_ring({}, alone(20.0));
+  robot.steps.resize(robot.steps.size() / 2);
+  Stamp stamp = robot.steps.back().stamp;
+  for (auto step : away.robots[0].steps) {
+    stamp.ns += 200000000;
+    step.stamp = stamp;
+    robot.steps.push_back(step);
+  }
+  const Map map = mapped(robot, team.laser, false);
+  const auto carried = static_cast<std::uint32_t>(team.robots[0].steps.size() / 2);
+  std::size_t after = 0;
+  for (const auto& [id, submap] : map.submaps) after += submap.anchor().index > carried;
+  EXPECT_GT(after, 1U) << "the second place has submaps of its own";
+}
+
 TEST(GraphMapper, gets_over_wheels_that_miss_turns) {
   auto options = alone(30.0);
   options.odometry.slips_per_100_m = 20.0;

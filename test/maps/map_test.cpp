@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
-#include <mapweave/maps/judgement.h>
+#include <mapweave/maps/alignment.h>
 #include <support/pose_matchers.h>
 #include <support/random_map.h>
 
@@ -86,6 +86,27 @@ TEST(ToText, names_every_reason_and_decision) {
   EXPECT_EQ(to_text(Decision::accepted), "accepted");
   EXPECT_EQ(to_text(Decision::refused), "refused");
   EXPECT_EQ(to_text(Decision::deferred), "deferred");
+}
+
+TEST(Alignment, turned_around_has_the_covariance_of_the_inverse) {
+  Alignment alignment;
+  const Pose2 a_from_b{3.0, -2.0, 0.7};
+  alignment.a_from_b.pose = spatial(a_from_b);
+  Eigen::Matrix3d root;
+  root << 0.01, 0, 0, 0.004, 0.02, 0, 0.001, -0.002, 0.003;
+  alignment.covariance = spatial(Eigen::Matrix3d(root * root.transpose()));
+  const Alignment turned = inverse(alignment);
+  Eigen::Matrix3d expected = Eigen::Matrix3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    // To first order: what a small motion along each column of the root does to the inverse.
+    const Eigen::Vector3d m = 1e-3 * root.col(k);
+    const Pose2 moved = between(inverse(a_from_b), inverse(compose(a_from_b, {m(0), m(1), m(2)})));
+    const Eigen::Vector3d back = Eigen::Vector3d(moved.x, moved.y, moved.phi) / 1e-3;
+    expected += back * back.transpose();
+  }
+  EXPECT_LT((planar(turned.covariance) - expected).norm(), 1e-3 * expected.norm());
+  EXPECT_NEAR(planar(turned.a_from_b.pose).phi, -0.7, 1e-12);
+  EXPECT_LT((planar(inverse(turned).covariance) - planar(alignment.covariance)).norm(), 1e-12);
 }
 
 }  // namespace

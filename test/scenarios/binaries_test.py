@@ -1,4 +1,4 @@
-"""What the binaries of ours load: no graphics, and MRPT's SLAM library in the helper alone (DESIGN section 2).
+"""What the binaries of ours load: no graphics, and MRPT's SLAM library in the helper alone.
 
 usage: binaries_test.py FOLDER PROGRAM...    FOLDER: where the build puts binaries; PROGRAM: those of apps/
 """

@@ -42,6 +42,7 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   struct Raster {
     const OccupancyGrid* grid;
     Pose2 map_from_grid;
+    Extent extent;
   };
   std::vector<Raster> rasters;
   Extent extent;
@@ -50,11 +51,12 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     const Pose2 pose = planar(node.map_from_node);
     const double c = std::cos(pose.phi), s = std::sin(pose.phi);
     if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) {
-      rasters.push_back({grid, pose});
+      rasters.push_back({grid, pose, {}});
       for (const double gx : {0.0, grid->columns * grid->resolution_m})
         for (const double gy : {0.0, grid->rows * grid->resolution_m}) {
           const double x = grid->origin_x_m + gx, y = grid->origin_y_m + gy;
           extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
+          rasters.back().extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
         }
       continue;
     }
@@ -74,16 +76,20 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   }
   OccupancyGrid grid;
   grid.resolution_m = options.resolution_m;
+  // Rasters alone tell nothing finer than they are.
+  double finest_m = 1e300;
+  for (const auto& raster : rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
+  if (scans.empty() && !rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
   if (scans.empty() && rasters.empty()) return grid;
   if (extent.high_x - extent.low_x > kWidest_m || extent.high_y - extent.low_y > kWidest_m)
     throw Error(ErrorCode::kBadInput, "the map is " + std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) + " m wide; at most 2000 m are drawn", {},
                 "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
-  const double per_metre = 1.0 / options.resolution_m;
-  const auto first_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1, first_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
-  grid.origin_x_m = static_cast<double>(first_column) * options.resolution_m;
-  grid.origin_y_m = static_cast<double>(first_row) * options.resolution_m;
-  grid.columns = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_x * per_metre)) + 2 - first_column);
-  grid.rows = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_y * per_metre)) + 2 - first_row);
+  const double per_metre = 1.0 / grid.resolution_m;
+  const auto lowest_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1, lowest_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
+  grid.origin_x_m = static_cast<double>(lowest_column) * grid.resolution_m;
+  grid.origin_y_m = static_cast<double>(lowest_row) * grid.resolution_m;
+  grid.columns = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_x * per_metre)) + 2 - lowest_column);
+  grid.rows = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_y * per_metre)) + 2 - lowest_row);
   grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows), OccupancyGrid::kUnknown);
 
   // Bands of rows are drawn side by side, each by all scans in order: the same sums whatever the number of threads.
@@ -92,14 +98,20 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   pool.for_each(bands, [&](std::size_t band) {
     throw_if_interrupted();
     const int low = static_cast<int>(band) * kBandRows, high = std::min(low + kBandRows, grid.rows);
-    const double low_y = grid.origin_y_m + low * options.resolution_m, high_y = grid.origin_y_m + high * options.resolution_m;
+    const double low_y = grid.origin_y_m + low * grid.resolution_m, high_y = grid.origin_y_m + high * grid.resolution_m;
     const auto cell = [&](int column, int row) -> std::int16_t& { return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)]; };
     for (const auto& raster : rasters) {
+      if (raster.extent.high_y < low_y || raster.extent.low_y >= high_y) continue;
+      const int first_column = std::max(0, static_cast<int>((raster.extent.low_x - grid.origin_x_m) * per_metre));
+      const int last_column = std::min(grid.columns - 1, static_cast<int>((raster.extent.high_x - grid.origin_x_m) * per_metre));
+      const int first_row = std::max(low, static_cast<int>((raster.extent.low_y - grid.origin_y_m) * per_metre));
+      const int last_row = std::min(high - 1, static_cast<int>((raster.extent.high_y - grid.origin_y_m) * per_metre));
+      throw_if_interrupted();
       const Pose2 raster_from_map = inverse(raster.map_from_grid);
       const double c = std::cos(raster_from_map.phi), s = std::sin(raster_from_map.phi);
-      for (int row = low; row < high; ++row)
-        for (int column = 0; column < grid.columns; ++column) {
-          const double x = grid.origin_x_m + (column + 0.5) * options.resolution_m, y = grid.origin_y_m + (row + 0.5) * options.resolution_m;
+      for (int row = first_row; row <= last_row; ++row)
+        for (int column = first_column; column <= last_column; ++column) {
+          const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
           const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m, ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
           const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)), j = static_cast<int>(std::floor(ry / raster.grid->resolution_m));
           if (!raster.grid->inside(i, j)) continue;

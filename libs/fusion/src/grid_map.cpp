@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <utility>
 
@@ -12,11 +13,14 @@ namespace {
 constexpr double kTile_m = 5.0;
 constexpr int kTilesAcross = 3;       // a submap has up to 3 x 3 tiles,
 constexpr int kTileStride = 2;        // and shares a row or column with the next
+constexpr double kCoarsest_m = 2.0;
 constexpr double kStiffness = 1e6;    // 1/m^2: a raster does not bend, but for what a joint graph must give
 
 }  // namespace
 
 Map map_of_grid(MapId id, const OccupancyGrid& grid) {
+  if (grid.resolution_m > kCoarsest_m)
+    throw Error(ErrorCode::kBadInput, "cells of " + std::to_string(grid.resolution_m) + " m show no walls; at most 2 m", id.str(), "check its resolution: metres per cell");
   Map map;
   map.id = id;
   const SessionId session{{RobotId(id.str()), SensorId("grid")}, 0};
@@ -43,18 +47,17 @@ Map map_of_grid(MapId id, const OccupancyGrid& grid) {
     }
   if (tiles.empty()) throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", id.str(), "check its thresholds");
   const auto pose = [&](const NodeId& node) { return planar(map.nodes.find(node)->map_from_node); };
-  // Each tile is held by the one before it in the same row, or by the nearest before it at all.
-  for (const auto& [place, node] : tiles) {
-    if (node.index == 0) continue;
-    const NodeId* best = nullptr;
-    double nearest = 1e300;
-    for (const auto& [other_place, other] : tiles) {
-      if (!(other.index < node.index)) continue;
-      const double apart = std::hypot(other_place.first - place.first, other_place.second - place.second);
-      if (apart < nearest) nearest = apart, best = &other;
-    }
-    const ConstraintId name{ConstraintKind::odometry, *best, node, 0};
-    map.constraints.set(name, planar_constraint(name, between(pose(*best), pose(node)), Eigen::Vector3d(kStiffness, kStiffness, kStiffness).asDiagonal()));
+  // Each tile is held by its neighbour to the left, else by the one below, else by the one before it.
+  for (auto tile = std::next(tiles.begin()); tile != tiles.end(); ++tile) {
+    const auto& [row, column] = tile->first;
+    auto holder = std::prev(tile);
+    const auto left = tiles.find({row, column - 1}), below = tiles.find({row - 1, column});
+    if (left != tiles.end())
+      holder = left;
+    else if (below != tiles.end())
+      holder = below;
+    const ConstraintId name{ConstraintKind::odometry, holder->second, tile->second, 0};
+    map.constraints.set(name, planar_constraint(name, between(pose(holder->second), pose(tile->second)), Eigen::Vector3d(kStiffness, kStiffness, kStiffness).asDiagonal()));
   }
   std::uint32_t submaps = 0;
   const int last_row = (grid.rows + side - 1) / side, last_column = (grid.columns + side - 1) / side;

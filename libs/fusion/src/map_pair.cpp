@@ -2,6 +2,7 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/graph/consistent_set.h>
+#include <mapweave/maps/alignment.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -61,6 +62,17 @@ Pose2 mean_transform(const std::vector<const Witness*>& witnesses, const Prepare
   const double phi = std::atan2(sine, cosine), c = std::cos(phi), s = std::sin(phi);
   bx /= n, by /= n, ax /= n, ay /= n;
   return {ax - (c * bx - s * by), ay - (s * bx + c * by), phi};
+}
+
+// Of map b's frame in its own axes. Witnesses that tell the same story count once; maps bend by some centimetres however many agree.
+Eigen::Matrix3d covariance_of(const std::vector<const Witness*>& witnesses, const PreparedMap& b, std::size_t independent) {
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  for (const Witness* w : witnesses) {
+    const Eigen::Matrix3d carry = adjoint(inverse(b.map_from_submap[w->submap_b]));
+    information += carry.transpose() * w->submap_information * carry;
+  }
+  information *= static_cast<double>(std::max<std::size_t>(1, independent)) / static_cast<double>(witnesses.size());
+  return information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix();
 }
 
 std::vector<Question> first_questions(const PreparedMap& a, const PreparedMap& b, const FusionOptions& options) {
@@ -163,10 +175,8 @@ std::vector<Witness> Judge::ask(const PreparedMap& a, const PreparedMap& b, cons
       witness.submap_information = planar(answers[i].hypotheses.front().covariance).inverse();
       if (swapped) {
         // A small motion of one end is a motion of the other, seen through the transform between them.
-        const Pose2 t = inverse(aligned);
-        Eigen::Matrix3d adjoint;
-        adjoint << std::cos(t.phi), -std::sin(t.phi), t.y, std::sin(t.phi), std::cos(t.phi), -t.x, 0, 0, 1;
-        witness.submap_information = (adjoint.transpose() * witness.submap_information * adjoint).eval();
+        const Eigen::Matrix3d carry = adjoint(inverse(aligned));
+        witness.submap_information = (carry.transpose() * witness.submap_information * carry).eval();
       }
       witness.a_from_b = compose(compose(a.map_from_submap[witness.submap_a], witness.submap_a_from_submap_b), inverse(b.map_from_submap[witness.submap_b]));
     }
@@ -282,10 +292,10 @@ PairResult decide(const PreparedMap& a, const PreparedMap& b, const FusionInput&
   verdict.witnesses.erase(std::unique(verdict.witnesses.begin(), verdict.witnesses.end()), verdict.witnesses.end());
   Alignment alignment;
   alignment.a_from_b.pose = spatial(a_from_b);
-  alignment.covariance = clique.front()->judgement.hypotheses.front().covariance;
+  const std::size_t independent = disjoint(holding);
+  alignment.covariance = spatial(covariance_of(clique, b, std::min(independent, clique.size())));
   verdict.alignment = alignment;
 
-  const std::size_t independent = disjoint(holding);
   const bool sole = clique.size() == 1 && clique.front()->judgement.probability >= options.sole_witness_probability;
   if (verdict.second_best > options.max_rival) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;

@@ -1,6 +1,7 @@
 #include "graph_front_end.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -63,8 +64,9 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
   const auto few = matching::thinned(points, options_.thinning_m, static_cast<std::size_t>(options_.most_points));
 
   bool inserted = false;
+  int frozen = 0;
   if (!last_stamp_) {
-    inserted = true;
+    inserted = few.size() >= kFewestPoints;
   } else {
     bool from_odometry = false;
     const Pose2 motion = predict(input.stamp, from_odometry);
@@ -83,7 +85,7 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
 
     bool matched = false;
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    if (few.size() >= kFewestPoints) {
+    if (few.size() >= kFewestPoints && !active_.empty()) {
       Active& against = active_.front();
       against.field.settle();
       const Pose2 guess = between(against.local_from_submap, predicted);
@@ -139,9 +141,22 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     travelled_m_ += std::hypot(moved.x, moved.y);
     local_from_last_ = local_from_node;
     const Pose2 since = between(local_from_inserted_, local_from_node);
-    // New ground fits nothing yet: there odometry draws. Without it, a scan that fits nowhere would only spoil the submap.
-    inserted = few.size() >= kFewestPoints && (matched || from_odometry) &&
-               (std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad);
+    if (few.size() < kFewestPoints) {
+      // Nothing seen, nothing to draw.
+    } else if (active_.empty()) {
+      inserted = true;
+    } else if (matched || from_odometry) {
+      // New ground fits nothing yet: there odometry draws.
+      inserted = std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad;
+      lost_ = 0;
+    } else if (++lost_ >= options_.lost_scans) {
+      // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops may tie to the others.
+      log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) + " scans fit nowhere and there is no odometry; a new piece of map begins at " +
+                                 std::to_string(input.stamp.seconds()) + " s, its place uncertain");
+      frozen += finish(map);
+      inserted = true;
+      lost_ = 0;
+    }
   }
   last_stamp_ = input.stamp;
   last_odometry_ = odometry_.at(input.stamp);
@@ -149,7 +164,6 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
   node.map_from_node = spatial(local_from_last_);
   if (inserted) node.payload = std::make_shared<const Payload>(input.scan);
   map.nodes.set(id, node);
-  int frozen = 0;
   if (inserted) {
     local_from_inserted_ = local_from_last_;
     if (active_.empty()) start_submap(local_from_last_, map);
@@ -198,7 +212,8 @@ void FrontEnd::freeze(Active& active, Map& map) {
   submap.content = content_hash(submap, map.nodes);
 }
 
-void FrontEnd::finish(Map& map) {
+int FrontEnd::finish(Map& map) {
+  const int frozen = active_.empty() ? 0 : 1;
   for (std::size_t i = 0; i < active_.size(); ++i) {
     if (i > 0) {
       // The younger one began inside the older and holds nothing else.
@@ -208,6 +223,7 @@ void FrontEnd::finish(Map& map) {
     freeze(active_[i], map);
   }
   active_.clear();
+  return frozen;
 }
 
 }  // namespace mapweave::laser

@@ -83,7 +83,7 @@ void GraphMapper::finish() {
     std::move(again.begin(), again.end(), std::back_inserter(all));
     again.clear();
     again.shrink_to_fit();
-    std::sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
+    std::stable_sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
     state.map.constraints.reserve(all.size());
     for (auto& constraint : all) {
       const ConstraintId id = constraint.id;

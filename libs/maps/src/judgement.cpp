@@ -1,4 +1,4 @@
-#include <mapweave/maps/judgement.h>
+#include <mapweave/maps/alignment.h>
 
 namespace mapweave {
 
@@ -23,6 +23,21 @@ std::string_view to_text(Decision decision) {
     case Decision::deferred: return "deferred";
   }
   return "unknown";
+}
+
+Eigen::Matrix3d adjoint(const Pose2& a_from_b) {
+  const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
+  Eigen::Matrix3d result;
+  result << c, -s, a_from_b.y, s, c, -a_from_b.x, 0, 0, 1;
+  return result;
+}
+
+Alignment inverse(const Alignment& a_from_b) {
+  Alignment result;
+  result.a_from_b.pose = inverse(a_from_b.a_from_b.pose);
+  const Eigen::Matrix3d carry = adjoint(planar(a_from_b.a_from_b.pose));
+  result.covariance = spatial(Eigen::Matrix3d(carry * planar(a_from_b.covariance) * carry.transpose()));
+  return result;
 }
 
 }  // namespace mapweave

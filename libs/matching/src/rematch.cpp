@@ -107,7 +107,7 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       const Eigen::Matrix3d floor = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();  // 1 cm, 0.11 degrees
       information = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
       const bool own = member_id.session == node->id.session;
-      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1},
+      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
                                               between(members[tied].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
     }
     return constraints;

@@ -1,6 +1,7 @@
 #include <mapweave/runtime/report.h>
 
 #include <mapweave/core/hash.h>
+#include <mapweave/maps/alignment.h>
 
 #include <nlohmann/json.hpp>
 
@@ -47,8 +48,9 @@ Json b_from_a(const Sim3& a_from_b) {
   return {{"t", {t.x(), t.y(), t.z()}}, {"q", {q.x(), q.y(), q.z(), q.w()}}, {"scale", 1.0 / a_from_b.scale}};
 }
 
-// Rows of the covariance: x, y, yaw of a planar alignment, else all six.
-Json covariance(const Alignment& alignment) {
+// Of b_from_a. Rows: x, y, yaw of a planar alignment, else all six.
+Json covariance(const Alignment& a_from_b) {
+  const Alignment alignment = is_planar(a_from_b.a_from_b) ? inverse(a_from_b) : a_from_b;
   const std::vector<int> rows = is_planar(alignment.a_from_b) ? std::vector<int>{0, 1, 5} : std::vector<int>{0, 1, 2, 3, 4, 5};
   Json matrix = Json::array();
   for (const int row : rows) {

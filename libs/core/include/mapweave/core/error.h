@@ -34,7 +34,7 @@ class Error : public std::runtime_error {
   std::string problem_, where_, remedy_;
 };
 
-// The exit code of DESIGN section 5 for an error that ends the program.
+// The exit code (README, verbs) for an error that ends the program.
 int exit_code(ErrorCode code);
 
 // The caller broke the contract. Throws in every build type.

@@ -1,5 +1,5 @@
 #pragma once
-// Many maps -> team maps: the one operator of every tier (DESIGN section 1; RecSLAM fig. 7a). Edge servers call it on the
+// Many maps -> team maps: the one operator of every tier (RecSLAM fig. 7a). Edge servers call it on the
 // maps they hold (preparative fusion), the cloud on everything (global fusion).
 
 #include <mapweave/core/progress.h>

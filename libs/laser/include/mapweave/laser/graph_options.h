@@ -24,6 +24,7 @@ struct FrontEndOptions {
   double odometry_sigma_yaw_per_rad = 0.15;
   double point_information_scale = 0.05;
   double min_inliers = 0.35;
+  int lost_scans = 10;
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative("min_range_m", min_range_m, "nearer returns are left out (the robot's own body)");
@@ -41,6 +42,7 @@ struct FrontEndOptions {
     v.positive("odometry_sigma_yaw_rad", odometry_sigma_yaw_rad, "error of the odometry's heading between two scans, standing");
     v.non_negative("odometry_sigma_yaw_per_rad", odometry_sigma_yaw_per_rad, "and per radian turned");
     v.fraction("point_information_scale", point_information_scale, "weight of a point, against one whose error is its own");
+    v.integer("lost_scans", lost_scans, 1, 100000, "scans without odometry that fit nowhere, after which a new piece of map begins");
     v.fraction("min_inliers", min_inliers, "a match with a smaller share of fitting points is not believed");
   }
 };

@@ -1,5 +1,5 @@
 #pragma once
-// Two layers of decision (DESIGN section 1). A judgement is pure in two frozen contents, made once and cached by hash. A
+// Two layers of decision. A judgement is pure in two frozen contents, made once and cached by hash. A
 // verdict (commitment) is pure in the set of all judgements.
 
 #include <mapweave/core/geometry.h>

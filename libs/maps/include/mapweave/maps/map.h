@@ -1,6 +1,6 @@
 #pragma once
 // The nouns of a map. Content (scans, frozen submaps) never changes once frozen; belief (poses, constraints) is
-// recomputed. Grids, pyramids, clouds and pictures are caches of content under a belief. DESIGN section 1.
+// recomputed. Grids, pyramids, clouds and pictures are caches of content under a belief.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/hash.h>

@@ -1,5 +1,5 @@
 #pragma once
-// The one message that tiers exchange and the store keeps (DESIGN section 1, CVS III-A): new content once, moved poses
+// The one message that tiers exchange and the store keeps (CVS III-A): new content once, moved poses
 // after.
 
 #include <mapweave/maps/judgement.h>

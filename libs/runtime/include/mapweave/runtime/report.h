@@ -1,5 +1,5 @@
 #pragma once
-// What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (issue 2, the contract of the command line).
+// What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (the contract of the command line).
 
 #include <mapweave/core/error.h>
 #include <mapweave/maps/judgement.h>
@@ -48,7 +48,7 @@ struct Report {
   double wall_seconds = 0.0;
   std::uint64_t peak_rss_bytes = 0;
 
-  // 0, 4 where maps stayed apart, the code of the first robot's trouble, 130 (DESIGN section 5).
+  // 0, 4 where maps stayed apart, the code of the first robot's trouble, 130 (README, verbs).
   int exit_code() const;
 };
 
