@@ -12,6 +12,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <memory>
 
 namespace mapweave::app {
@@ -60,7 +61,16 @@ void add_statistics(Json& numbers, const std::string& name, const std::string& u
   numbers[name + "_max_" + unit] = statistics.max;
 }
 
+void check(const evaluation::RelativeErrorOptions& relative) {
+  if (!(relative.delta > 0.0))
+    throw Error(ErrorCode::kUsage, "the length of the pieces must be larger than 0", "--delta", "choose 1, for example");
+  constexpr double kMostFrames = 1e9;
+  if (relative.unit == evaluation::DeltaUnit::frames && (relative.delta >= kMostFrames || relative.delta != std::floor(relative.delta)))
+    throw Error(ErrorCode::kUsage, "frames are counted in whole numbers below 1e9", "--delta", "choose 1, or --delta-unit metres");
+}
+
 Json trajectory_numbers(const Arguments& arguments) {
+  check(arguments.relative);
   const auto estimate = evaluation::read_tum(arguments.estimate), reference = evaluation::read_tum(arguments.reference);
   const auto absolute = evaluation::absolute_error(estimate, reference, arguments.error);
   const auto relative = evaluation::relative_error(estimate, reference, arguments.error, arguments.relative);
@@ -123,6 +133,7 @@ Action set_up_evaluate(CLI::App& verb) {
   grids->add_option("A", arguments->grid_a, "map_server file")->required()->type_name("A.yaml");
   grids->add_option("B", arguments->grid_b, "map_server file")->required()->type_name("B.yaml");
   grids->add_option("--wall-tolerance", arguments->agreement.wall_tolerance_cells, "cells; a wall this near is the same wall")
+      ->check(CLI::Range(0, 20))
       ->capture_default_str();
   add_output(*grids, *arguments);
 

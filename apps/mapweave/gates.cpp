@@ -52,7 +52,7 @@ int report_numbers(const nlohmann::ordered_json& numbers, bool as_json, const st
     }
   int code = 0;
   for (const Limit& limit : checked) {
-    const double value = numbers[limit.key].is_null() ? std::nan("") : numbers[limit.key].get<double>();
+    const double value = numbers[limit.key].get<double>();
     if (value <= limit.most) continue;
     std::fprintf(stderr, "mapweave: %s is %.6g; at most %.6g was asked for\n", limit.key.c_str(), value, limit.most);
     code = kGateFailed;

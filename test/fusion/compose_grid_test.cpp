@@ -20,7 +20,8 @@ Map one_ray(const Pose2& map_from_robot) {
 }
 
 std::int16_t value_at(const OccupancyGrid& grid, double x, double y) {
-  const int column = static_cast<int>(std::floor((x - grid.origin_x_m) / grid.resolution_m)), row = static_cast<int>(std::floor((y - grid.origin_y_m) / grid.resolution_m));
+  const int column = static_cast<int>(std::floor((x - grid.origin_x_m) / grid.resolution_m)),
+            row = static_cast<int>(std::floor((y - grid.origin_y_m) / grid.resolution_m));
   return grid.inside(column, row) ? grid.at(column, row) : OccupancyGrid::kUnknown;
 }
 

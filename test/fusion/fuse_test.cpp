@@ -106,7 +106,8 @@ TEST(Fuse, passes_single_and_empty_teams_through) {
   const auto one = fused({apartment().maps[0]});
   ASSERT_EQ(one.components.size(), 1U);
   EXPECT_TRUE(one.verdicts.empty());
-  for (const auto& [id, node] : apartment().maps[0].nodes) EXPECT_EQ(one.components[0].map.nodes.find(id)->map_from_node.t, node.map_from_node.t);
+  for (const auto& [id, node] : apartment().maps[0].nodes)
+    EXPECT_EQ(one.components[0].map.nodes.find(id)->map_from_node.t, node.map_from_node.t);
   EXPECT_TRUE(fused({}).components.empty());
 }
 

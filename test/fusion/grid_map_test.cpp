@@ -26,11 +26,13 @@ TEST(GridMap, is_drawn_again_as_it_was) {
   WorkerPool pool(1);
   const Map map = map_of_grid(MapId("office"), grid);
   const OccupancyGrid again = compose_grid(map, {}, pool);
-  const int dx = static_cast<int>(std::lround((again.origin_x_m - grid.origin_x_m) / 0.05)), dy = static_cast<int>(std::lround((again.origin_y_m - grid.origin_y_m) / 0.05));
+  const int dx = static_cast<int>(std::lround((again.origin_x_m - grid.origin_x_m) / 0.05)),
+            dy = static_cast<int>(std::lround((again.origin_y_m - grid.origin_y_m) / 0.05));
   std::size_t differing = 0;
   for (int row = 0; row < grid.rows; ++row)
     for (int column = 0; column < grid.columns; ++column)
-      differing += !again.inside(column - dx, row - dy) ? grid.at(column, row) != 0 : (again.at(column - dx, row - dy) > 0) != (grid.at(column, row) > 0);
+      differing += !again.inside(column - dx, row - dy) ? grid.at(column, row) != 0
+                                                        : (again.at(column - dx, row - dy) > 0) != (grid.at(column, row) > 0);
   EXPECT_EQ(differing, 0U);
 }
 

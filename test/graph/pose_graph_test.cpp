@@ -26,7 +26,8 @@ Square make_square(unsigned seed, int per_side = 10) {
   const auto noise = [&](double sigma) { return sigma * (2.0 * static_cast<double>(random() >> 11) / 9007199254740992.0 - 1.0); };
   Square square;
   square.truth.push_back({0, 0, 0});
-  for (int i = 1; i < 4 * per_side; ++i) square.truth.push_back(compose(square.truth.back(), {1.0, 0.0, i % per_side == 0 ? M_PI / 2 : 0.0}));
+  for (int i = 1; i < 4 * per_side; ++i)
+    square.truth.push_back(compose(square.truth.back(), {1.0, 0.0, i % per_side == 0 ? M_PI / 2 : 0.0}));
   square.dead_reckoning.push_back({0, 0, 0});
   for (std::size_t i = 1; i < square.truth.size(); ++i) {
     Pose2 step = between(square.truth[i - 1], square.truth[i]);
@@ -61,7 +62,8 @@ TEST(PoseGraph, closes_a_loop_and_takes_the_drift_out) {
 TEST(PoseGraph, agrees_with_truth_exactly_when_edges_have_no_error) {
   const Square square = make_square(1);
   std::vector<Edge> edges;
-  for (std::uint32_t i = 1; i < square.truth.size(); ++i) edges.push_back({i - 1, i, between(square.truth[i - 1], square.truth[i]), information(0.1, 0.1), false});
+  for (std::uint32_t i = 1; i < square.truth.size(); ++i)
+    edges.push_back({i - 1, i, between(square.truth[i - 1], square.truth[i]), information(0.1, 0.1), false});
   edges.push_back(loop(square, 0, 39));
   const Solution solution = solve(square.dead_reckoning, edges, {100, 25.0, 10});
   EXPECT_LT(worst(solution.poses, square.truth), 1e-4);
@@ -113,7 +115,8 @@ TEST(PoseGraph, gives_the_same_bytes_twice) {
 
 TEST(PoseGraph, refuses_edges_that_name_no_pose) {
   EXPECT_THROW(solve({{}, {}}, {{0, 2, {}, Eigen::Matrix3d::Identity(), false}}), ContractViolation);
-  EXPECT_THROW(solve({{}, {}}, {{0, 1, {std::numeric_limits<double>::quiet_NaN(), 0, 0}, Eigen::Matrix3d::Identity(), false}}), ContractViolation);
+  EXPECT_THROW(solve({{}, {}}, {{0, 1, {std::numeric_limits<double>::quiet_NaN(), 0, 0}, Eigen::Matrix3d::Identity(), false}}),
+               ContractViolation);
 }
 
 TEST(PoseGraph, stands_directions_that_no_edge_knows) {
@@ -128,7 +131,8 @@ TEST(MapOptimisation, removes_and_names_rejected_loops) {
   Map map;
   const SessionId session{{RobotId("alpha"), SensorId("laser")}, 1};
   const auto id = [&](std::uint32_t i) { return NodeId{session, i}; };
-  for (std::uint32_t i = 0; i < square.truth.size(); ++i) map.nodes.set(id(i), Node{id(i), {static_cast<std::int64_t>(i)}, spatial(square.dead_reckoning[i]), nullptr});
+  for (std::uint32_t i = 0; i < square.truth.size(); ++i)
+    map.nodes.set(id(i), Node{id(i), {static_cast<std::int64_t>(i)}, spatial(square.dead_reckoning[i]), nullptr});
   for (const auto& edge : square.edges) {
     const ConstraintId name{ConstraintKind::odometry, id(edge.from), id(edge.to), 0};
     map.constraints.set(name, planar_constraint(name, edge.from_from_to, edge.information));

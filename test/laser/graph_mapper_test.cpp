@@ -27,7 +27,8 @@ TEST(GraphMapper, maps_an_apartment_within_centimetres) {
 TEST(GraphMapper, closes_a_loop) {
   const auto team = simulation::make_ring({}, alone(140.0));
   const Map map = mapped(team.robots[0], team.laser);
-  const auto loops = std::count_if(map.constraints.begin(), map.constraints.end(), [](const auto& entry) { return entry.first.kind == ConstraintKind::loop; });
+  const auto loops = std::count_if(map.constraints.begin(), map.constraints.end(),
+                                   [](const auto& entry) { return entry.first.kind == ConstraintKind::loop; });
   EXPECT_GT(loops, 0);
   EXPECT_LT(error_m(map, team.robots[0]), 0.04);
 }
@@ -101,7 +102,8 @@ TEST(GraphMapper, freezes_submaps_that_overlap_by_half) {
     EXPECT_TRUE(submap.frozen);
     EXPECT_EQ(submap.content, content_hash(submap, map.nodes));
     if (last != nullptr) {
-      EXPECT_TRUE(std::any_of(last->submap_from_node.begin(), last->submap_from_node.end(), [&](const auto& member) { return member.first == submap.anchor(); }));
+      EXPECT_TRUE(std::any_of(last->submap_from_node.begin(), last->submap_from_node.end(),
+                              [&](const auto& member) { return member.first == submap.anchor(); }));
     }
     last = &submap;
   }

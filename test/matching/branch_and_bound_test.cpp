@@ -11,7 +11,7 @@ using test::IsNear;
 struct Pair {
   Map map_a, map_b;
   std::vector<SubmapModel> a, b;
-  Pose2 a_from_b_maps;                 // of the map frames: the truth
+  Pose2 a_from_b_maps;  // of the map frames: the truth
   Pair() {
     simulation::TeamOptions options;
     options.robots = 2;
@@ -23,7 +23,9 @@ struct Pair {
     a_from_b_maps = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
   }
   Pose2 truth(std::size_t i, std::size_t j) const {
-    const auto anchor = [](const Map& map, std::size_t n) { return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(n))->second.anchor())->map_from_node); };
+    const auto anchor = [](const Map& map, std::size_t n) {
+      return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(n))->second.anchor())->map_from_node);
+    };
     return between(anchor(map_a, i), compose(a_from_b_maps, anchor(map_b, j)));
   }
 };
@@ -40,7 +42,8 @@ std::size_t partner(std::size_t j) {
   for (std::size_t i = 0; i < pair().a.size(); ++i) {
     const Pose2 t = pair().truth(i, j);
     const auto p = pair().b[j].centre();
-    const double x = t.x + std::cos(t.phi) * p.x - std::sin(t.phi) * p.y - pair().a[i].centre().x, y = t.y + std::sin(t.phi) * p.x + std::cos(t.phi) * p.y - pair().a[i].centre().y;
+    const double x = t.x + std::cos(t.phi) * p.x - std::sin(t.phi) * p.y - pair().a[i].centre().x,
+                 y = t.y + std::sin(t.phi) * p.x + std::cos(t.phi) * p.y - pair().a[i].centre().y;
     if (std::hypot(x, y) < nearest) nearest = std::hypot(x, y), best = i;
   }
   return best;
@@ -71,7 +74,8 @@ TEST(BranchAndBound, scores_as_high_as_brute_force) {
       for (double x = -0.8; x <= 0.8; x += 0.05) {
         // Turned about b's middle, as the search does.
         const auto c = b.centre();
-        const double mx = guess.x + std::cos(guess.phi) * c.x - std::sin(guess.phi) * c.y + x, my = guess.y + std::sin(guess.phi) * c.x + std::cos(guess.phi) * c.y + y;
+        const double mx = guess.x + std::cos(guess.phi) * c.x - std::sin(guess.phi) * c.y + x,
+                     my = guess.y + std::sin(guess.phi) * c.x + std::cos(guess.phi) * c.y + y;
         const double cs = std::cos(guess.phi + yaw), sn = std::sin(guess.phi + yaw);
         double sum = 0;
         for (const auto& p : b.query()) {

@@ -16,13 +16,16 @@ SubmapView view(const Map& map, std::size_t number) {
   return {submap.id, submap.content, std::make_shared<const SubmapModel>(submap, map.nodes)};
 }
 
-Pose2 anchor(const Map& map, std::size_t number) { return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(number))->second.anchor())->map_from_node); }
+Pose2 anchor(const Map& map, std::size_t number) {
+  return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(number))->second.anchor())->map_from_node);
+}
 
 struct Two {
   Map a, b;
   Pose2 a_from_b;
   explicit Two(const simulation::SimulatedTeam& team)
-      : a(test::truth_map(team.robots[0], team.laser)), b(test::truth_map(team.robots[1], team.laser)),
+      : a(test::truth_map(team.robots[0], team.laser)),
+        b(test::truth_map(team.robots[1], team.laser)),
         a_from_b(between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot)) {}
   Pose2 truth(std::size_t i, std::size_t j) const { return between(anchor(a, i), compose(a_from_b, anchor(b, j))); }
 };
@@ -97,7 +100,8 @@ TEST(Judge, is_pure_and_names_its_answer_before_it_is_made) {
   EXPECT_EQ(one.id, judgement_id(a.content, b.content, window, {}));
   EXPECT_EQ(one.probability, two_times.probability);
   ASSERT_EQ(one.hypotheses.size(), two_times.hypotheses.size());
-  for (std::size_t i = 0; i < one.hypotheses.size(); ++i) EXPECT_EQ(one.hypotheses[i].a_from_b.pose.t, two_times.hypotheses[i].a_from_b.pose.t);
+  for (std::size_t i = 0; i < one.hypotheses.size(); ++i)
+    EXPECT_EQ(one.hypotheses[i].a_from_b.pose.t, two_times.hypotheses[i].a_from_b.pose.t);
   JudgeOptions strict;
   strict.min_inliers = 0.9;
   EXPECT_NE(one.id, judgement_id(a.content, b.content, window, strict));

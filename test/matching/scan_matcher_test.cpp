@@ -22,7 +22,8 @@ WallField room_field() {
 double score_at(const WallField& field, const std::vector<WallPoint>& points, const Pose2& pose) {
   double sum = 0;
   const double c = std::cos(pose.phi), s = std::sin(pose.phi);
-  for (const auto& p : points) sum += field.likelihood().get(cell_of(pose.x + c * p.x - s * p.y, 20.0), cell_of(pose.y + s * p.x + c * p.y, 20.0));
+  for (const auto& p : points)
+    sum += field.likelihood().get(cell_of(pose.x + c * p.x - s * p.y, 20.0), cell_of(pose.y + s * p.x + c * p.y, 20.0));
   return sum / (255.0 * static_cast<double>(points.size()));
 }
 
@@ -35,7 +36,8 @@ TEST(Correlate, finds_the_best_pose_of_its_window_as_brute_force_does) {
   double best = 0;
   for (int turn = -5; turn <= 5; ++turn)
     for (int y = -6; y <= 6; ++y)
-      for (int x = -8; x <= 7; ++x) best = std::max(best, score_at(field, points, {guess.x + 0.05 * x, guess.y + 0.05 * y, guess.phi + 0.02 * turn}));
+      for (int x = -8; x <= 7; ++x)
+        best = std::max(best, score_at(field, points, {guess.x + 0.05 * x, guess.y + 0.05 * y, guess.phi + 0.02 * turn}));
   const auto found = correlate(field, points, guess, window, {1e3, 1e3});  // a prior this wide weighs nothing
   ASSERT_TRUE(found);
   // Whole cells move with the points: a shift of the pose is a shift of the cells.
@@ -83,11 +85,13 @@ TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
 TEST(Refine, leaves_to_the_prior_what_walls_do_not_tell) {
   WallField corridor;
   std::vector<WallPoint> walls;
-  for (int i = -400; i < 400; ++i) walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}), walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
+  for (int i = -400; i < 400; ++i)
+    walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}), walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
   corridor.add(walls);
   corridor.settle();
   std::vector<WallPoint> points;
-  for (int i = -40; i < 40; ++i) points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}), points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
+  for (int i = -40; i < 40; ++i)
+    points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}), points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
   const PriorWeight prior{0.02, 0.05};
   const ScanMatch match = refine(corridor, points, {0.1, 0.05, 0.01}, {0.02, 0.0, 0.0}, &prior);
   EXPECT_NEAR(match.field_from_scan.x, 0.02, 0.01);

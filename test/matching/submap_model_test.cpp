@@ -23,11 +23,11 @@ TEST(SubmapModel, tells_walls_from_free_space) {
   const Fixture f;
   const SubmapModel model(f.first(), f.map.nodes);
   ASSERT_GT(model.walls().size(), 50U);
-  for (const auto& wall : model.walls())
-    EXPECT_EQ(model.sight().get(cell_of(wall.x, 10.0), cell_of(wall.y, 10.0)), Sight::wall);
+  for (const auto& wall : model.walls()) EXPECT_EQ(model.sight().get(cell_of(wall.x, 10.0), cell_of(wall.y, 10.0)), Sight::wall);
   // Where the robot drove there is room.
   std::size_t free = 0;
-  for (const auto& [id, pose] : f.first().submap_from_node) free += model.sight().get(cell_of(pose.t.x(), 10.0), cell_of(pose.t.y(), 10.0)) == Sight::free;
+  for (const auto& [id, pose] : f.first().submap_from_node)
+    free += model.sight().get(cell_of(pose.t.x(), 10.0), cell_of(pose.t.y(), 10.0)) == Sight::free;
   EXPECT_GT(free, f.first().submap_from_node.size() * 9 / 10);
   EXPECT_EQ(model.sight().get(100000, 0), Sight::unknown);
 }

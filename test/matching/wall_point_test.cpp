@@ -17,7 +17,8 @@ PackedScan square_room(double offset) {
   for (int ray = 0; ray < 360; ++ray) {
     const double angle = ray * M_PI / 180;
     const double noise = 0.004 * ((ray * 7919) % 5 - 2);
-    scan.ranges.push_back(static_cast<std::uint16_t>(1000 * (2.0 / std::max(std::abs(std::cos(angle)), std::abs(std::sin(angle))) + noise)));
+    scan.ranges.push_back(
+        static_cast<std::uint16_t>(1000 * (2.0 / std::max(std::abs(std::cos(angle)), std::abs(std::sin(angle))) + noise)));
   }
   return scan;
 }

@@ -138,6 +138,32 @@ TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_told_to) {
   EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
 }
 
+TEST_F(BatchTest, goes_on_without_a_robot_whose_log_cannot_be_read_only_when_told_to) {
+  break_log("beta");
+  const RunPlan plan = make_plan(configuration, {});
+  fs::remove(folder / "beta.rawlog");  // after the plan was made
+  WorkerPool pool(1);
+  EXPECT_THROW(run_batch(configuration, plan, {folder / "out", false, false}, pool, *silent), Error);
+  EXPECT_EQ(entries(folder.path()), "");
+  const Report report = run_batch(configuration, plan, {folder / "out", false, true}, pool, *silent);
+  ASSERT_TRUE(report.robots[1].trouble);
+  EXPECT_THAT(report.robots[1].trouble->what(), HasSubstr("beta.rawlog"));
+  EXPECT_TRUE(fs::exists(folder / "out/robots/alpha/map.mwdb"));
+  EXPECT_EQ(parsed(folder / "out/manifest.json")["inputs"].size(), 1u);
+}
+
+TEST_F(BatchTest, makes_a_helper_that_cannot_start_the_trouble_of_its_robot) {
+  configuration.laser.engine = laser::Engine::icp;
+  configuration.laser.external.helper = folder / "missing";
+  EXPECT_THROW(run("out"), Error);
+  EXPECT_EQ(entries(folder.path()), "");
+  const Report report = run("out", 1, true);
+  for (const auto& robot : report.robots) {
+    ASSERT_TRUE(robot.trouble);
+    EXPECT_EQ(robot.trouble->code(), ErrorCode::kMissing);
+  }
+}
+
 TEST_F(BatchTest, saves_robots_that_are_finished_when_interrupted) {
   InterruptAt interrupt("robot beta");
   const Report report = run("out", 1, false, &interrupt);
@@ -167,6 +193,7 @@ TEST_F(BatchTest, makes_a_helper_that_fails_the_trouble_of_its_robot) {
     FAIL() << "did not end";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kHelperFailed);
+    EXPECT_THAT(error.what(), HasSubstr("mrpt_mapper"));
   }
   EXPECT_EQ(entries(folder.path()), "");
 }

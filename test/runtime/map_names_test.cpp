@@ -27,6 +27,12 @@ TEST(MapNames, are_numbered_where_folders_are_alike_too_whatever_the_order) {
   EXPECT_THAT(texts(names_of({"a/alpha/map.mwdb", "b/alpha/map.mwdb"})), ElementsAre("alpha", "alpha-2"));
 }
 
+TEST(MapNames, are_cut_where_a_number_would_make_them_too_long) {
+  const std::string longest(64, 'x');
+  EXPECT_THAT(texts(names_of({"a/" + longest + "/map.mwdb", "b/" + longest + "/map.mwdb"})),
+              ElementsAre(longest, std::string(62, 'x') + "-2"));
+}
+
 TEST(MapNames, refuse_a_file_given_twice) { EXPECT_THROW(names_of({"a/map.mwdb", "a/../a/map.mwdb"}), Error); }
 
 TEST(Rekeyed, keeps_content_and_belief) {
@@ -54,6 +60,21 @@ TEST(RobotsApart, renames_robots_that_two_maps_share_and_says_so) {
   EXPECT_THAT(maps[1].robots(), ElementsAre(RobotId("monday")));
   EXPECT_THAT(maps[2].robots(), ElementsAre(RobotId("tuesday")));
   EXPECT_EQ(notes.size(), 2u);
+}
+
+TEST(RobotsApart, cuts_names_that_would_be_too_long) {
+  Map first = test::make_map("alpha", 3), second = test::make_map("alpha", 4, 900.0);
+  first.id = MapId(std::string(64, 'x'));
+  second.id = MapId(std::string(63, 'x') + "y");
+  const Map beta = rekeyed(test::make_map("alpha", 2), first.id, [](RobotId) { return RobotId("beta"); });
+  for (Map* map : {&first, &second})  // two robots each
+    for (const auto& [id, node] : beta.nodes) map->nodes.set(id, Node(node));
+  std::vector<std::string> notes;
+  const auto maps = with_robots_apart({first, second}, notes);
+  const std::string base(62, 'x');
+  EXPECT_THAT(maps[0].robots(), testing::UnorderedElementsAre(RobotId(base + "xx"), RobotId(base + "-2")));
+  EXPECT_THAT(maps[1].robots(), testing::UnorderedElementsAre(RobotId(base + "xy"), RobotId(base + "-3")));
+  EXPECT_EQ(notes.size(), 4u);
 }
 
 TEST(RobotsApart, leaves_a_map_alone_that_is_called_as_its_robot) {

@@ -98,18 +98,22 @@ class Interruption(support.Scenario):
         self.assertIn("trouble", {robot["id"]: robot for robot in self.read_json("out/summary.json")["robots"]}["beta"])
 
     def test_where_the_only_helper_is_killed_there_is_no_result(self):
-        process = self.start("slam", support.need(support.SIMULATED_BUILDING), "--out", "out", "--engine", "rbpf")
-        deadline = time.monotonic() + 60 * support.PATIENCE
-        while process.poll() is None and time.monotonic() < deadline:
-            helpers = [pid for pid, name in children(process.pid) if name == "mrpt_mapper"]
-            if helpers:
-                os.kill(helpers[0], signal.SIGKILL)
-                break
-            time.sleep(0.02)
-        _, told = process.communicate(timeout=60 * support.PATIENCE)
-        self.assertEqual(process.returncode, CANNOT_WRITE, told)
-        self.assertIn("mrpt_mapper", told)
-        self.assert_nothing_left("out")
+        log = support.need(support.SIMULATED_BUILDING)
+        config = self.configuration([("alpha", log)], laser="{engine: rbpf}")
+        for command in (("slam", log, "--engine", "rbpf"), ("run", config)):
+            with self.subTest(command[0]):
+                process = self.start(*command, "--out", "out")
+                deadline = time.monotonic() + 60 * support.PATIENCE
+                while process.poll() is None and time.monotonic() < deadline:
+                    helpers = [pid for pid, name in children(process.pid) if name == "mrpt_mapper"]
+                    if helpers:
+                        os.kill(helpers[0], signal.SIGKILL)
+                        break
+                    time.sleep(0.02)
+                _, told = process.communicate(timeout=60 * support.PATIENCE)
+                self.assertEqual(process.returncode, CANNOT_WRITE, told)
+                self.assertIn("helper mrpt_mapper ended by signal", told)
+                self.assert_nothing_left("out")
 
 
 if __name__ == "__main__":

@@ -50,6 +50,20 @@ class BadLog(support.Scenario):
         data = data[:place] + b"CObservation2DRangeSpam" + data[place + 23:]
         self.refuse(self.write_bytes("unknown.rawlog", gzip.compress(data, 1)), "CObservation2DRangeSpam", "byte")
 
+    def test_a_scan_of_an_old_version_is_refused_before_memory_is_asked_for(self):
+        data = bytearray(support.malaga_bytes())
+        place = data.index(b"CObservation2DRangeScan", 100000) + len(b"CObservation2DRangeScan")
+        data[place] = 3   # its version
+        self.refuse(self.write_bytes("old.rawlog", gzip.compress(bytes(data), 1)), "CObservation2DRangeScan", "version 3")
+
+    def test_numbers_too_large_are_no_zeros(self):
+        lines = support.room_lines(20)
+        words = lines[10].split()
+        words[-6] = "1e400"
+        lines[10] = " ".join(words)
+        self.write("large.log", "\n".join(lines) + "\n")
+        self.refuse("large.log", ".log:11", "finite")
+
     def test_ranges_that_are_no_numbers_are_refused(self):
         data = bytearray(support.malaga_bytes())
         place = support.place_of_ranges(data, 50)

@@ -78,6 +78,19 @@ class Batch(support.Scenario):
         self.job("team/x.rawlog")
         self.batch()
         self.assertIn("run working/team/run.yaml", self.calls())
+        self.assertIn(' --set laser.external.helper=""', self.calls(), "a job does not choose the program that runs")
+
+    @unittest.skipUnless(support.PROGRAM.exists(), "the program is not built")
+    def test_a_job_does_not_choose_the_program_that_runs(self):
+        evil = self.job("team/evil", b"#!/bin/sh\ntouch " + str(self.folder).encode() + b"/ran\n")
+        evil.chmod(0o755)
+        self.job("team/room.log", ("\n".join(support.room_lines(5)) + "\n").encode())
+        helper = f"{self.home}/working/team/evil"
+        configuration = f"robots: [{{id: a, log: room.log}}]\nlaser: {{engine: icp, external: {{helper: '{helper}'}}}}\n"
+        self.job("team/run.yaml", configuration.encode())
+        self.batch(PROGRAM=str(support.PROGRAM))
+        self.assertEqual(self.files("done"), ["team/evil", "team/room.log", "team/run.yaml"])
+        self.assertFalse((self.folder / "ran").exists())
 
     def test_what_is_still_arriving_is_left_alone(self):
         self.job("half.rawlog.part")

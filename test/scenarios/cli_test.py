@@ -34,6 +34,13 @@ class Help(support.Scenario):
             with self.subTest(" ".join(wrong)):
                 self.assertNotEqual(self.mapweave(*wrong, code=USAGE).stderr, "")
 
+    def test_a_number_out_of_range_is_exit_code_2(self):
+        trajectory = ("evaluate", "trajectory", "--estimate", "a", "--reference", "b", "--align", "se2")
+        for wrong in ("0", "-1", "1.5", "nan"):
+            with self.subTest(wrong):
+                self.assert_says(self.mapweave(*trajectory, f"--delta={wrong}", code=USAGE), "--delta")
+        self.assert_says(self.mapweave("evaluate", "grids", "a.yaml", "b.yaml", "--wall-tolerance=-1", code=USAGE), "--wall-tolerance")
+
     def test_an_unknown_key_is_met_with_file_line_and_the_nearest_name(self):
         self.write("a.log", "\n".join(support.room_lines(3)) + "\n")
         config = self.write("team.yaml", "robots:\n  - {id: alpha, log: a.log}\nlaser:\n  engin: graph\n")
@@ -164,6 +171,13 @@ class Simulated(support.Scenario):
         for path in (self.folder / "logs").glob("*.rawlog"):
             self.assertEqual(path.read_bytes(), (self.folder / "logs2" / path.name).read_bytes(), "the same seed, the same bytes")
         self.assertGreaterEqual(len(list((self.folder / "logs").glob("*.rawlog"))), 2)
+
+    def test_a_team_that_shares_rooms_becomes_one_map(self):
+        self.mapweave("simulate", support.ROOT / "configs/worlds/apartment.yaml", "--out", "sim")
+        self.mapweave("run", "sim/run.yaml", "--out", "out", code=DONE)
+        self.assertEqual(self.read_json("out/summary.json")["team"]["components"], 1)
+        self.mapweave("evaluate", "trajectory", "--estimate", "out/team/trajectories/alpha.tum", "--reference", "sim/alpha.truth.tum",
+                      "--align", "se2", "--max", "ate_translation_rmse_m=0.05", code=DONE)
 
     def test_a_carmen_log_is_converted_and_mapped(self):
         self.write("room.log", "\n".join(support.room_lines(40)) + "\n")

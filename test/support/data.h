@@ -19,8 +19,8 @@ inline std::filesystem::path public_data(const std::string& name) {
 }
 
 // First line of a test that needs a public log.
-#define MAPWEAVE_NEED_DATA(variable, name)                                            \
-  const auto variable = ::mapweave::test::public_data(name);                          \
+#define MAPWEAVE_NEED_DATA(variable, name)                   \
+  const auto variable = ::mapweave::test::public_data(name); \
   if (variable.empty()) GTEST_SKIP() << "needs the public log " << name << "; set MAPWEAVE_DATA to the folder that holds it"
 
 }  // namespace mapweave::test

@@ -7,14 +7,17 @@
 
 namespace mapweave::test {
 
-inline SessionId session_of(const simulation::SimulatedRobot& robot) { return {{robot.id, SensorId("laser")}, robot.steps.front().stamp.ns}; }
+inline SessionId session_of(const simulation::SimulatedRobot& robot) {
+  return {{robot.id, SensorId("laser")}, robot.steps.front().stamp.ns};
+}
 
 // In the frame of the robot's first pose.
 inline Map truth_map(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser) {
   const auto geometry = scan_geometry(laser);
   std::vector<laser::TrackedScan> scans;
   for (const auto& step : robot.steps)
-    scans.push_back({step.stamp, packed(step.ranges, geometry), between(robot.steps.front().world_from_robot, step.world_from_robot), std::nullopt});
+    scans.push_back(
+        {step.stamp, packed(step.ranges, geometry), between(robot.steps.front().world_from_robot, step.world_from_robot), std::nullopt});
   return laser::cut_into_submaps(MapId(robot.id.str()), session_of(robot), std::move(scans));
 }
 

@@ -9,7 +9,7 @@ namespace mapweave::fusion {
 namespace {
 
 constexpr double kWidest_m = 2000.0;
-constexpr int kBandRows = 256;        // a band of rows is drawn by one worker
+constexpr int kBandRows = 256;  // a band of rows is drawn by one worker
 
 std::int16_t units(double probability) {
   return static_cast<std::int16_t>(std::lround(OccupancyGrid::kUnitsPerNat * std::log(probability / (1.0 - probability))));
@@ -20,12 +20,14 @@ struct Ray {
 };
 struct DrawnScan {
   float eye_x, eye_y, low_y, high_y;
-  std::size_t first, count;           // of rays
+  std::size_t first, count;  // of rays
 };
 
 struct Extent {
   double low_x = 1e300, low_y = 1e300, high_x = -1e300, high_y = -1e300;
-  void add(double x, double y) { low_x = std::min(low_x, x), low_y = std::min(low_y, y), high_x = std::max(high_x, x), high_y = std::max(high_y, y); }
+  void add(double x, double y) {
+    low_x = std::min(low_x, x), low_y = std::min(low_y, y), high_x = std::max(high_x, x), high_y = std::max(high_y, y);
+  }
 };
 
 void add_to(std::int16_t& cell, int change) {
@@ -62,7 +64,12 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     }
     const auto& scan = std::get<PackedScan>(*node.payload);
     const auto& mount = scan.geometry->robot_from_laser.t;
-    DrawnScan drawn{static_cast<float>(pose.x + c * mount.x() - s * mount.y()), static_cast<float>(pose.y + s * mount.x() + c * mount.y()), 0, 0, rays.size(), 0};
+    DrawnScan drawn{static_cast<float>(pose.x + c * mount.x() - s * mount.y()),
+                    static_cast<float>(pose.y + s * mount.x() + c * mount.y()),
+                    0,
+                    0,
+                    rays.size(),
+                    0};
     drawn.low_y = drawn.high_y = drawn.eye_y;
     extent.add(drawn.eye_x, drawn.eye_y);
     for (const auto& p : points_in_robot(scan, 0.0, options.max_range_m)) {
@@ -82,10 +89,13 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   if (scans.empty() && !rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
   if (scans.empty() && rasters.empty()) return grid;
   if (extent.high_x - extent.low_x > kWidest_m || extent.high_y - extent.low_y > kWidest_m)
-    throw Error(ErrorCode::kBadInput, "the map is " + std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) + " m wide; at most 2000 m are drawn", {},
-                "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
+    throw Error(ErrorCode::kBadInput,
+                "the map is " + std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) +
+                    " m wide; at most 2000 m are drawn",
+                {}, "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
   const double per_metre = 1.0 / grid.resolution_m;
-  const auto lowest_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1, lowest_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
+  const auto lowest_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1,
+             lowest_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
   grid.origin_x_m = static_cast<double>(lowest_column) * grid.resolution_m;
   grid.origin_y_m = static_cast<double>(lowest_row) * grid.resolution_m;
   grid.columns = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_x * per_metre)) + 2 - lowest_column);
@@ -99,7 +109,9 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     throw_if_interrupted();
     const int low = static_cast<int>(band) * kBandRows, high = std::min(low + kBandRows, grid.rows);
     const double low_y = grid.origin_y_m + low * grid.resolution_m, high_y = grid.origin_y_m + high * grid.resolution_m;
-    const auto cell = [&](int column, int row) -> std::int16_t& { return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)]; };
+    const auto cell = [&](int column, int row) -> std::int16_t& {
+      return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)];
+    };
     for (const auto& raster : rasters) {
       if (raster.extent.high_y < low_y || raster.extent.low_y >= high_y) continue;
       const int first_column = std::max(0, static_cast<int>((raster.extent.low_x - grid.origin_x_m) * per_metre));
@@ -112,8 +124,10 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
       for (int row = first_row; row <= last_row; ++row)
         for (int column = first_column; column <= last_column; ++column) {
           const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
-          const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m, ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
-          const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)), j = static_cast<int>(std::floor(ry / raster.grid->resolution_m));
+          const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m,
+                       ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
+          const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)),
+                    j = static_cast<int>(std::floor(ry / raster.grid->resolution_m));
           if (!raster.grid->inside(i, j)) continue;
           const int value = raster.grid->at(i, j);
           if (value != OccupancyGrid::kUnknown) add_to(cell(column, row), value);
@@ -137,7 +151,8 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
             left = x0 + (bottom - y0) * slope, right = x0 + (top - y0) * slope;
           }
           if (left > right) std::swap(left, right);
-          const int first = std::clamp(static_cast<int>(left), 0, grid.columns - 1), last = std::clamp(static_cast<int>(right), 0, grid.columns - 1);
+          const int first = std::clamp(static_cast<int>(left), 0, grid.columns - 1),
+                    last = std::clamp(static_cast<int>(right), 0, grid.columns - 1);
           for (int column = first; column <= last; ++column)
             if (column != last_column || row != last_row) add_to(cell(column, row), miss);
         }

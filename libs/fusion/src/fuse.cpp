@@ -25,7 +25,9 @@ std::vector<const Map*> sorted(const std::vector<Map>& maps) {
   std::sort(sessions.begin(), sessions.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (std::size_t i = 1; i < sessions.size(); ++i)
     if (sessions[i].first == sessions[i - 1].first)
-      throw Error(ErrorCode::kBadInput, "session " + to_string(sessions[i].first) + " stands in two maps, '" + sessions[i - 1].second->id.str() + "' and '" + sessions[i].second->id.str() + "'",
+      throw Error(ErrorCode::kBadInput,
+                  "session " + to_string(sessions[i].first) + " stands in two maps, '" + sessions[i - 1].second->id.str() + "' and '" +
+                      sessions[i].second->id.str() + "'",
                   {}, "leave one of them out");
   return order;
 }
@@ -52,17 +54,23 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, std::si
   for (const auto& w : pair.result.witnesses) {
     const auto& p = maps[pair.b].centres[w.submap_b];
     const double c = std::cos(w.a_from_b.phi), s = std::sin(w.a_from_b.phi);
-    join.terms.push_back({w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, 16.0 * share});  // 0.25 m: maps bend
+    join.terms.push_back(
+        {w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, 16.0 * share});  // 0.25 m: maps bend
   }
   join.strength = 4.0 + 4.0 * static_cast<double>(std::min<std::size_t>(10, pair.result.witnesses.size()));
   return join;
 }
 
-// Members' joint transforms from their accepted joins, starting along a spanning tree of the strongest. Joins that Ipopt turns off are refused.
-std::vector<Pose2> place_members(const std::vector<std::size_t>& members, std::vector<PairJoin*>& joins, const std::vector<PreparedMap>& maps, bool& revoked) {
-  const auto local = [&](std::size_t map) { return static_cast<std::size_t>(std::lower_bound(members.begin(), members.end(), map) - members.begin()); };
+// Members' joint transforms from their accepted joins, starting along a spanning tree of the strongest. Joins that Ipopt turns off are
+// refused.
+std::vector<Pose2> place_members(const std::vector<std::size_t>& members, std::vector<PairJoin*>& joins,
+                                 const std::vector<PreparedMap>& maps, bool& revoked) {
+  const auto local = [&](std::size_t map) {
+    return static_cast<std::size_t>(std::lower_bound(members.begin(), members.end(), map) - members.begin());
+  };
   std::vector<PairJoin*> strongest = joins;
-  std::stable_sort(strongest.begin(), strongest.end(), [](const PairJoin* l, const PairJoin* r) { return l->result.witnesses.size() > r->result.witnesses.size(); });
+  std::stable_sort(strongest.begin(), strongest.end(),
+                   [](const PairJoin* l, const PairJoin* r) { return l->result.witnesses.size() > r->result.witnesses.size(); });
   Groups groups(members.size());
   std::vector<std::vector<std::pair<std::size_t, Pose2>>> tree(members.size());
   for (const PairJoin* join : strongest) {
@@ -103,8 +111,9 @@ Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) 
   // Submaps bend a little once their nodes move on their own.
   const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
   const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
-  Constraint constraint = planar_constraint({ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0}, w.submap_a_from_submap_b,
-                                            0.5 * (information + information.transpose()));
+  Constraint constraint =
+      planar_constraint({ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
+                        w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));
   constraint.because = w.judgement.id;
   return constraint;
 }
@@ -126,8 +135,13 @@ void add_all(Map& map, std::vector<Constraint> constraints) {
 class Fusing {
  public:
   Fusing(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress)
-      : input_(input), options_(options), pool_(pool), progress_(progress), cache_(static_cast<std::size_t>(options.cache_mb) << 20),
-        judge_(options_, cache_, memo, pool), memo_(memo) {}
+      : input_(input),
+        options_(options),
+        pool_(pool),
+        progress_(progress),
+        cache_(static_cast<std::size_t>(options.cache_mb) << 20),
+        judge_(options_, cache_, memo, pool),
+        memo_(memo) {}
 
   FusionResult run() {
     Stopwatch watch;
@@ -139,7 +153,9 @@ class Fusing {
     result_.stages.push_back({"component connection", watch.lap()});
     for (const auto& [members, poses] : components) result_.components.push_back(join_graphs(members, poses));
     std::stable_sort(result_.components.begin(), result_.components.end(), [](const Component& l, const Component& r) {
-      const auto size = [](const Component& c) { return std::count_if(c.map.nodes.begin(), c.map.nodes.end(), [](const auto& entry) { return entry.second.payload != nullptr; }); };
+      const auto size = [](const Component& c) {
+        return std::count_if(c.map.nodes.begin(), c.map.nodes.end(), [](const auto& entry) { return entry.second.payload != nullptr; });
+      };
       return size(l) > size(r);
     });
     result_.stages.push_back({"transform optimisation", watch.lap()});
@@ -180,7 +196,8 @@ class Fusing {
         if (group.empty()) continue;
         std::vector<PairJoin*> joins;
         for (auto& pair : pairs_)
-          if (pair.result.verdict.decision == Decision::accepted && groups.find(pair.a) == groups.find(group.front())) joins.push_back(&pair);
+          if (pair.result.verdict.decision == Decision::accepted && groups.find(pair.a) == groups.find(group.front()))
+            joins.push_back(&pair);
         bool revoked = false;
         components.emplace_back(group, place_members(group, joins, maps_, revoked));
         again = again || revoked;
@@ -245,11 +262,14 @@ class Fusing {
     for (std::size_t m = 0; m < members.size(); ++m)
       for (std::size_t n = m + 1; n < members.size(); ++n) {
         const PreparedMap &a = maps_[members[m]], &b = maps_[members[n]];
-        const auto pose = [&](const PreparedMap& map, std::size_t i) { return planar(team.nodes.find(map.submaps[i]->anchor())->map_from_node); };
+        const auto pose = [&](const PreparedMap& map, std::size_t i) {
+          return planar(team.nodes.find(map.submaps[i]->anchor())->map_from_node);
+        };
         const auto centre = [&](const PreparedMap& map, std::size_t i) {
           const Pose2 moved = compose(pose(map, i), inverse(map.map_from_submap[i]));
           const double c = std::cos(moved.phi), s = std::sin(moved.phi);
-          return std::make_pair(moved.x + c * map.centres[i].x - s * map.centres[i].y, moved.y + s * map.centres[i].x + c * map.centres[i].y);
+          return std::make_pair(moved.x + c * map.centres[i].x - s * map.centres[i].y,
+                                moved.y + s * map.centres[i].x + c * map.centres[i].y);
         };
         std::vector<Question> questions;
         for (const auto j : b.representatives) {
@@ -261,12 +281,15 @@ class Fusing {
             if (apart < 8.0) near.emplace_back(apart, i);
           }
           std::sort(near.begin(), near.end());
-          if (near.size() > static_cast<std::size_t>(options_.neighbours_per_submap)) near.resize(static_cast<std::size_t>(options_.neighbours_per_submap));
-          for (const auto& candidate : near) questions.push_back({candidate.second, j, {between(pose(a, candidate.second), pose(b, j)), 0.6, 0.06}});
+          if (near.size() > static_cast<std::size_t>(options_.neighbours_per_submap))
+            near.resize(static_cast<std::size_t>(options_.neighbours_per_submap));
+          for (const auto& candidate : near)
+            questions.push_back({candidate.second, j, {between(pose(a, candidate.second), pose(b, j)), 0.6, 0.06}});
         }
         for (const auto& w : judge_.ask(a, b, questions)) {
           judged_.push_back(w.judgement.id);
-          if (!w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options_.min_probability && input_.vetoed.count(w.judgement.id) == 0)
+          if (!w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options_.min_probability &&
+              input_.vetoed.count(w.judgement.id) == 0)
             ties.push_back(tie_of(w, a, b));
         }
       }

@@ -11,16 +11,17 @@ namespace mapweave::fusion {
 namespace {
 
 constexpr double kTile_m = 5.0;
-constexpr int kTilesAcross = 3;       // a submap has up to 3 x 3 tiles,
-constexpr int kTileStride = 2;        // and shares a row or column with the next
+constexpr int kTilesAcross = 3;  // a submap has up to 3 x 3 tiles,
+constexpr int kTileStride = 2;   // and shares a row or column with the next
 constexpr double kCoarsest_m = 2.0;
-constexpr double kStiffness = 1e6;    // 1/m^2: a raster does not bend, but for what a joint graph must give
+constexpr double kStiffness = 1e6;  // 1/m^2: a raster does not bend, but for what a joint graph must give
 
 }  // namespace
 
 Map map_of_grid(MapId id, const OccupancyGrid& grid) {
   if (grid.resolution_m > kCoarsest_m)
-    throw Error(ErrorCode::kBadInput, "cells of " + std::to_string(grid.resolution_m) + " m show no walls; at most 2 m", id.str(), "check its resolution: metres per cell");
+    throw Error(ErrorCode::kBadInput, "cells of " + std::to_string(grid.resolution_m) + " m show no walls; at most 2 m", id.str(),
+                "check its resolution: metres per cell");
   Map map;
   map.id = id;
   const SessionId session{{RobotId(id.str()), SensorId("grid")}, 0};
@@ -57,7 +58,8 @@ Map map_of_grid(MapId id, const OccupancyGrid& grid) {
     else if (below != tiles.end())
       holder = below;
     const ConstraintId name{ConstraintKind::odometry, holder->second, tile->second, 0};
-    map.constraints.set(name, planar_constraint(name, between(pose(holder->second), pose(tile->second)), Eigen::Vector3d(kStiffness, kStiffness, kStiffness).asDiagonal()));
+    map.constraints.set(name, planar_constraint(name, between(pose(holder->second), pose(tile->second)),
+                                                Eigen::Vector3d(kStiffness, kStiffness, kStiffness).asDiagonal()));
   }
   std::uint32_t submaps = 0;
   const int last_row = (grid.rows + side - 1) / side, last_column = (grid.columns + side - 1) / side;

@@ -1,8 +1,8 @@
 #include "joint_transforms.h"
 
+#include <mapweave/core/error.h>
 #include <coin/IpIpoptApplication.hpp>
 #include <coin/IpTNLP.hpp>
-#include <mapweave/core/error.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,8 +15,8 @@ using Ipopt::Index;
 using Ipopt::Number;
 constexpr double kYawWeight_m2 = 25.0;  // a radian weighs as 5 m
 
-// Variables: x, y, yaw of every map, then the switches. Minimises the squared errors of the joins, each times its switch squared, plus the price
-// of switches below 1.
+// Variables: x, y, yaw of every map, then the switches. Minimises the squared errors of the joins, each times its switch squared, plus the
+// price of switches below 1.
 class Program : public Ipopt::TNLP {
  public:
   Program(std::size_t maps, const std::vector<Join>& joins, const std::vector<Pose2>& start) : maps_(maps), joins_(joins) {
@@ -55,8 +55,8 @@ class Program : public Ipopt::TNLP {
   }
   bool eval_g(Index, const Number*, bool, Index, Number*) override { return true; }
   bool eval_jac_g(Index, const Number*, bool, Index, Index, Index*, Index*, Number*) override { return true; }
-  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number*, const Number*, Index, const Number*, const Number*, Number,
-                         const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number*, const Number*, Index, const Number*, const Number*,
+                         Number, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
     values_.assign(x, x + n);
   }
 

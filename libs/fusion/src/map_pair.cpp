@@ -23,7 +23,8 @@ matching::Point2f placed(const Pose2& pose, const matching::Point2f& p) {
 
 double distance(const matching::Point2f& a, const matching::Point2f& b) { return std::hypot(a.x - b.x, a.y - b.y); }
 
-// Two witnesses agree when the transforms they imply put b's places where they are on (nearly) the same spot. Maps bend, so places far apart may disagree more.
+// Two witnesses agree when the transforms they imply put b's places where they are on (nearly) the same spot. Maps bend, so places far
+// apart may disagree more.
 bool agree(const Witness& one, const Witness& other, const PreparedMap& b, const FusionOptions& options) {
   const auto& p = b.centres[one.submap_b];
   const auto& q = b.centres[other.submap_b];
@@ -82,7 +83,8 @@ std::vector<Question> first_questions(const PreparedMap& a, const PreparedMap& b
       std::vector<std::pair<double, std::size_t>> alike;
       for (const auto j : to.representatives) alike.emplace_back(matching::ring_distance(from.keys[i], to.keys[j]), j);
       std::sort(alike.begin(), alike.end());
-      if (alike.size() > static_cast<std::size_t>(options.candidates_per_submap)) alike.resize(static_cast<std::size_t>(options.candidates_per_submap));
+      if (alike.size() > static_cast<std::size_t>(options.candidates_per_submap))
+        alike.resize(static_cast<std::size_t>(options.candidates_per_submap));
       for (const auto& [value, j] : alike) ranked.emplace_back(value, swapped ? j : i, swapped ? i : j);
     }
   };
@@ -94,7 +96,8 @@ std::vector<Question> first_questions(const PreparedMap& a, const PreparedMap& b
   std::vector<Question> questions;
   for (const auto& entry : ranked) {
     const std::size_t i = std::get<1>(entry), j = std::get<2>(entry);
-    const auto centre_a = placed(inverse(a.map_from_submap[i]), a.centres[i]), centre_b = placed(inverse(b.map_from_submap[j]), b.centres[j]);
+    const auto centre_a = placed(inverse(a.map_from_submap[i]), a.centres[i]),
+               centre_b = placed(inverse(b.map_from_submap[j]), b.centres[j]);
     matching::WideWindow window;
     window.a_from_b = {static_cast<double>(centre_a.x) - centre_b.x, static_cast<double>(centre_a.y) - centre_b.y, 0.0};
     window.radius_m = std::min(kWideRadius_m, std::max(4.0, 0.7 * static_cast<double>(a.radii_m[i] + b.radii_m[j])));
@@ -160,7 +163,8 @@ std::vector<Witness> Judge::ask(const PreparedMap& a, const PreparedMap& b, cons
     if (known != memo_.end()) return known->second;
     const auto& nodes_first = swapped ? b.map->nodes : a.map->nodes;
     const auto& nodes_second = swapped ? a.map->nodes : b.map->nodes;
-    return matching::judge({first.id, first.content, cache_.get(first, nodes_first)}, {second.id, second.content, cache_.get(second, nodes_second)}, window, options_.judge);
+    return matching::judge({first.id, first.content, cache_.get(first, nodes_first)},
+                           {second.id, second.content, cache_.get(second, nodes_second)}, window, options_.judge);
   });
   std::vector<Witness> witnesses;
   for (std::size_t i = 0; i < answers.size(); ++i) {
@@ -178,7 +182,8 @@ std::vector<Witness> Judge::ask(const PreparedMap& a, const PreparedMap& b, cons
         const Eigen::Matrix3d carry = adjoint(inverse(aligned));
         witness.submap_information = (carry.transpose() * witness.submap_information * carry).eval();
       }
-      witness.a_from_b = compose(compose(a.map_from_submap[witness.submap_a], witness.submap_a_from_submap_b), inverse(b.map_from_submap[witness.submap_b]));
+      witness.a_from_b = compose(compose(a.map_from_submap[witness.submap_a], witness.submap_a_from_submap_b),
+                                 inverse(b.map_from_submap[witness.submap_b]));
     }
     witnesses.push_back(std::move(witness));
   }
@@ -206,7 +211,8 @@ PairResult decide(const PreparedMap& a, const PreparedMap& b, const FusionInput&
     // Nothing at all, or only answers that were themselves in doubt: say which doubt was the least bad.
     const Witness* likeliest = nullptr;
     for (const auto& w : wide)
-      if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability)) likeliest = &w;
+      if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
+        likeliest = &w;
     if (likeliest != nullptr) {
       verdict.probability = likeliest->judgement.probability;
       verdict.overlap = likeliest->judgement.evidence.overlap;
@@ -235,7 +241,8 @@ PairResult decide(const PreparedMap& a, const PreparedMap& b, const FusionInput&
   const auto clique = clique_of(good, weight);
   std::vector<const Witness*> others;
   for (const Witness* w : good)
-    if (std::none_of(clique.begin(), clique.end(), [&](const Witness* c) { return c == w || agree(*c, *w, b, options); })) others.push_back(w);
+    if (std::none_of(clique.begin(), clique.end(), [&](const Witness* c) { return c == w || agree(*c, *w, b, options); }))
+      others.push_back(w);
   if (!others.empty()) clique_of(others, rival_weight);
   for (const Witness* w : others) verdict.contradicted.push_back(w->judgement.id);
   verdict.second_best = rival_weight / weight;

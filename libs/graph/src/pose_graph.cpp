@@ -25,20 +25,20 @@ class EdgeCost : public ceres::SizedCostFunction<3, 3, 3> {
     const double* b = parameters[1];
     const double ca = std::cos(a[2]), sa = std::sin(a[2]), cm = std::cos(measured_.phi), sm = std::sin(measured_.phi);
     const double dx = b[0] - a[0], dy = b[1] - a[1];
-    const double lx = ca * dx + sa * dy, ly = -sa * dx + ca * dy;             // b seen from a
+    const double lx = ca * dx + sa * dy, ly = -sa * dx + ca * dy;  // b seen from a
     const double ex = lx - measured_.x, ey = ly - measured_.y;
     const Eigen::Vector3d error(cm * ex + sm * ey, -sm * ex + cm * ey, wrap_angle(b[2] - a[2] - measured_.phi));
     const double scale = std::sqrt(*weight_);
     Eigen::Map<Eigen::Vector3d> out(residuals);
     out = scale * (root_ * error);
     if (jacobians == nullptr) return true;
-    const double c = ca * cm - sa * sm, s = sa * cm + ca * sm;                // rotation from the parent frame into the measured one
+    const double c = ca * cm - sa * sm, s = sa * cm + ca * sm;  // rotation from the parent frame into the measured one
     Eigen::Matrix3d by_b;
     by_b << c, s, 0, -s, c, 0, 0, 0, 1;
     if (jacobians[1] != nullptr) Eigen::Map<Row3>{jacobians[1]} = scale * (root_ * by_b);
     if (jacobians[0] != nullptr) {
       Eigen::Matrix3d by_a = -by_b;
-      by_a(0, 2) = cm * ly + sm * -lx;   // d(lx)/d(yaw) = ly, d(ly)/d(yaw) = -lx
+      by_a(0, 2) = cm * ly + sm * -lx;  // d(lx)/d(yaw) = ly, d(ly)/d(yaw) = -lx
       by_a(1, 2) = -sm * ly + cm * -lx;
       Eigen::Map<Row3>{jacobians[0]} = scale * (root_ * by_a);
     }

@@ -33,7 +33,8 @@ void OdometryTrack::add(Stamp stamp, const Pose2& odometry_from_robot) {
 
 std::optional<Pose2> OdometryTrack::at(Stamp stamp) const {
   if (readings_.empty() || stamp < readings_.front().first) return std::nullopt;
-  const auto after = std::lower_bound(readings_.begin(), readings_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
+  const auto after =
+      std::lower_bound(readings_.begin(), readings_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
   if (after != readings_.end() && after->first == stamp) return after->second;
   const auto later = after != readings_.end() ? after : readings_.end() - 1;
   if (after == readings_.end() && (readings_.size() < 2 || seconds_between(later->first, stamp) > kLongestExtrapolation_s)) {
@@ -111,7 +112,9 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
         }
         if (from_odometry && heading_quality_.wants_heading()) {
           const auto free = matching::refine(against.field, few, coarse->field_from_scan, {}, nullptr);
-          heading_quality_.add_heading(free.inliers >= options_.min_inliers ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi) : std::nullopt);
+          heading_quality_.add_heading(free.inliers >= options_.min_inliers
+                                           ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi)
+                                           : std::nullopt);
         }
         if (match.inliers >= options_.min_inliers) {
           matched = true;
@@ -150,8 +153,10 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
       inserted = std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad;
       lost_ = 0;
     } else if (++lost_ >= options_.lost_scans) {
-      // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops may tie to the others.
-      log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) + " scans fit nowhere and there is no odometry; a new piece of map begins at " +
+      // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops may tie to the
+      // others.
+      log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) +
+                                 " scans fit nowhere and there is no odometry; a new piece of map begins at " +
                                  std::to_string(input.stamp.seconds()) + " s, its place uncertain");
       frozen += finish(map);
       inserted = true;
@@ -170,7 +175,8 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     insert(node, points, map);
     // The older is done after its length; the younger starts half-way.
     const auto spent = [&](const Active& active) {
-      return std::max((travelled_m_ - active.started_at_m) / options_.submap_length_m, static_cast<double>(active.scans) / options_.submap_scans);
+      return std::max((travelled_m_ - active.started_at_m) / options_.submap_length_m,
+                      static_cast<double>(active.scans) / options_.submap_scans);
     };
     if (active_.size() == 1 && spent(active_.front()) >= 0.5) {
       start_submap(local_from_last_, map);

@@ -27,9 +27,11 @@ class FrontEnd {
   FrontEnd(SessionId session, const FrontEndOptions& options) : session_(session), options_(options) {}
 
   void add_odometry(const OdometryInput& odometry);
-  // Appends a node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number of submaps that were frozen.
+  // Appends a node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number of
+  // submaps that were frozen.
   int add_scan(const ScanInput& scan, Map& map);
-  // Freezes what is left. A submap under way that is wholly part of the one before it is dropped. Returns the number of submaps that were frozen.
+  // Freezes what is left. A submap under way that is wholly part of the one before it is dropped. Returns the number of submaps that were
+  // frozen.
   int finish(Map& map);
 
  private:
@@ -52,10 +54,10 @@ class FrontEnd {
   std::deque<Active> active_;  // one or two; the older is matched against
   std::uint32_t next_node_ = 0, next_submap_ = 0;
   double travelled_m_ = 0.0;
-  int lost_ = 0;               // scans in a row that fitted nowhere, without odometry
+  int lost_ = 0;  // scans in a row that fitted nowhere, without odometry
   std::optional<Stamp> last_stamp_;
   Pose2 local_from_last_, local_from_inserted_;
-  Pose2 last_motion_;          // of the robot, per second: what stands in for odometry
+  Pose2 last_motion_;  // of the robot, per second: what stands in for odometry
   std::optional<Pose2> last_odometry_;
   std::optional<NodeId> last_node_;
 };

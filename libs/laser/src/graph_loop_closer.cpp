@@ -19,11 +19,18 @@ Eigen::Matrix3d chain_information(double length_m, const LoopOptions& options) {
 
 }  // namespace
 
-LoopCloser::LoopCloser(const GraphMapperOptions& options) : options_(options), cache_(static_cast<std::size_t>(options.loops.cache_mb) << 20) {}
+LoopCloser::LoopCloser(const GraphMapperOptions& options)
+    : options_(options), cache_(static_cast<std::size_t>(options.loops.cache_mb) << 20) {}
 
 void LoopCloser::add(const Submap& submap, const Map& map) {
   const auto model = cache_.get(submap, map.nodes);
-  Kept kept{submap.id, submap.anchor(), planar(map.nodes.find(submap.anchor())->map_from_node), options_.judge.min_score, model->centre(), model->radius_m(), model->ring_keys()};
+  Kept kept{submap.id,
+            submap.anchor(),
+            planar(map.nodes.find(submap.anchor())->map_from_node),
+            options_.judge.min_score,
+            model->centre(),
+            model->radius_m(),
+            model->ring_keys()};
   kept.length_m = 0.0;
   const Pose2* last = nullptr;
   Pose2 storage;
@@ -34,7 +41,8 @@ void LoopCloser::add(const Submap& submap, const Map& map) {
   }
   kept.length_m *= 0.5;  // the next starts half-way
   const std::size_t number = submaps_.size();
-  poses_.push_back(number == 0 ? kept.local_from_submap : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
+  poses_.push_back(number == 0 ? kept.local_from_submap
+                               : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
   submaps_.push_back(std::move(kept));
   searched_.emplace_back(number, false);
   if (number < kNeighbours + 1) return;
@@ -119,7 +127,8 @@ bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncerta
   window.radius_m = std::clamp(3.0 * uncertainty.position_m, 0.6, options_.loops.max_radius_m);
   window.yaw_rad = std::min(M_PI, 0.05 + 3.0 * uncertainty.yaw_rad);
   Judgement judgement = matching::judge(view(a), view(b), window, options_.judge);
-  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options_.loops.min_probability) return false;
+  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options_.loops.min_probability)
+    return false;
   Loop loop;
   loop.a = a, loop.b = b;
   loop.a_from_b = planar(judgement.hypotheses.front().a_from_b.pose);
@@ -142,9 +151,11 @@ void LoopCloser::commit_agreeing() {
       if (&other == &loop || (other.a == loop.a && other.b == loop.b)) continue;
       if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 || std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6) continue;
       // Around the cycle: a -> b -> other.b -> other.a -> a. The way along the robot's path is short, so it hardly drifts.
-      const Pose2 by_other = compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b), between(poses_[other.b], poses_[loop.b]));
+      const Pose2 by_other =
+          compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b), between(poses_[other.b], poses_[loop.b]));
       const Pose2 apart = between(loop.a_from_b, by_other);
-      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) + std::max(other.b, loop.b) - std::min(other.b, loop.b));
+      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) + std::max(other.b, loop.b) -
+                                             std::min(other.b, loop.b));
       if (std::hypot(apart.x, apart.y) < 0.15 + 0.08 * steps && std::abs(apart.phi) < 0.02 + 0.01 * steps) {
         loop.committed = true;
         break;
@@ -157,7 +168,8 @@ void LoopCloser::solve() {
   std::vector<graph::Edge> edges;
   std::vector<std::size_t> of_loop;
   for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
-    edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1), between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
+    edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1),
+                     between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
                      chain_information(submaps_[i].length_m, options_.loops), false});
   for (std::size_t i = 0; i < loops_.size(); ++i) {
     if (!loops_[i].committed) continue;
@@ -165,7 +177,8 @@ void LoopCloser::solve() {
     const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal();
     Eigen::Matrix3d information = (loops_[i].information.inverse() + floor).inverse();
     information = (0.5 * (information + information.transpose())).eval();
-    edges.push_back({static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b), loops_[i].a_from_b, information, true});
+    edges.push_back(
+        {static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b), loops_[i].a_from_b, information, true});
     of_loop.push_back(i);
   }
   if (of_loop.empty()) return;

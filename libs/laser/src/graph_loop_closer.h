@@ -24,11 +24,11 @@ class LoopCloser {
 
  private:
   struct Loop {
-    std::size_t a, b;        // numbers of submaps, a < b
+    std::size_t a, b;  // numbers of submaps, a < b
     Judgement judgement;
     Pose2 a_from_b;
     Eigen::Matrix3d information;
-    bool sure = false;       // found in a narrow window
+    bool sure = false;  // found in a narrow window
     bool committed = false;
   };
   struct Uncertainty {
@@ -46,7 +46,7 @@ class LoopCloser {
     SubmapId id;
     NodeId anchor;
     Pose2 local_from_submap;
-    double length_m;         // of the path to the next
+    double length_m;  // of the path to the next
     matching::Point2f centre;
     float radius_m;
     std::vector<matching::RingKey> keys;

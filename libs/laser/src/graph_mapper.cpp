@@ -6,7 +6,6 @@
 #include "graph_loop_closer.h"
 
 #include <algorithm>
-#include <iterator>
 
 namespace mapweave::laser {
 
@@ -15,9 +14,9 @@ struct GraphMapper::State {
   GraphMapperOptions options;
   std::optional<FrontEnd> front_end;  // once the first observation has named the session
   LoopCloser loops;
-  Map map;                            // in the local frame until finish()
+  Map map;  // in the local frame until finish()
   std::vector<SubmapId> frozen;
-  std::size_t looked_at = 0;          // of `frozen`
+  std::size_t looked_at = 0;  // of `frozen`
   bool finished = false;
 
   State(ClientId c, const GraphMapperOptions& o) : client(c), options(o), loops(o) { map.id = MapId(c.robot.str()); }
@@ -73,24 +72,22 @@ void GraphMapper::finish() {
   graph::optimise(state.map, state.options.solve);
   WorkerPool pool(1);
   for (int round = 0; round < 2; ++round) {
-    auto again = matching::rematch(state.map, state.options.rematch, pool);
-    if (again.empty()) break;
+    // Those of the round before are made anew; a log of hours has 100,000 and more, so no two copies are kept for long.
     std::vector<Constraint> all;
-    all.reserve(state.map.constraints.size() + again.size());
     for (auto& [id, constraint] : state.map.constraints)
-      if (id.index == 0) all.push_back(std::move(constraint));  // those of the round before are made anew
+      if (id.index == 0) all.push_back(std::move(constraint));
     state.map.constraints = {};
-    std::move(again.begin(), again.end(), std::back_inserter(all));
-    again.clear();
-    again.shrink_to_fit();
-    std::stable_sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
+    {
+      const auto again = matching::rematch(state.map, state.options.rematch, pool);
+      all.insert(all.end(), again.begin(), again.end());
+    }
+    std::sort(all.begin(), all.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
     state.map.constraints.reserve(all.size());
     for (auto& constraint : all) {
       const ConstraintId id = constraint.id;
       state.map.constraints.set(id, std::move(constraint));
     }
-    all.clear();
-    all.shrink_to_fit();
+    all = {};
     graph::optimise(state.map, state.options.solve);
   }
 }

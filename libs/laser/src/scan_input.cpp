@@ -11,9 +11,9 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kUnknownMaxRange_m = 100.0;  // for logs that do not say
-constexpr double kFarthest_m = 200.0;         // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
-constexpr double kJump_m = 1.0;               // beyond what the top speed allows
-constexpr double kFarthestJump_m = 100.0;     // however long nothing was recorded
+constexpr double kFarthest_m = 200.0;      // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
+constexpr double kJump_m = 1.0;            // beyond what the top speed allows
+constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
 
 Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
   Pose3 result;

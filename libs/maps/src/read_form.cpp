@@ -7,7 +7,7 @@
 namespace mapweave {
 namespace {
 
-constexpr double kAsItIs = 1e-12;          // a quaternion whose norm is this near to 1 keeps its bits
+constexpr double kAsItIs = 1e-12;  // a quaternion whose norm is this near to 1 keeps its bits
 
 // Numbers of an enumeration; one too large for it becomes one that no soundness rule lets pass.
 template <class Enumeration>

@@ -13,8 +13,8 @@ constexpr double kStep = SubmapModel::kSearchResolution;
 constexpr int kTopLevel = 4;  // coarser blocks hold a wall nearly always: they bound nothing
 
 struct Candidate {
-  int turn, x, y, level;   // shifts [x, x + 2^level) in cells, likewise y
-  std::uint32_t bound;     // sum of likelihoods no shift of these exceeds
+  int turn, x, y, level;  // shifts [x, x + 2^level) in cells, likewise y
+  std::uint32_t bound;    // sum of likelihoods no shift of these exceeds
 };
 
 // Best first; ties by place, so the order is always the same.
@@ -82,11 +82,13 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   };
   const auto pose_of = [&](const Candidate& candidate) {
     const double phi = turned(candidate.turn), c = std::cos(phi), s = std::sin(phi);
-    return Pose2{middle_x + candidate.x * kStep - (c * centre.x - s * centre.y), middle_y + candidate.y * kStep - (s * centre.x + c * centre.y), wrap_angle(phi)};
+    return Pose2{middle_x + candidate.x * kStep - (c * centre.x - s * centre.y),
+                 middle_y + candidate.y * kStep - (s * centre.x + c * centre.y), wrap_angle(phi)};
   };
   // Where b's centre lies under a pose: what distances between peaks are measured at.
   const auto centre_of = [&](const Pose2& pose) {
-    return std::make_pair(pose.x + std::cos(pose.phi) * centre.x - std::sin(pose.phi) * centre.y, pose.y + std::sin(pose.phi) * centre.x + std::cos(pose.phi) * centre.y);
+    return std::make_pair(pose.x + std::cos(pose.phi) * centre.x - std::sin(pose.phi) * centre.y,
+                          pose.y + std::sin(pose.phi) * centre.x + std::cos(pose.phi) * centre.y);
   };
 
   std::priority_queue<Candidate, std::vector<Candidate>, Later> open;

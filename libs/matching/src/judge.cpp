@@ -56,7 +56,8 @@ OneWay look(const SubmapModel& to, const SubmapModel& from, const Pose2& to_from
     const double x = c * wall.x - s * wall.y + to_from_from.x, y = s * wall.x + c * wall.y + to_from_from.y;
     const int cx = cell_of(x, kInverseSight), cy = cell_of(y, kInverseSight);
     const Sight here = sight.get(cx, cy);
-    if (to.field().likelihood().get(cell_of(x, 1.0 / WallField::kResolution), cell_of(y, 1.0 / WallField::kResolution)) > 60) {  // within 0.12 m
+    if (to.field().likelihood().get(cell_of(x, 1.0 / WallField::kResolution), cell_of(y, 1.0 / WallField::kResolution)) >
+        60) {  // within 0.12 m
       ++result.inliers;
       const double nx = rotate_normals ? c * wall.normal_x - s * wall.normal_y : wall.normal_x;
       const double ny = rotate_normals ? s * wall.normal_x + c * wall.normal_y : wall.normal_y;
@@ -90,7 +91,8 @@ std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2
     for (int x = from.first_x(); x < from.first_x() + from.width(); ++x) {
       if (from.at(x, y) == Sight::unknown) continue;
       const double px = (x + 0.5) * SubmapModel::kSightResolution, py = (y + 0.5) * SubmapModel::kSightResolution;
-      common += a.sight().get(cell_of(c * px - s * py + a_from_b.x, kInverseSight), cell_of(s * px + c * py + a_from_b.y, kInverseSight)) != Sight::unknown;
+      common += a.sight().get(cell_of(c * px - s * py + a_from_b.x, kInverseSight), cell_of(s * px + c * py + a_from_b.y, kInverseSight)) !=
+                Sight::unknown;
     }
   return common;
 }
@@ -115,10 +117,12 @@ double probability_of(const Evidence& e) {
 
 Reason doubt_of(const Evidence& e, const JudgeOptions& options) {
   if (e.overlap_m2 < options.min_overlap_m2) return Reason::little_overlap;
-  if (e.conflict > options.max_conflict || std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]) > options.max_contradiction_m)
+  if (e.conflict > options.max_conflict ||
+      std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]) > options.max_contradiction_m)
     return Reason::contradiction;
   if (e.inliers < options.min_inliers) return Reason::contradiction;
-  if (options.second_verifier && (e.verifier_inliers < options.min_verifier_inliers || e.verifier_disagreement_m > options.max_verifier_disagreement_m))
+  if (options.second_verifier &&
+      (e.verifier_inliers < options.min_verifier_inliers || e.verifier_disagreement_m > options.max_verifier_disagreement_m))
     return Reason::inconsistent;
   if (e.second_best_ratio > options.max_second_best) return Reason::ambiguous;
   if (e.observability(1) < options.min_observability) return Reason::unobservable;
@@ -151,9 +155,10 @@ Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b
 Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow& window, const JudgeOptions& options) {
   Hasher hasher;
   hasher.add("submap judge 1").add(content_a).add(content_b);
-  for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad, options.min_score, options.rival_ratio, options.min_overlap_m2,
-                   options.min_inliers, options.max_conflict, options.max_contradiction_m, options.max_second_best, options.min_observability,
-                   options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers, options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
+  for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad, options.min_score,
+                   options.rival_ratio, options.min_overlap_m2, options.min_inliers, options.max_conflict, options.max_contradiction_m,
+                   options.max_second_best, options.min_observability, options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers,
+                   options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
     hasher.add(v);
   return hasher.finish();
 }

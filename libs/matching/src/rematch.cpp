@@ -12,7 +12,8 @@ constexpr std::size_t kPoints = 180;
 WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
   WallField field;
   for (const auto& [id, pose] : submap.submap_from_node)
-    if (const auto* scan = std::get_if<PackedScan>(nodes.find(id)->payload.get())) field.add(placed(planar(pose), wall_points(*scan, 0.0, kFarthestWall_m)));
+    if (const auto* scan = std::get_if<PackedScan>(nodes.find(id)->payload.get()))
+      field.add(placed(planar(pose), wall_points(*scan, 0.0, kFarthestWall_m)));
   field.settle();
   return field;
 }
@@ -56,17 +57,20 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
     around.erase(std::unique(around.begin(), around.end()), around.end());
     for (const auto index : around) {
       const auto& members = submaps[index]->submap_from_node;
-      if (std::binary_search(members.begin(), members.end(), std::make_pair(id, Pose3{}), [](const auto& l, const auto& r) { return l.first < r.first; })) continue;
+      if (std::binary_search(members.begin(), members.end(), std::make_pair(id, Pose3{}),
+                             [](const auto& l, const auto& r) { return l.first < r.first; }))
+        continue;
       double distance = 1e300;
       for (const auto& p : paths[index]) distance = std::min(distance, std::hypot(p.x - here.x, p.y - here.y));
       if (distance <= options.radius_m) candidates.emplace_back(distance, index);
     }
     std::sort(candidates.begin(), candidates.end());
-    if (candidates.size() > static_cast<std::size_t>(options.most_submaps)) candidates.resize(static_cast<std::size_t>(options.most_submaps));
+    if (candidates.size() > static_cast<std::size_t>(options.most_submaps))
+      candidates.resize(static_cast<std::size_t>(options.most_submaps));
     for (const auto& candidate : candidates) asked[candidate.second].push_back(&node);
   }
 
-  const auto found = pool.map(submaps.size(), [&](std::size_t i) {
+  auto found = pool.map(submaps.size(), [&](std::size_t i) {
     std::vector<Constraint> constraints;
     if (asked[i].empty()) return constraints;
     const Submap& submap = *submaps[i];
@@ -107,13 +111,20 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       const Eigen::Matrix3d floor = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();  // 1 cm, 0.11 degrees
       information = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
       const bool own = member_id.session == node->id.session;
-      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
-                                              between(members[tied].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
+      constraints.push_back(planar_constraint(
+          {own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
+          between(members[tied].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
     }
     return constraints;
   });
   std::vector<Constraint> all;
-  for (const auto& part : found) all.insert(all.end(), part.begin(), part.end());
+  std::size_t count = 0;
+  for (const auto& part : found) count += part.size();
+  all.reserve(count);
+  for (auto& part : found) {
+    all.insert(all.end(), part.begin(), part.end());
+    part = {};  // memory for one of each, not for two
+  }
   return all;
 }
 

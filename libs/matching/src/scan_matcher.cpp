@@ -44,7 +44,7 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
   constexpr double kInverse = 1.0 / WallField::kResolution;
   const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m * kInverse)));
   const int lanes = (2 * radius + 1 + kLane - 1) / kLane;
-  const int side = lanes * kLane;                   // cells along x
+  const int side = lanes * kLane;  // cells along x
   const int half = side / 2;
   const int turns = std::max(1, static_cast<int>(std::ceil(window.yaw_rad / window.yaw_step_rad)));
   std::vector<std::uint16_t> sums(static_cast<std::size_t>(side) * static_cast<std::size_t>(2 * radius + 1));
@@ -174,7 +174,9 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
   const auto& grid = field.likelihood();
   double sum = 0;
   const double c = std::cos(phi), s = std::sin(phi);
-  for (const auto& p : points) sum += grid.get(cell_of(c * p.x - s * p.y + x, 1.0 / WallField::kResolution), cell_of(s * p.x + c * p.y + y, 1.0 / WallField::kResolution));
+  for (const auto& p : points)
+    sum += grid.get(cell_of(c * p.x - s * p.y + x, 1.0 / WallField::kResolution),
+                    cell_of(s * p.x + c * p.y + y, 1.0 / WallField::kResolution));
   match.score = sum / (255.0 * static_cast<double>(points.size()));
   // From the field's frame into the scan's: a small motion there is a rotated one here.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();

@@ -3,8 +3,8 @@
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/registration/correspondence_estimation.h>
-#include <pcl/registration/correspondence_rejection_surface_normal.h>
 #include <pcl/registration/correspondence_rejection_one_to_one.h>
+#include <pcl/registration/correspondence_rejection_surface_normal.h>
 #include <pcl/registration/transformation_estimation_2D.h>
 
 namespace mapweave::matching {
@@ -39,7 +39,9 @@ std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, c
   const auto all = cloud_of(b, a_from_b);
   auto moving = std::make_shared<Cloud>();
   for (const auto& p : *all)
-    if (a.sight().get(cell_of(p.x, 1.0 / SubmapModel::kSightResolution), cell_of(p.y, 1.0 / SubmapModel::kSightResolution)) != Sight::unknown) moving->push_back(p);
+    if (a.sight().get(cell_of(p.x, 1.0 / SubmapModel::kSightResolution), cell_of(p.y, 1.0 / SubmapModel::kSightResolution)) !=
+        Sight::unknown)
+      moving->push_back(p);
   if (target->size() < kFewestPoints || moving->size() < kFewestPoints) return std::nullopt;
   if (moving->size() > kMostPoints) {
     auto fewer = std::make_shared<Cloud>();
@@ -80,7 +82,8 @@ std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, c
   Verification result;
   result.inliers = static_cast<double>(paired) / static_cast<double>(moving->size());
   const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
-  const Eigen::Vector4f centre(static_cast<float>(c * b.centre().x - s * b.centre().y + a_from_b.x), static_cast<float>(s * b.centre().x + c * b.centre().y + a_from_b.y), 0, 1);
+  const Eigen::Vector4f centre(static_cast<float>(c * b.centre().x - s * b.centre().y + a_from_b.x),
+                               static_cast<float>(s * b.centre().x + c * b.centre().y + a_from_b.y), 0, 1);
   result.disagreement_m = static_cast<double>(((moved * centre) - centre).head<2>().norm());
   result.disagreement_rad = std::abs(std::atan2(static_cast<double>(moved(1, 0)), static_cast<double>(moved(0, 0))));
   return result;

@@ -6,8 +6,8 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr double kSightRange_m = 30.0;     // rays say nothing about cells beyond
-constexpr double kSightStep_m = 0.20;      // scans nearer to the last one drawn say nothing new about free space
+constexpr double kSightRange_m = 30.0;  // rays say nothing about cells beyond
+constexpr double kSightStep_m = 0.20;   // scans nearer to the last one drawn say nothing new about free space
 constexpr double kSightStep_rad = 0.20;
 constexpr double kInverseSight = 1.0 / SubmapModel::kSightResolution;
 constexpr std::size_t kQueryPoints = 200;
@@ -25,7 +25,8 @@ void walk(double x0, double y0, double x1, double y1, double inverse, Visit&& vi
   const double dx = x1 - x0, dy = y1 - y0;
   const int step_x = dx > 0 ? 1 : -1, step_y = dy > 0 ? 1 : -1;
   const double side = 1.0 / inverse;
-  double next_x = dx != 0 ? ((x + (dx > 0 ? 1 : 0)) * side - x0) / dx : 1e300, next_y = dy != 0 ? ((y + (dy > 0 ? 1 : 0)) * side - y0) / dy : 1e300;
+  double next_x = dx != 0 ? ((x + (dx > 0 ? 1 : 0)) * side - x0) / dx : 1e300,
+         next_y = dy != 0 ? ((y + (dy > 0 ? 1 : 0)) * side - y0) / dy : 1e300;
   const double each_x = dx != 0 ? side / std::abs(dx) : 1e300, each_y = dy != 0 ? side / std::abs(dy) : 1e300;
   int most = std::abs(last_x - x) + std::abs(last_y - y);
   while ((x != last_x || y != last_y) && most-- > 0) {
@@ -73,7 +74,8 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
         if (value < OccupancyGrid::kUnknown) continue;
         // Seen from where it is free: a wall one cell thin has two faces.
         for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {-1, 0}, {0, -1}})
-          if (free(column + dx, row + dy)) points.push_back({p.x, p.y, static_cast<float>(c * dx - s * dy), static_cast<float>(s * dx + c * dy)});
+          if (free(column + dx, row + dy))
+            points.push_back({p.x, p.y, static_cast<float>(c * dx - s * dy), static_cast<float>(s * dx + c * dy)});
       }
     }
   // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.
@@ -87,8 +89,10 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
         const Point2f p = place(column + 0.5, row + 0.5);
         x += p.x, y += p.y, ++count;
       }
-  if (count > 0) path_.push_back({x / static_cast<double>(count), y / static_cast<double>(count), 0.0});
-  else path_.push_back(submap_from_node);
+  if (count > 0)
+    path_.push_back({x / static_cast<double>(count), y / static_cast<double>(count), 0.0});
+  else
+    path_.push_back(submap_from_node);
 }
 
 void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
@@ -178,7 +182,8 @@ void SubmapModel::build_pyramid() {
     const int x0 = half(below.first_x()) - 1, y0 = half(below.first_y()) - 1;
     const int x1 = half(below.first_x() + below.width() - 1) + 1, y1 = half(below.first_y() + below.height() - 1) + 1;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
-    // Cell i of level 1 bounds the cells 2i .. 2i + 3 of level 0; above that, of level k the cells 2i, 2i + 2 of the level below, each of which bounds two blocks.
+    // Cell i of level 1 bounds the cells 2i .. 2i + 3 of level 0; above that, of level k the cells 2i, 2i + 2 of the level below, each of
+    // which bounds two blocks.
     const int reach = level == 1 ? 3 : 2, stride = level == 1 ? 1 : 2;
     for (int y = y0; y <= y1; ++y)
       for (int x = x0; x <= x1; ++x) {

@@ -9,8 +9,8 @@ constexpr int kKernelRadius = 4;  // likelihood cells
 constexpr double kKernelSigma_m = 0.07;
 constexpr double kInverseResolution = 1.0 / WallField::kResolution;
 constexpr double kInverseCellSide = 1.0 / WallField::kCellSide;
-constexpr float kNoise_m = 0.02F;   // of a wall point across its wall: the floor of a distribution's width
-constexpr float kMinCount = 3.0F;   // points that make a distribution
+constexpr float kNoise_m = 0.02F;  // of a wall point across its wall: the floor of a distribution's width
+constexpr float kMinCount = 3.0F;  // points that make a distribution
 
 using Kernel = std::array<std::array<std::uint8_t, 2 * kKernelRadius + 1>, 2 * kKernelRadius + 1>;
 
@@ -154,7 +154,8 @@ void WallField::update(int cell_x, int cell_y, Sides& sides) {
       if (index < 0) continue;
       const Cell& cell = cells_[static_cast<std::size_t>(index)];
       for (std::size_t q = 0; q < quadrants.size(); ++q)
-        if (cell.quadrants[q].n > 0) quadrants[q].add(cell.quadrants[q], static_cast<float>(i * kCellSide), static_cast<float>(j * kCellSide));
+        if (cell.quadrants[q].n > 0)
+          quadrants[q].add(cell.quadrants[q], static_cast<float>(i * kCellSide), static_cast<float>(j * kCellSide));
     }
   for (std::size_t side = 0; side < sides.normals.size(); ++side) {
     Sums all = quadrants[kQuadrants[side][0]];
@@ -205,15 +206,16 @@ std::vector<WallPoint> WallField::walls(float min_count) const {
         const std::int32_t normal = sides_[static_cast<std::size_t>(around)].normals[side];
         if (s.n < min_count || normal < 0) continue;
         const LocalNormal& here = normals_[static_cast<std::size_t>(normal)];
-        walls.push_back({static_cast<float>((x + 0.5) * kCellSide) + s.x / s.n, static_cast<float>((y + 0.5) * kCellSide) + s.y / s.n, here.normal_x, here.normal_y});
+        walls.push_back({static_cast<float>((x + 0.5) * kCellSide) + s.x / s.n, static_cast<float>((y + 0.5) * kCellSide) + s.y / s.n,
+                         here.normal_x, here.normal_y});
       }
     }
   return walls;
 }
 
 std::size_t WallField::bytes() const {
-  return likelihood_.bytes() + cell_index_.bytes() + sides_index_.bytes() + cells_.capacity() * sizeof(Cell) + sides_.capacity() * sizeof(Sides) +
-         normals_.capacity() * sizeof(LocalNormal) + touched_.capacity() * sizeof(touched_.front());
+  return likelihood_.bytes() + cell_index_.bytes() + sides_index_.bytes() + cells_.capacity() * sizeof(Cell) +
+         sides_.capacity() * sizeof(Sides) + normals_.capacity() * sizeof(LocalNormal) + touched_.capacity() * sizeof(touched_.front());
 }
 
 }  // namespace mapweave::matching

@@ -25,7 +25,9 @@ std::vector<WallPoint> wall_points(const PackedScan& scan, double min_range_m, d
     // Farther apart than this, neighbours are ends on two things.
     const float gap = 0.15F + 0.06F * range;
     std::size_t left = i, right = i;
-    while (left > 0 && i - left < kMostSteps && square_distance(ends[left], p) < kReach_m * kReach_m && square_distance(ends[left - 1], ends[left]) < gap * gap) --left;
+    while (left > 0 && i - left < kMostSteps && square_distance(ends[left], p) < kReach_m * kReach_m &&
+           square_distance(ends[left - 1], ends[left]) < gap * gap)
+      --left;
     while (right + 1 < ends.size() && right - i < kMostSteps && square_distance(ends[right], p) < kReach_m * kReach_m &&
            square_distance(ends[right + 1], ends[right]) < gap * gap)
       ++right;

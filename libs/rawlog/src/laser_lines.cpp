@@ -255,7 +255,7 @@ PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std:
 }
 
 Stamp stamp_of_text(double seconds, const Fields& fields) {
-  if (!(std::abs(seconds) < 9e9))
+  if (!(std::abs(seconds) < 4e9))
     throw fields.error("the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected");
   return Stamp{std::llround(seconds * 1e6) * 1000};
 }

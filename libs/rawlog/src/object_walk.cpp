@@ -15,7 +15,7 @@ namespace {
 constexpr char kEndFlag = '\x88';
 constexpr std::size_t kDeepest = 8;
 constexpr std::uint32_t kMostParticles = 1'000'000;
-constexpr const char* kRemedy = "record or copy the log again; what precedes this place can be used (split --at)";
+constexpr const char* kRemedy = "record or copy the log again; slam and run map what precedes this place with --keep-going";
 
 bool is_name_letter(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' ||
@@ -81,7 +81,11 @@ class Walker {
 
   // nullopt: a class whose layout is not known here.
   std::optional<bool> body(std::string_view name, int version, std::size_t depth) {
-    if (name == "CObservation2DRangeScan") return version >= 4 && version <= 7 && scan(version, depth);
+    if (name == "CObservation2DRangeScan") {
+      // MRPT would make room for whatever number of rays an older version announces.
+      if (version < 4 || version > 7) throw corrupt("its version " + std::to_string(version) + " is not known");
+      return scan(version, depth);
+    }
     if (name == "CObservationOdometry") return version <= 2 && odometry(version, depth);
     if (name == "CSensoryFrame" || name == "CActionCollection") {
       if (depth > 0) throw corrupt("stands within another object");

@@ -89,14 +89,14 @@ class OrderedStream final : public ObservationStream {
       const auto& pose = odometry->odometry;
       if (!std::isfinite(pose.x()) || !std::isfinite(pose.y()) || !std::isfinite(pose.phi())) {
         throw Error(ErrorCode::kBadInput, "an odometry pose is not a number; finite x, y, heading were expected", where(),
-                    "cut the log before it");
+                    "map what precedes it with --keep-going");
       }
     }
     if (count_ > 1 && newest_.ns - placed.record.stamp.ns > window_ns_) {
       throw Error(ErrorCode::kBadInput,
                   "time runs backwards: stamp " + seconds_text(placed.record.stamp) + " comes after stamp " + seconds_text(newest_) +
                       ", later than the window of " + std::to_string(window_s_) + " s allows",
-                  where(), "repair the clock of the recording, cut the log there, or widen reorder_window_s");
+                  where(), "repair the clock of the recording, map what precedes it with --keep-going, or widen reorder_window_s");
     }
     newest_.ns = count_ > 1 ? std::max(newest_.ns, placed.record.stamp.ns) : placed.record.stamp.ns;
     heap_.push_back({std::move(placed.record), rank, count_});
@@ -114,7 +114,7 @@ class OrderedStream final : public ObservationStream {
     const std::size_t rays = scan.getScanSize();
     if (rays == 0) {
       throw Error(ErrorCode::kBadInput, "a scan of '" + scan.sensorLabel + "' has no rays; at least one was expected", where(),
-                  "cut the log before it");
+                  "map what precedes it with --keep-going");
     }
     const float* ranges = &scan.getScanRange(0);
     if (std::all_of(ranges, ranges + rays, [](float range) { return std::isfinite(range); })) return;
@@ -123,7 +123,7 @@ class OrderedStream final : public ObservationStream {
       if (std::isnan(ranges[i])) {
         throw Error(ErrorCode::kBadInput,
                     "ray " + std::to_string(i) + " of a scan of '" + scan.sensorLabel + "' is not a number, yet marked valid", where(),
-                    "cut the log before it, or mark such rays invalid when recording");
+                    "map what precedes it with --keep-going, or mark such rays invalid when recording");
       }
       scan.setScanRangeValidity(i, false);  // infinite: no return (the habit of ROS)
     }

@@ -18,6 +18,7 @@
 #include <mutex>
 #include <new>
 #include <optional>
+#include <sstream>
 
 namespace mapweave::rawlog {
 namespace {
@@ -26,6 +27,14 @@ constexpr std::uint8_t kEndFlag = 0x88;
 constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as increments
 
 using Object = mrpt::serialization::CSerializable::Ptr;
+
+// MRPT's own words: the first line below its banner.
+std::string reason_of(const std::string& message) {
+  std::istringstream lines(message);
+  for (std::string line; std::getline(lines, line);)
+    if (const auto begin = line.find_first_not_of("= "); begin != std::string::npos && line.front() != '=') return line.substr(begin, 160);
+  return "MRPT gives no reason";
+}
 
 class RawlogReader final : public RecordSource {
  public:
@@ -79,7 +88,7 @@ class RawlogReader final : public RecordSource {
 
   Error corrupt(const ObjectHeader& header, std::uint64_t place, const std::string& what) const {
     return Error(ErrorCode::kCorrupt, "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")",
-                 bytes_->place(place), "record or copy the log again; what precedes this place can be used (split --at)");
+                 bytes_->place(place), "record or copy the log again; slam and run map what precedes this place with --keep-going");
   }
 
   // `header`: of the object, or of the collection it stands in.
@@ -92,8 +101,7 @@ class RawlogReader final : public RecordSource {
       throw corrupt(header, place, "it announces more than the memory can hold");
     } catch (const std::exception& problem) {
       archive_.rethrow_failure();
-      const std::string what = problem.what();
-      throw corrupt(header, place, what.substr(0, std::min<std::size_t>(what.find('\n'), 160)));
+      throw corrupt(header, place, reason_of(problem.what()));
     } catch (...) {
       throw corrupt(header, place, "MRPT gives no reason");
     }
@@ -101,8 +109,8 @@ class RawlogReader final : public RecordSource {
 
   // The objects of a collection or a frame, one by one: MRPT itself dereferences a null among them.
   std::vector<Object> read_objects(const ObjectHeader& header, std::uint64_t place) {
-    std::vector<Object> objects(take<std::uint32_t>(header, place));
-    for (Object& object : objects) object = read_object(header, place);
+    std::vector<Object> objects;  // grows as they come: the number may be damaged
+    for (auto left = take<std::uint32_t>(header, place); left > 0; --left) objects.push_back(read_object(header, place));
     if (header.has_end_flag && take<std::uint8_t>(header, place) != kEndFlag) throw corrupt(header, place, "its end flag is missing");
     return objects;
   }
@@ -175,7 +183,7 @@ class RawlogReader final : public RecordSource {
     }
     if (!is_finite(increment)) {
       throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected", bytes_->place(place),
-                  "cut the log before it");
+                  "map what precedes it with --keep-going");
     }
     odometry_from_robot_ = compose(odometry_from_robot_, increment);
     odometry_waits_ = !has_stamp(action.timestamp);

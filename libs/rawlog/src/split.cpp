@@ -30,7 +30,7 @@ void check(const SplitOptions& options) {
   const auto refuse = [](const std::string& what, const std::string& remedy) { return Error(ErrorCode::kUsage, what, "split", remedy); };
   if (options.robots < 1 || options.robots > kMostRobots)
     throw refuse("the number of robots is " + std::to_string(options.robots), "1.." + std::to_string(kMostRobots) + " can be made");
-  if (!(options.overlap_s >= 0.0 && options.overlap_s < 9e9))
+  if (!(options.overlap_s >= 0.0 && options.overlap_s < 1e9))
     throw refuse("the overlap is " + std::to_string(options.overlap_s) + " s", "0 s or more is needed");
   if (options.at_s.empty()) return;
   if (options.at_s.size() + 1 != static_cast<std::size_t>(options.robots)) {
@@ -40,7 +40,7 @@ void check(const SplitOptions& options) {
   }
   for (std::size_t i = 0; i < options.at_s.size(); ++i) {
     const double cut = options.at_s[i];
-    if (!(std::abs(cut) < 9e9)) throw refuse("the cut " + std::to_string(cut) + " s is no time", "give seconds as in the log");
+    if (!(std::abs(cut) < 4e9)) throw refuse("the cut " + std::to_string(cut) + " s is no time", "give seconds as in the log");
     if (i > 0 && cut <= options.at_s[i - 1])
       throw refuse("the cut at " + seconds_text(cut) + " s does not come after the one before", "give the cuts in rising order");
   }

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <system_error>
 
 namespace mapweave::rawlog {
@@ -37,7 +38,9 @@ double Fields::any_number(const char* name) {
   if (end != field.data() + field.size() || (problem != std::errc{} && problem != std::errc::result_out_of_range)) {
     throw error("'" + std::string(field.substr(0, 40)) + "' is no number; " + name + " was expected");
   }
-  return value;  // too small a number is 0 here
+  // Out of range is what is too large, infinite here, or too small, and then zero.
+  if (problem == std::errc::result_out_of_range) value = std::strtod(std::string(field).c_str(), nullptr);
+  return value;
 }
 
 double Fields::number(const char* name) {

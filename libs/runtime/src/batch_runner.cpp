@@ -78,21 +78,24 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   report.team.tier = cloud_tier();
   auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
 
-  std::vector<InputFile> inputs;
-  std::vector<tiers::RobotOutcome> outcomes;
   bool anything = false, whole = true;
-  for (std::size_t i = 0; i < robots.size(); ++i) {
-    whole = whole && robots[i].has_value();
-    if (!robots[i]) continue;
-    anything = anything || robots[i]->outcome.map.has_value();
-    report.robots.push_back(robots[i]->report);
-    report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
-    inputs.push_back(robots[i]->input);
-    outcomes.push_back(std::move(robots[i]->outcome));
+  for (const auto& robot : robots) {
+    whole = whole && robot.has_value();
+    anything = anything || (robot && robot->outcome.map);
   }
   if (!whole) acknowledge_interruption(report, anything);
   for (const auto& robot : robots)
     if (!anything && robot && robot->outcome.trouble && !settings.keep_going) throw *robot->outcome.trouble;  // every helper died
+
+  std::vector<InputFile> inputs;
+  std::vector<tiers::RobotOutcome> outcomes;
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    if (!robots[i]) continue;
+    report.robots.push_back(robots[i]->report);
+    report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
+    if (robots[i]->input) inputs.push_back(*robots[i]->input);
+    outcomes.push_back(std::move(robots[i]->outcome));
+  }
 
   // Edges fuse what their robots left and tell the cloud, which fuses everything again.
   std::vector<tiers::EdgeServer> edges;
@@ -148,8 +151,10 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   } else if (robot.outcome.trouble) {
     throw *robot.outcome.trouble;
   }
+  std::vector<InputFile> inputs;
+  if (robot.input) inputs.push_back(*robot.input);
   close(report, watch, results);
-  results.commit("slam", effective(configuration, plan), {robot.input}, report);
+  results.commit("slam", effective(configuration, plan), inputs, report);
   return report;
 }
 

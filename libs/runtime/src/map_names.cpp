@@ -8,6 +8,21 @@
 #include <set>
 
 namespace mapweave::runtime {
+namespace {
+
+constexpr std::size_t kLongestName = 64;  // is_valid_name
+
+// The base, or where it is taken the base with a number; the base is cut where the name would be too long. Takes it.
+template <class Id>
+Id take_name(const std::string& base, std::set<Id>& taken) {
+  for (int number = 1;; ++number) {
+    const std::string ending = number == 1 ? "" : "-" + std::to_string(number);
+    const Id id(base.substr(0, kLongestName - ending.size()) + ending);
+    if (taken.insert(id).second) return id;
+  }
+}
+
+}  // namespace
 
 std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
   std::vector<std::filesystem::path> full;
@@ -21,7 +36,7 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return full[a] < full[b]; });
 
   std::vector<MapId> names(paths.size());
-  std::set<std::string> taken;
+  std::set<MapId> taken;
   for (std::size_t place = 0; place < order.size(); ++place) {
     const std::size_t i = order[place];
     if (place > 0 && full[i] == full[order[place - 1]])
@@ -29,9 +44,7 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
     std::string name = name_of_file(paths[i]);
     if (with_stem[name] > 1 || name.empty()) name = name_of_file(full[i].parent_path());
     if (!is_valid_name(name)) name = "map";
-    const std::string base = name;
-    for (int number = 2; !taken.insert(name).second; ++number) name = base + "-" + std::to_string(number);
-    names[i] = MapId(name);
+    names[i] = take_name(name, taken);
   }
   return names;
 }
@@ -84,10 +97,9 @@ std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::strin
     for (const RobotId robot : robots) {
       if (owners[robot] < 2 || (robots.size() == 1 && map.id.str() == robot.str())) continue;
       const std::string base = robots.size() == 1 ? map.id.str() : map.id.str() + "." + robot.str();
-      std::string name = base;
-      for (int number = 2; !taken.insert(RobotId(name)).second; ++number) name = base + "-" + std::to_string(number);
-      renamed.emplace(robot, RobotId(name));
-      notes.push_back("robot '" + robot.str() + "' of map '" + map.id.str() + "' is called '" + name +
+      const RobotId name = take_name(base, taken);
+      renamed.emplace(robot, name);
+      notes.push_back("robot '" + robot.str() + "' of map '" + map.id.str() + "' is called '" + name.str() +
                       "' here: another map has a robot of that name too");
     }
     if (!renamed.empty())

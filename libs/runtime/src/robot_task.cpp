@@ -62,13 +62,18 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;
-  result.input = {robot.log.string(), hash_of_file(robot.log)};
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
   tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan, robot.log.string());
-  tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
-  result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
+  try {
+    result.input = InputFile{robot.log.string(), hash_of_file(robot.log)};
+    tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+    result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kInterrupted) throw;
+    result.outcome = {robot.id, std::nullopt, error};
+  }
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = watch.seconds();
   result.report.cpu_seconds = thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;

@@ -105,7 +105,7 @@ exporters::MapFolderOptions folder_options(const OutputOptions& output, const st
 
 std::string name_of_file(const std::filesystem::path& path) {
   std::string name = path.filename().string();
-  for (const char* ending : {".gz", ".rawlog", ".clf", ".log", ".g2o", ".zip", ".mwdb", ".yaml"}) {
+  for (const char* ending : {".gz", ".rawlog", ".clf", ".log", ".g2o", ".zip", ".mwdb", ".yaml", ".yml"}) {
     const std::string text(ending);
     if (name.size() > text.size() && name.compare(name.size() - text.size(), text.size(), text) == 0)
       name.resize(name.size() - text.size());

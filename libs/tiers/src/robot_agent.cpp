@@ -29,7 +29,7 @@ std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
     throw Error(ErrorCode::kBadInput,
                 "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " +
                     std::to_string(latest_->seconds()) + " s",
-                stream_, "sort or cut the log (mapweave split --at), or run with --keep-going to keep what came before");
+                stream_, "repair the clock of the recording, or run with --keep-going to keep what came before");
   latest_ = stamp;
   if (std::holds_alternative<laser::ScanInput>(*input)) {
     if (scans_++ == 0) first_ = stamp;

@@ -42,8 +42,8 @@ class ContractViolation : public std::logic_error {
  public:
   ContractViolation(const char* expression, const char* file, int line, const std::string& message);
 };
-#define MAPWEAVE_EXPECT(condition, message)                                                   \
-  do {                                                                                        \
+#define MAPWEAVE_EXPECT(condition, message)                                                         \
+  do {                                                                                              \
     if (!(condition)) throw ::mapweave::ContractViolation(#condition, __FILE__, __LINE__, message); \
   } while (false)
 

@@ -13,9 +13,7 @@ namespace mapweave {
 using Pose2 = mrpt::math::TPose2D;  // x, y, phi
 
 // Into [-pi, pi).
-inline double wrap_angle(double angle_rad) {
-  return angle_rad - 2.0 * M_PI * std::floor((angle_rad + M_PI) / (2.0 * M_PI));
-}
+inline double wrap_angle(double angle_rad) { return angle_rad - 2.0 * M_PI * std::floor((angle_rad + M_PI) / (2.0 * M_PI)); }
 
 // a_from_c = compose(a_from_b, b_from_c): MRPT's a + b, inline, with phi wrapped.
 inline Pose2 compose(const Pose2& a_from_b, const Pose2& b_from_c) {
@@ -42,7 +40,9 @@ inline Pose3 inverse(const Pose3& a_from_b) {
   return {-(q * a_from_b.t), q};
 }
 inline Pose3 between(const Pose3& a_from_b, const Pose3& a_from_c) { return compose(inverse(a_from_b), a_from_c); }
-inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Pose3& a_from_b) { return a_from_b.q * point_in_b + a_from_b.t; }
+inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Pose3& a_from_b) {
+  return a_from_b.q * point_in_b + a_from_b.t;
+}
 
 // Similarity: point_in_a = scale * (q * point_in_b) + t.
 struct Sim3 {

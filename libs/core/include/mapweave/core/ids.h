@@ -71,11 +71,17 @@ inline auto key_of(const SubmapId& id) { return std::tie(id.session.client.robot
 
 // Ids compare by robot name, sensor name, run, index: the canonical order of everything.
 template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
-bool operator<(const Id& a, const Id& b) { return key_of(a) < key_of(b); }
+bool operator<(const Id& a, const Id& b) {
+  return key_of(a) < key_of(b);
+}
 template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
-bool operator==(const Id& a, const Id& b) { return key_of(a) == key_of(b); }
+bool operator==(const Id& a, const Id& b) {
+  return key_of(a) == key_of(b);
+}
 template <class Id, class = decltype(key_of(std::declval<const Id&>()))>
-bool operator!=(const Id& a, const Id& b) { return !(a == b); }
+bool operator!=(const Id& a, const Id& b) {
+  return !(a == b);
+}
 
 std::string to_string(const SessionId&);  // "alpha/laser@976052857.217"
 std::string to_string(const NodeId&);     // ".../node 17"

@@ -6,7 +6,7 @@ namespace mapweave {
 void install_interrupt_handlers();  // once, by a program; a second signal ends the process at once
 bool interrupted();                 // a signal has come
 void throw_if_interrupted();
-void request_interrupt();           // as if a signal had come (tests)
-void clear_interrupt();             // (tests)
+void request_interrupt();  // as if a signal had come (tests)
+void clear_interrupt();    // (tests)
 
 }  // namespace mapweave

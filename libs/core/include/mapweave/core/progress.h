@@ -17,7 +17,7 @@ class Progress {
   virtual int begin(std::string_view task, std::uint64_t total, std::string_view unit) = 0;
   virtual void advance(int task, std::uint64_t done) = 0;  // done so far, not since
   virtual void end(int task) = 0;
-  virtual void say(std::string_view line) = 0;             // a line that stays
+  virtual void say(std::string_view line) = 0;  // a line that stays
 };
 
 std::unique_ptr<Progress> make_silent_progress();

@@ -8,9 +8,9 @@ namespace mapweave::fusion {
 
 struct ComposeOptions {
   double resolution_m = 0.05;
-  double max_range_m = 30.0;       // rays are drawn up to here
-  double hit_probability = 0.7;    // of a wall where a ray ends
-  double miss_probability = 0.4;   // of a wall where a ray passes
+  double max_range_m = 30.0;      // rays are drawn up to here
+  double hit_probability = 0.7;   // of a wall where a ray ends
+  double miss_probability = 0.4;  // of a wall where a ray passes
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("resolution_m", resolution_m, 0.005, 1.0, "side of a cell");

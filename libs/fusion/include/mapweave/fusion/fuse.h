@@ -16,27 +16,27 @@
 namespace mapweave::fusion {
 
 struct FusionInput {
-  std::vector<Map> maps;                 // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
-  std::set<Hash> vetoed;                 // judgements not to be believed
-  TierId by;                             // who asks; stands in the verdicts
+  std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
+  std::set<Hash> vetoed;  // judgements not to be believed
+  TierId by;              // who asks; stands in the verdicts
 };
 
 struct Component {
-  Map map;                               // all members' content under the fused belief; frame: the map frame of the member with the lowest id
-  std::vector<MapId> members;            // sorted
-  Table<MapId, Pose3> team_from_map;     // of each member's map frame after fusion (of its first node's)
+  Map map;                            // all members' content under the fused belief; frame: the map frame of the member with the lowest id
+  std::vector<MapId> members;         // sorted
+  Table<MapId, Pose3> team_from_map;  // of each member's map frame after fusion (of its first node's)
 };
 
 struct StageTime {
-  std::string name;                      // features, pairwise matching, component connection, transform optimisation, composing
+  std::string name;  // features, pairwise matching, component connection, transform optimisation, composing
   double seconds = 0.0;
 };
 
 struct FusionResult {
-  std::vector<Component> components;     // largest first (nodes with payload), ties by lowest member
-  std::vector<Verdict> verdicts;         // of every pair of maps that was looked at, sorted by (a, b)
-  std::vector<Judgement> judgements;     // all, sorted by id
-  std::vector<StageTime> stages;         // wall time; not part of a sealed result
+  std::vector<Component> components;  // largest first (nodes with payload), ties by lowest member
+  std::vector<Verdict> verdicts;      // of every pair of maps that was looked at, sorted by (a, b)
+  std::vector<Judgement> judgements;  // all, sorted by id
+  std::vector<StageTime> stages;      // wall time; not part of a sealed result
 };
 
 // Judgements made before, by id: speed, never content.

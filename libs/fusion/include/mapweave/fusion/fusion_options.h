@@ -26,7 +26,8 @@ struct FusionOptions {
   graph::SolveOptions solve;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("candidates_per_submap", candidates_per_submap, 1, 1000, "submaps of another map, most alike first, that each submap is compared with");
+    v.integer("candidates_per_submap", candidates_per_submap, 1, 1000,
+              "submaps of another map, most alike first, that each submap is compared with");
     v.integer("most_pairs", most_pairs, 1, 1000000, "submap pairs compared for one pair of maps");
     v.non_negative("stride_m", stride_m, "submaps of one map nearer to each other than this stand for each other in the first search");
     v.positive("consistency_m", consistency_m, "two judgements agree when the transforms they imply differ by less than this");
@@ -37,7 +38,8 @@ struct FusionOptions {
     v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
     v.fraction("max_conflict", max_conflict, "share of the walls of one map that the other saw through, once they lie on each other");
     v.fraction("max_rival", max_rival, "share of the best group's weight that a group of witnesses for another place may have");
-    v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000, "submaps of other maps that each submap is tied to once the maps lie on each other");
+    v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000,
+              "submaps of other maps that each submap is tied to once the maps lie on each other");
     v.integer("cache_mb", cache_mb, 1, 100000, "memory for submaps that are ready to be compared");
     v.section("judge", judge, "when two submaps show the same place");
     v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");

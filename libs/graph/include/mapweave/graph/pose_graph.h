@@ -1,6 +1,7 @@
 #pragma once
 // Planar pose graphs: the poses that agree best with all constraints. Cold start, one thread, iteration budgets: the same input gives
-// the same bytes. Solver: Ceres. Robust weighting: graduated non-convexity with truncated least squares (Yang et al., RA-L 2020), on the edges that ask for it.
+// the same bytes. Solver: Ceres. Robust weighting: graduated non-convexity with truncated least squares (Yang et al., RA-L 2020), on the
+// edges that ask for it.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/map.h>
@@ -11,10 +12,10 @@
 namespace mapweave::graph {
 
 struct Edge {
-  std::uint32_t from = 0, to = 0;       // numbers of poses
+  std::uint32_t from = 0, to = 0;  // numbers of poses
   Pose2 from_from_to;
   Eigen::Matrix3d information = Eigen::Matrix3d::Identity();  // x, y, yaw in the frame of `to`
-  bool doubtful = false;                // may be wrong altogether: weighted by GNC
+  bool doubtful = false;                                      // may be wrong altogether: weighted by GNC
 };
 
 struct SolveOptions {
@@ -32,20 +33,21 @@ struct SolveOptions {
 
 struct Solution {
   std::vector<Pose2> poses;
-  std::vector<double> weight;           // of each edge: 1 for certain edges, 0..1 for doubtful ones
-  double chi2 = 0.0;                    // of the edges, weighted
+  std::vector<double> weight;  // of each edge: 1 for certain edges, 0..1 for doubtful ones
+  double chi2 = 0.0;           // of the edges, weighted
   int iterations = 0;
   bool converged = false;
 };
 
 // Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information that is not finite.
-Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options = {}, std::uint32_t fixed = 0);
+Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options = {},
+               std::uint32_t fixed = 0);
 
 // Squared error of an edge under these poses.
 double chi2_of(const Edge&, const std::vector<Pose2>& poses);
 
-// Optimises the belief of a map: every node's pose, under all its constraints (loop and between_maps ones are doubtful). The first node stays. Constraints that GNC rejects
-// are removed from the map and returned.
+// Optimises the belief of a map: every node's pose, under all its constraints (loop and between_maps ones are doubtful). The first node
+// stays. Constraints that GNC rejects are removed from the map and returned.
 struct MapSolution {
   std::vector<Constraint> rejected;
   double chi2 = 0.0;

@@ -51,7 +51,7 @@ class ExternalMapper : public LaserMapper {
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
   void take(const protocol::Frame&);
   int reap(int* status, int options);  // as waitpid(2); counts the processor time
-  [[noreturn]] void fail();  // the helper ended early: reaps it and says how
+  [[noreturn]] void fail();            // the helper ended early: reaps it and says how
   void end_helper();
 
   struct Waiting {

@@ -32,7 +32,8 @@ struct FrontEndOptions {
     v.positive("thinning_m", thinning_m, "points of a scan nearer than this to the one before are not matched");
     v.integer("most_points", most_points, 20, 250, "points of a scan that are matched");
     v.positive("window_m", window_m, "searched around where odometry says the robot is");
-    v.positive("window_yaw_rad", window_yaw_rad, "searched around where odometry says the robot looks; wheels miss turns of several degrees");
+    v.positive("window_yaw_rad", window_yaw_rad,
+               "searched around where odometry says the robot looks; wheels miss turns of several degrees");
     v.positive("insert_distance_m", insert_distance_m, "a scan becomes part of submaps after this much motion");
     v.positive("insert_yaw_rad", insert_yaw_rad, "or after this much turning");
     v.number("submap_length_m", submap_length_m, 1.0, 100.0, "path after which a submap is closed; the next one starts half-way");

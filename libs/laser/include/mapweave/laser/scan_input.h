@@ -22,7 +22,8 @@ struct ScanInputOptions {
     v.text("label", label, "sensor label of the laser to use where a log has several; empty: the first one seen");
     v.non_negative("min_range_m", min_range_m, "nearer readings are no returns (the robot's own body)");
     v.non_negative("max_range_m", max_range_m, "readings at or past it are no returns; 0: the log's own maximum, 200 m at most");
-    v.positive("max_speed_mps", max_speed_mps, "odometry that jumps farther started anew: the robot is taken to have stood still meanwhile");
+    v.positive("max_speed_mps", max_speed_mps,
+               "odometry that jumps farther started anew: the robot is taken to have stood still meanwhile");
   }
 };
 

@@ -9,14 +9,14 @@
 namespace mapweave::matching {
 
 struct WideWindow {
-  Pose2 a_from_b;                // middle of the window
-  double radius_m = 10.0;        // of the centre of b's walls around where the middle puts it
-  double yaw_rad = M_PI;         // either way; M_PI: all around
+  Pose2 a_from_b;          // middle of the window
+  double radius_m = 10.0;  // of the centre of b's walls around where the middle puts it
+  double yaw_rad = M_PI;   // either way; M_PI: all around
 };
 
 struct SearchOptions {
-  double min_score = 0.45;       // mean likelihood under b's query points, 0..1
-  double rival_ratio = 0.80;     // peaks down to this share of the best are returned
+  double min_score = 0.45;    // mean likelihood under b's query points, 0..1
+  double rival_ratio = 0.80;  // peaks down to this share of the best are returned
   std::size_t most_peaks = 6;
   double peak_distance_m = 0.6;  // peaks nearer than this and
   double peak_yaw_rad = 0.20;    // turned less than this are one

@@ -31,7 +31,8 @@ struct JudgeOptions {
     v.fraction("min_inliers", min_inliers, "share of the walls that both could see, that both have");
     v.fraction("max_conflict", max_conflict, "share of the walls of one that the other saw through");
     v.positive("max_contradiction_m", max_contradiction_m, "longest wall of one that the other saw through");
-    v.fraction("max_second_best", max_second_best, "a distinct rival with more than this share of the best score makes the place ambiguous");
+    v.fraction("max_second_best", max_second_best,
+               "a distinct rival with more than this share of the best score makes the place ambiguous");
     v.fraction("min_observability", min_observability, "below it a direction cannot be told from the walls");
     v.flag("second_verifier", second_verifier, "check each alignment by an independent registration of oriented wall points");
     v.fraction("min_verifier_inliers", min_verifier_inliers, "share of points the second verifier must pair");
@@ -56,10 +57,11 @@ Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow
 // a.id < b.id. Always returns a judgement; one that found nothing has no hypotheses and probability 0.
 Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow&, const JudgeOptions& = {});
 
-// The independent second verifier (PCL): iterative closest point of wall points whose normals agree, started at the alignment. nullopt where there are too few points.
+// The independent second verifier (PCL): iterative closest point of wall points whose normals agree, started at the alignment. nullopt
+// where there are too few points.
 struct Verification {
-  double inliers = 0.0;            // share of b's points within sight of a that find a partner within 0.15 m and 30 degrees
-  double disagreement_m = 0.0;     // at b's centre of walls
+  double inliers = 0.0;         // share of b's points within sight of a that find a partner within 0.15 m and 30 degrees
+  double disagreement_m = 0.0;  // at b's centre of walls
   double disagreement_rad = 0.0;
 };
 std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b);

@@ -1,5 +1,6 @@
 #pragma once
-// A dense raster that grows in steps as things are written to it. Cells are named by whole numbers: cell (i, j) covers [i, i + 1) * resolution.
+// A dense raster that grows in steps as things are written to it. Cells are named by whole numbers: cell (i, j) covers [i, i + 1) *
+// resolution.
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +18,11 @@ class Raster {
   Raster() = default;
   // Covers cells first_x .. last_x and first_y .. last_y.
   Raster(int first_x, int first_y, int last_x, int last_y, T fill = T{})
-      : x0_(first_x), y0_(first_y), width_(last_x - first_x + 1), height_(last_y - first_y + 1), fill_(fill),
+      : x0_(first_x),
+        y0_(first_y),
+        width_(last_x - first_x + 1),
+        height_(last_y - first_y + 1),
+        fill_(fill),
         cells_(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_), fill) {}
 
   bool empty() const { return cells_.empty(); }

@@ -1,6 +1,6 @@
 #pragma once
-// The accuracy lever of a closed map: every scan is matched again to the submaps around it that it is not part of, past and future, of its own robot
-// and of others.
+// The accuracy lever of a closed map: every scan is matched again to the submaps around it that it is not part of, past and future, of its
+// own robot and of others.
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/maps/map.h>
@@ -10,8 +10,8 @@
 namespace mapweave::matching {
 
 struct RematchOptions {
-  double radius_m = 4.0;            // a submap is around a node when its path comes this near
-  int most_submaps = 4;             // per node, nearest first
+  double radius_m = 4.0;  // a submap is around a node when its path comes this near
+  int most_submaps = 4;   // per node, nearest first
   double min_inliers = 0.6;
   double max_correction_m = 0.25;
   double max_correction_rad = 0.06;
@@ -27,8 +27,8 @@ struct RematchOptions {
   }
 };
 
-// Constraints of kind scan_match from submap anchors to nodes, under the map's present belief, in a canonical order; those between different sessions have kind
-// between_maps. The same for any number of threads.
+// Constraints of kind scan_match from submap anchors to nodes, under the map's present belief, in a canonical order; those between
+// different sessions have kind between_maps. The same for any number of threads.
 std::vector<Constraint> rematch(const Map& map, const RematchOptions&, WorkerPool&);
 
 }  // namespace mapweave::matching

@@ -12,7 +12,7 @@ namespace mapweave::matching {
 
 struct SearchWindow {
   double radius_m = 0.4;
-  double yaw_rad = 0.21;            // either way
+  double yaw_rad = 0.21;  // either way
   double yaw_step_rad = 0.00873;
 };
 
@@ -20,15 +20,15 @@ struct SearchWindow {
 struct PriorWeight {
   double sigma_m = 0.1;
   double sigma_yaw_rad = 0.05;
-  double gate = 9.0;                // squared sigmas from which the prior gives way (refine only)
+  double gate = 9.0;  // squared sigmas from which the prior gives way (refine only)
 };
 
 struct ScanMatch {
   Pose2 field_from_scan;
-  double score = 0.0;               // mean likelihood under the points, 0..1
-  double inliers = 0.0;             // share of points that found a wall's distribution and lie within 3 sigma of it
+  double score = 0.0;                                     // mean likelihood under the points, 0..1
+  double inliers = 0.0;                                   // share of points that found a wall's distribution and lie within 3 sigma of it
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the points alone, without the prior: x, y, yaw in the scan's frame
-  bool at_border = false;           // the search ended at the rim of its window
+  bool at_border = false;                                 // the search ended at the rim of its window
 };
 
 // The best pose of the window; nullopt when the field or the scan is empty. `weight` pulls ties towards the guess.

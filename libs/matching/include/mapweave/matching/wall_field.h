@@ -16,17 +16,17 @@ namespace mapweave::matching {
 // One local distribution of wall points: residual = whitening * (point - mean).
 struct LocalNormal {
   float mean_x = 0, mean_y = 0;
-  float w00 = 0, w10 = 0, w11 = 0;  // lower triangular square root of the information, 1/m
-  float normal_x = 0, normal_y = 0; // unit; across the wall, to the side it was seen from
-  float flatness = 0;               // 1: a straight line, 0: round
+  float w00 = 0, w10 = 0, w11 = 0;   // lower triangular square root of the information, 1/m
+  float normal_x = 0, normal_y = 0;  // unit; across the wall, to the side it was seen from
+  float flatness = 0;                // 1: a straight line, 0: round
 };
 
 // The two faces of a wall are two walls: a distribution holds points seen from one side only, so that a scan from the other room is not
 // pulled by the wall's thickness.
 class WallField {
  public:
-  static constexpr double kResolution = 0.05;      // of the likelihood
-  static constexpr double kCellSide = 0.10;        // of the distributions
+  static constexpr double kResolution = 0.05;  // of the likelihood
+  static constexpr double kCellSide = 0.10;    // of the distributions
 
   // Adds points given in the field's frame. The likelihood holds them at once, the distributions after settle().
   void add(const std::vector<WallPoint>& points_in_field);
@@ -57,9 +57,9 @@ class WallField {
   };
   void update(int cell_x, int cell_y, Sides& sides);
   Raster<std::uint8_t> likelihood_;
-  Raster<std::int32_t> cell_index_;    // -1: none
+  Raster<std::int32_t> cell_index_;  // -1: none
   std::vector<Cell> cells_;
-  Raster<std::int32_t> sides_index_;   // -1: none
+  Raster<std::int32_t> sides_index_;  // -1: none
   std::vector<Sides> sides_;
   std::vector<LocalNormal> normals_;
   std::vector<std::pair<int, int>> touched_;

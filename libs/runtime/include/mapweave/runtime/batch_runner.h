@@ -12,7 +12,8 @@ namespace mapweave::runtime {
 struct RunSettings {
   std::filesystem::path out;
   bool force = false;
-  bool keep_going = false;  // bad input ends its robot's stream only; otherwise it ends the run and nothing is written. A dead helper ends its robot only
+  bool keep_going =
+      false;  // bad input ends its robot's stream only; otherwise it ends the run and nothing is written. A dead helper ends its robot only
 };
 
 // Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite. An interruption is

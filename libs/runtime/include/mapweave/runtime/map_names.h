@@ -18,7 +18,7 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths);
 Map rekeyed(const Map&, MapId id, const std::function<RobotId(RobotId)>& renamed);
 
 // Gives maps whose robots occur in another map of the list robots of their own: the map's id, or "<id>.<robot>" where it has
-// several. The answer is sorted by map id. `notes`: a line per renamed robot.
+// several (cut to a name's length, and numbered where taken). The answer is sorted by map id. `notes`: a line per renamed robot.
 std::vector<Map> with_robots_apart(std::vector<Map> maps, std::vector<std::string>& notes);
 
 }  // namespace mapweave::runtime

@@ -8,17 +8,19 @@
 #include <mapweave/tiers/robot_slam.h>
 
 #include <atomic>
+#include <optional>
 
 namespace mapweave::runtime {
 
 struct RobotResult {
   tiers::RobotOutcome outcome;
   RobotReport report;
-  InputFile input;  // the log
+  std::optional<InputFile> input;  // the log; none where it cannot be read
 };
 
-// Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. Throws
-// Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
+// Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. A log that
+// cannot be read and an engine that cannot start are trouble too. Throws Error(kInterrupted) alone: after a signal, or when `give_up`
+// becomes true.
 RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, bool keep_going, const std::atomic<bool>& give_up, Progress&);
 
 }  // namespace mapweave::runtime
