@@ -44,7 +44,6 @@ void LoopCloser::add(const Submap& submap, const Map& map) {
   poses_.push_back(number == 0 ? kept.local_from_submap
                                : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
   submaps_.push_back(std::move(kept));
-  searched_.emplace_back(number, false);
   if (number < kNeighbours + 1) return;
 
   const auto uncertainty = uncertainty_from(number);
@@ -117,7 +116,6 @@ std::vector<LoopCloser::Uncertainty> LoopCloser::uncertainty_from(std::size_t fr
 
 bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map) {
   throw_if_interrupted();
-  searched_[b][a] = true;
   const auto view = [&](std::size_t i) {
     const Submap& submap = *map.submaps.find(submaps_[i].id);
     return matching::SubmapView{submap.id, submap.content, cache_.get(submap, map.nodes)};
@@ -200,7 +198,7 @@ void LoopCloser::finish(const Map& map) {
       uncertainty = uncertainty_from(b);
       std::vector<std::pair<double, std::size_t>> near;
       for (std::size_t a = 0; a + kNeighbours < b; ++a) {
-        if (searched_[b][a] && std::any_of(loops_.begin(), loops_.end(), [&](const Loop& l) { return l.a == a && l.b == b; })) continue;
+        if (std::any_of(loops_.begin(), loops_.end(), [&](const Loop& l) { return l.a == a && l.b == b; })) continue;
         const auto place = [&](std::size_t i) {
           const Pose2& p = poses_[i];
           const auto& c = submaps_[i].centre;

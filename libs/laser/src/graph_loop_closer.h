@@ -54,7 +54,6 @@ class LoopCloser {
   std::vector<Kept> submaps_;
   std::vector<Pose2> poses_;
   std::vector<Loop> loops_;
-  std::vector<std::vector<bool>> searched_;
 };
 
 }  // namespace mapweave::laser

@@ -12,22 +12,18 @@ namespace mapweave::rawlog {
 class Task {
  public:
   Task(Progress& progress, const std::string& name, const ObservationStream& stream)
-      : progress_(progress), stream_(stream), number_(progress.begin(name, stream.bytes_total() / kKilobyte, "kB")) {}
-  ~Task() { progress_.end(number_); }
-  Task(const Task&) = delete;
-  Task& operator=(const Task&) = delete;
+      : stream_(stream), task_(progress, name, stream.bytes_total() / kKilobyte, "kB") {}
   // After each record. Throws Error kInterrupted.
   void step() {
     if (++records_ % 256 != 0) return;
     throw_if_interrupted();
-    progress_.advance(number_, stream_.bytes_read() / kKilobyte);
+    task_.advance(stream_.bytes_read() / kKilobyte);
   }
 
  private:
   static constexpr std::uint64_t kKilobyte = 1000;
-  Progress& progress_;
   const ObservationStream& stream_;
-  int number_;
+  ProgressTask task_;
   std::uint64_t records_ = 0;
 };
 

@@ -1,9 +1,7 @@
 #include "results.h"
 
 #include <mapweave/core/interrupt.h>
-#include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/batch_runner.h>
-#include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
@@ -51,10 +49,6 @@ bool finished(Work&& work) {
   }
 }
 
-void add_stages(Report& report, TierId tier, const fusion::FusionResult& result) {
-  for (const fusion::StageTime& stage : result.stages) report.stages.push_back({tier, stage.name, stage.seconds});
-}
-
 // What was finished is to be saved in peace: a further signal ends that too.
 void acknowledge_interruption(Report& report, bool anything_finished) {
   report.interrupted = true;
@@ -62,17 +56,10 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
-void close(Report& report, const Stopwatch& watch, const Results& results) {
-  report.stages.push_back({TierId(), "output", results.seconds()});
-  report.wall_seconds = watch.seconds();
-  report.peak_rss_bytes = peak_rss_bytes();
-}
-
 }  // namespace
 
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                  Progress& progress) {
-  const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);
   Report report;
   report.team.tier = cloud_tier();
@@ -121,14 +108,11 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
     if (outcome.map) results.add_map("robots/" + outcome.robot.str(), "robot " + outcome.robot.str(), *outcome.map);
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
-    add_stages(report, edge.id(), edge.result());
-    results.add_components("edges/" + edge.id().str(), "edges/" + edge.id().str() + "/apart-", "edge " + edge.id().str(), false,
-                           edge.result());
+    const std::string name = edge.id().str();
+    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false, edge.result(), report);
   }
   report.team = Results::report_of(cloud_tier(), team);
-  add_stages(report, cloud_tier(), team);
-  results.add_components("team", "team-", "team", true, team);
-  close(report, watch, results);
+  results.add_components(cloud_tier(), "team", "team-", "team", true, team, report);
   results.commit("run", effective(configuration, plan), inputs, report);
   return report;
 }
@@ -136,7 +120,6 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
 Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                 Progress& progress) {
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
-  const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);
   Report report;
   const auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
@@ -153,7 +136,6 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   }
   std::vector<InputFile> inputs;
   if (robot.input) inputs.push_back(*robot.input);
-  close(report, watch, results);
   results.commit("slam", effective(configuration, plan), inputs, report);
   return report;
 }

@@ -1,12 +1,10 @@
 #include "results.h"
 
-#include <mapweave/core/stopwatch.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/map_names.h>
 #include <mapweave/runtime/merge_runner.h>
-#include <mapweave/runtime/metrics.h>
 
 #include <algorithm>
 
@@ -50,7 +48,6 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {
 
 Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
                  WorkerPool& pool, Progress& progress) {
-  const Stopwatch watch;
   Results results(settings.out, settings.force, configuration, pool);
   const Inputs inputs = read_inputs(paths);
   Report report;
@@ -62,13 +59,9 @@ Report run_merge(const RunConfiguration& configuration, const std::vector<std::f
   fusion::Memo memo;
   const fusion::FusionResult team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
   report.team = Results::report_of(cloud_tier(), team);
-  for (const fusion::StageTime& stage : team.stages) report.stages.push_back({cloud_tier(), stage.name, stage.seconds});
 
   for (const Map& map : inputs.maps) results.add_map("robots/" + map.id.str(), "map " + map.id.str(), map);
-  results.add_components("team", "team-", "team", true, team);
-  report.stages.push_back({TierId(), "output", results.seconds()});
-  report.wall_seconds = watch.seconds();
-  report.peak_rss_bytes = peak_rss_bytes();
+  results.add_components(cloud_tier(), "team", "team-", "team", true, team, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;
 }

@@ -1,9 +1,9 @@
 #include "results.h"
 
 #include <mapweave/core/interrupt.h>
-#include <mapweave/core/stopwatch.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/metrics.h>
 
 #include <nlohmann/json.hpp>
 
@@ -32,8 +32,11 @@ Results::Results(const std::filesystem::path& out, bool force, const RunConfigur
 
 OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
   if (interrupted_) return {};
+  const Stopwatch watch;
   try {
-    return fusion::compose_grid(map, configuration_.compose, pool_);
+    OccupancyGrid grid = fusion::compose_grid(map, configuration_.compose, pool_);
+    composing_seconds_ += watch.seconds();
+    return grid;
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) {
       interrupted_ = true;
@@ -60,23 +63,30 @@ void Results::add_map(const std::string& folder, const std::string& title, const
   store.maps = {map};
   store.metadata["program"] = "mapweave " + program_version();
   mapdb::write_store(folder_.staging() / folder / "map.mwdb", store);
-  seconds_ += watch.seconds();
+  output_seconds_ += watch.seconds();
 }
 
-void Results::add_components(const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
-                             const fusion::FusionResult& fused) {
+void Results::add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title,
+                             bool robot_trajectories, const fusion::FusionResult& fused, Report& report) {
   const Stopwatch watch;
+  const double composing_before = composing_seconds_;
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
     const std::string place = i == 0 ? folder : further + std::to_string(i);
     draw(place, i == 0 ? title : title + ", apart " + std::to_string(i), robot_trajectories, fused.components[i].map);
     mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
   }
-  seconds_ += watch.seconds();
+  const double composing = composing_seconds_ - composing_before;
+  output_seconds_ += watch.seconds() - composing;
+  for (const fusion::StageTime& stage : fused.stages) report.stages.push_back({tier, stage.name, stage.seconds});
+  report.stages.push_back({tier, "composing", composing});
 }
 
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report) {
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
   report.interrupted = report.interrupted || interrupted_;
+  report.stages.push_back({TierId(), "output", output_seconds_});
+  report.wall_seconds = watch_.seconds();
+  report.peak_rss_bytes = peak_rss_bytes();
   for (const char* picture : {"team/map.color.png", "map.color.png"})
     if (report.picture.empty() && std::filesystem::exists(folder_.staging() / picture)) report.picture = picture;
   const std::filesystem::path& staging = folder_.staging();

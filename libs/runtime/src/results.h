@@ -3,6 +3,7 @@
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/progress.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/runtime/manifest.h>
@@ -13,18 +14,19 @@ namespace mapweave::runtime {
 
 class Results {
  public:
-  // Nothing is seen of it before commit(). Throws Error(kCannotWrite) at once where it could not be written.
+  // Its wall time begins here. Nothing is seen of it before commit(). Throws Error(kCannotWrite) at once where it could not be written.
   Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool);
 
   // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory. A map that cannot be drawn has no
   // pictures, and a note says why; after an interruption no more are drawn.
   void add_map(const std::string& folder, const std::string& title, const Map& map);
-  // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...
-  void add_components(const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
-                      const fusion::FusionResult& fused);
-  // Adds the notes to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the folder appears.
+  // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
+  // into the report.
+  void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
+                      const fusion::FusionResult& fused, Report& report);
+  // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the
+  // folder appears.
   void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report);
-  double seconds() const { return seconds_; }  // spent on add_...
 
   static FusionReport report_of(TierId tier, const fusion::FusionResult& fused);
 
@@ -33,8 +35,9 @@ class Results {
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
+  Stopwatch watch_;
   OutputFolder folder_;
-  double seconds_ = 0.0;
+  double composing_seconds_ = 0.0, output_seconds_ = 0.0;
   bool interrupted_ = false;
   std::vector<std::string> notes_;
 };

@@ -1,36 +1,20 @@
-#include <mapweave/core/stopwatch.h>
-#include <mapweave/runtime/robot_task.h>
-
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
+#include <mapweave/core/stopwatch.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
+#include <mapweave/runtime/robot_task.h>
 
 namespace mapweave::runtime {
 namespace {
-
-// Ends its task however it is left.
-class Task {
- public:
-  Task(Progress& progress, const std::string& name, std::uint64_t total, std::string_view unit)
-      : progress_(progress), id_(progress.begin(name, total, unit)) {}
-  ~Task() { progress_.end(id_); }
-  Task(const Task&) = delete;
-  Task& operator=(const Task&) = delete;
-  void advance(std::uint64_t done) { progress_.advance(id_, done); }
-
- private:
-  Progress& progress_;
-  int id_;
-};
 
 // Feeds the log to the agent and its messages to the instance; answers the instance's last word where it has one before the log's end.
 std::optional<tiers::RobotOutcome> replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, tiers::RobotAgent& agent,
                                           tiers::RobotSlam& slam, const std::atomic<bool>& give_up, Progress& progress) {
   constexpr std::uint64_t kKilobyte = 1000;
   const auto log = rawlog::open_log(robot.log, reading);
-  Task task(progress, "robot " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
+  ProgressTask task(progress, "robot " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
   while (const auto record = log->next()) {
     throw_if_interrupted();
     if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + robot.id.str());

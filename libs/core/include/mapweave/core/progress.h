@@ -20,6 +20,21 @@ class Progress {
   virtual void say(std::string_view line) = 0;  // a line that stays
 };
 
+// One task, ended however it is left.
+class ProgressTask {
+ public:
+  ProgressTask(Progress& progress, std::string_view task, std::uint64_t total, std::string_view unit)
+      : progress_(progress), task_(progress.begin(task, total, unit)) {}
+  ~ProgressTask() { progress_.end(task_); }
+  ProgressTask(const ProgressTask&) = delete;
+  ProgressTask& operator=(const ProgressTask&) = delete;
+  void advance(std::uint64_t done) { progress_.advance(task_, done); }
+
+ private:
+  Progress& progress_;
+  int task_;
+};
+
 std::unique_ptr<Progress> make_silent_progress();
 std::unique_ptr<Progress> make_terminal_progress();  // stderr; looks whether it is a terminal
 

@@ -28,7 +28,7 @@ struct Component {
 };
 
 struct StageTime {
-  std::string name;  // features, pairwise matching, component connection, transform optimisation, composing
+  std::string name;  // features, pairwise matching, component connection, transform optimisation; who draws (compose_grid) adds composing
   double seconds = 0.0;
 };
 

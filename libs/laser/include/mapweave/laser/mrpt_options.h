@@ -85,7 +85,7 @@ struct RbpfOptions {
   }
 };
 
-// MRPT's incremental ICP: quick, no loops closed.
+// MRPT's incremental ICP: quick, no loops closed; no random numbers, so no seed.
 struct IcpOptions {
   double update_distance_m = 0.05;
   double update_yaw_rad = 0.02;
