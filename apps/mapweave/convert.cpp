@@ -1,6 +1,6 @@
 // mapweave convert: any recording becomes an MRPT rawlog.
 
-#include "command.h"
+#include "configuration.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/options.h>
@@ -34,7 +34,7 @@ int convert(const Arguments& arguments) {
   if (!arguments.force && std::filesystem::exists(arguments.out))
     throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(), "choose another name, or replace it with --force");
   Settings settings;
-  load(settings, {{}, process_environment(), arguments.set});
+  load(settings, {{}, environment_for(fields_of(settings)), arguments.set});
   const auto progress = make_terminal_progress();
   const std::uint64_t count = rawlog::convert_log(arguments.log, arguments.out, *progress, settings.reading);
   if (arguments.json)

@@ -35,9 +35,10 @@ std::vector<Map> maps_of(const std::filesystem::path& path) {
 int export_map(Arguments arguments) {
   auto& files = arguments.files;
   if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o)) files.png = files.pgm = files.pcd = files.tum = true;
-  const runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
+  runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
   const std::vector<Map> maps = maps_of(arguments.map);
 
+  expect_outside(arguments.flags.out, {arguments.map});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
   WorkerPool pool(threads_of(arguments.flags));
   std::vector<std::string> written;
@@ -50,6 +51,9 @@ int export_map(Arguments arguments) {
          exporters::write_map_folder(folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
       written.push_back((below / file).string());
   }
+  auto& output = configuration.output;
+  output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum, output.g2o = files.g2o;
+  write_file(folder.staging() / "config.yaml", to_yaml(configuration));
   const auto manifest =
       runtime::manifest_json("export", configuration.seed, {{arguments.map.string(), hash_of_file(arguments.map)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");

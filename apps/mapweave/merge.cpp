@@ -2,6 +2,7 @@
 
 #include "configuration.h"
 
+#include <mapweave/core/files.h>
 #include <mapweave/runtime/merge_runner.h>
 
 #include <memory>
@@ -21,6 +22,7 @@ Action set_up_merge(CLI::App& verb) {
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     const LoadedConfiguration loaded = load_configuration({}, {}, arguments->flags);
+    expect_outside(arguments->flags.out, arguments->maps);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force};

@@ -2,6 +2,7 @@
 
 #include "configuration.h"
 
+#include <mapweave/core/files.h>
 #include <mapweave/runtime/batch_runner.h>
 
 #include <memory>
@@ -23,6 +24,9 @@ Action set_up_run(CLI::App& verb) {
   return [arguments] {
     const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
+    std::vector<std::filesystem::path> inputs{arguments->file};
+    for (const runtime::PlannedRobot& robot : plan.robots) inputs.push_back(robot.log);
+    expect_outside(arguments->flags.out, inputs);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::RunSettings settings{arguments->flags.out, arguments->flags.force, arguments->keep_going};

@@ -1,6 +1,6 @@
 // mapweave simulate: logs of a team in a world that is known.
 
-#include "command.h"
+#include "configuration.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
@@ -21,8 +21,9 @@ int simulate(const std::string& world_file, const WritingFlags& flags) {
   simulation::WorldOptions world;
   std::vector<std::string> settings = flags.set;
   if (flags.seed) settings.push_back("seed=" + std::to_string(*flags.seed));
-  load(world, {{world_file}, process_environment(), settings});
+  load(world, {{world_file}, environment_for(fields_of(world)), settings});
 
+  expect_outside(flags.out, {world_file});
   OutputFolder folder(flags.out, flags.force);
   WorkerPool pool(threads_of(flags));
   const auto progress = make_terminal_progress();

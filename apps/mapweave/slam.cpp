@@ -3,6 +3,7 @@
 #include "configuration.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
 #include <mapweave/runtime/batch_runner.h>
 
 #include <memory>
@@ -30,6 +31,7 @@ Action set_up_slam(CLI::App& verb) {
     if (!loaded.configuration.robots.empty())
       throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots", "use mapweave run for several robots");
     loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), {}}};
+    expect_outside(arguments->flags.out, {arguments->log});
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();

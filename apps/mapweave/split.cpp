@@ -1,6 +1,6 @@
 // mapweave split: the logs of several robots out of one, cut by time.
 
-#include "command.h"
+#include "configuration.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/options.h>
@@ -32,13 +32,31 @@ struct Settings {
   }
 };
 
+// As it was carried out.
+std::string effective(const Arguments& arguments, const Settings& settings) {
+  const auto number = [](double value) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.9g", value);
+    return std::string(text);
+  };
+  std::string cuts;
+  for (const double at : arguments.options.at_s) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%s%.9f", cuts.empty() ? "" : ", ", at);
+    cuts += text;
+  }
+  return "robots: " + std::to_string(arguments.options.robots) + "\noverlap_s: " + number(arguments.options.overlap_s) + "\nat_s: [" +
+         cuts + "]\n" + to_yaml(settings);
+}
+
 int split(Arguments arguments) {
   using Json = nlohmann::ordered_json;
   Settings settings;
-  load(settings, {{}, process_environment(), arguments.flags.set});
+  load(settings, {{}, environment_for(fields_of(settings)), arguments.flags.set});
   arguments.options.reading = settings.reading;
   if (!arguments.options.at_s.empty()) std::sort(arguments.options.at_s.begin(), arguments.options.at_s.end());
 
+  expect_outside(arguments.flags.out, {arguments.log});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
   const auto progress = make_terminal_progress();
   const auto parts = rawlog::split_log(arguments.log, folder.staging(), arguments.options, *progress);
@@ -56,6 +74,7 @@ int split(Arguments arguments) {
                        {"odometry", part.odometry}});
   }
   write_file(folder.staging() / "run.yaml", run);
+  write_file(folder.staging() / "config.yaml", effective(arguments, settings));
   const Json manifest =
       runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, hash_of_file(arguments.log)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");

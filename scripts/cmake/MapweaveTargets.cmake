@@ -83,8 +83,7 @@ function(mapweave_add_test name)
     math(EXPR arg_TIMEOUT "6 * ${arg_TIMEOUT}")
   endif()
   include(GoogleTest)
-  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name}
-    ENVIRONMENT "MAPWEAVE_DATA=${MAPWEAVE_DATA}")
+  gtest_discover_tests(${name}_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT ${arg_TIMEOUT} LABELS ${name})
 endfunction()
 
 # mapweave_add_benchmark(NAME USES ... SOURCES ...): built with the rest, run by scripts/bench, never by ctest.

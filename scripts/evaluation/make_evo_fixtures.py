@@ -4,8 +4,8 @@
 The tests of libs/evaluation must agree with these numbers to 1e-6. To make them again (made with evo 1.38.1, numpy 2.4.6,
 Python 3.11; results.json says the versions of the last run):
 
-    python3 -m venv /tmp/evo && /tmp/evo/bin/pip install evo==1.38.1
-    /tmp/evo/bin/python scripts/evaluation/make_evo_fixtures.py test/data/evo
+    python3 -m venv build/evo && build/evo/bin/pip install evo==1.38.1
+    build/evo/bin/python scripts/evaluation/make_evo_fixtures.py test/data/evo
 """
 
 import copy

@@ -43,6 +43,12 @@ TEST_F(PlanTest, sorts_robots_and_finds_their_logs_beside_the_configuration) {
   EXPECT_THAT(made.edges, testing::ElementsAre(TierId("north"), TierId("south")));
 }
 
+TEST_F(PlanTest, refuses_an_edge_that_is_not_among_those_listed) {
+  configuration.robots = {{"alpha", "a.rawlog", "nort"}, {"beta", "b.rawlog", "north"}};
+  configuration.edges = {{"north"}};
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("did you mean 'north'?"), HasSubstr("robots.0.edge")));
+}
+
 TEST_F(PlanTest, gives_robots_without_an_edge_to_the_edges_in_turn_whatever_the_order_of_the_list) {
   configuration.edges = {{"west"}, {"east"}};
   configuration.robots = {{"r1", "a.rawlog", ""}, {"r2", "b.rawlog", ""}, {"r3", "c.rawlog", ""}};

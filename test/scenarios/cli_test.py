@@ -51,6 +51,46 @@ class Help(support.Scenario):
         self.assert_says(self.mapweave("config", "show", "--set", "laser.engin=icp", code=(USAGE, BAD_INPUT)), "laser.engine")
 
 
+class Inputs(support.Scenario):
+    def test_force_never_replaces_what_is_read(self):
+        self.write("room.log", "\n".join(support.room_lines(12)) + "\n")
+        self.mapweave("split", "room.log", "--robots", "2", "--out", "logs")
+        self.mapweave("slam", "logs/robot0.rawlog", "--out", "map")
+        before = sorted((path, path.stat().st_size) for path in self.folder.rglob("*"))
+        for verb in (("run", "logs/run.yaml", "--out", "logs"), ("slam", "logs/robot0.rawlog", "--out", "logs/"), ("split", "logs/robot0.rawlog", "--robots", "2", "--out", "logs"),
+                     ("merge", "map/map.mwdb", "--out", "map"), ("export", "map/map.mwdb", "--out", "./map"), ("merge", "map/map.yaml", "--out", self.folder / "map")):
+            with self.subTest(" ".join(map(str, verb))):
+                self.assert_says(self.mapweave(*verb, "--force", code=USAGE), "holds the input", "another folder")
+        self.assertEqual(before, sorted((path, path.stat().st_size) for path in self.folder.rglob("*")))
+
+    def test_one_environment_serves_every_verb(self):
+        self.write("room.log", "\n".join(support.room_lines(12)) + "\n")
+        own = support.environment
+        try:
+            support.environment = lambda: {**own(), "MAPWEAVE_LASER__ENGINE": "graph", "MAPWEAVE_SEED": "3", "MAPWEAVE_READING__SCAN_RATE_HZ": "3"}
+            self.mapweave("convert", "room.log", "room.rawlog")
+            self.mapweave("split", "room.log", "--robots", "2", "--out", "logs")
+            self.mapweave("slam", "room.log", "--out", "map")
+            self.assertIn("seed: 3", (self.folder / "map/config.yaml").read_text())
+            support.environment = lambda: {**own(), "MAPWEAVE_LAZER__ENGINE": "graph"}
+            for verb in (("convert", "room.log", "other.rawlog"), ("split", "room.log", "--robots", "2", "--out", "other"), ("slam", "room.log", "--out", "other")):
+                self.assert_says(self.mapweave(*verb, code=BAD_INPUT), "MAPWEAVE_LAZER")
+        finally:
+            support.environment = own
+
+    def test_split_and_export_tell_how_they_were_carried_out(self):
+        self.write("room.log", "\n".join(support.room_lines(12)) + "\n")
+        self.mapweave("split", "room.log", "--robots", "2", "--at", "1001.1", "--overlap", "0.3", "--out", "logs")
+        told = (self.folder / "logs/config.yaml").read_text()
+        for words in ("robots: 2", "overlap_s: 0.3", "at_s: [1001.1", "scan_rate_hz"):
+            self.assertIn(words, told)
+        self.mapweave("slam", "room.log", "--out", "map")
+        self.mapweave("export", "map/map.mwdb", "--out", "only", "--pcd")
+        told = (self.folder / "only/config.yaml").read_text()
+        self.assertIn("pcd: true", told)
+        self.assertIn("png: false", told)
+
+
 class OneRobot(support.Scenario):
     def test_slam_leaves_what_it_promises_and_the_other_verbs_read_it(self):
         log = support.need(support.MALAGA)

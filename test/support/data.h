@@ -10,11 +10,10 @@ namespace mapweave::test {
 // A small file of ours in test/data.
 inline std::filesystem::path own_data(const std::string& name) { return std::filesystem::path(MAPWEAVE_TEST_DATA) / name; }
 
-// A public log below MAPWEAVE_DATA; empty where it is absent.
+// A public log below MAPWEAVE_DATA (the environment's, else the build's); empty where it is absent.
 inline std::filesystem::path public_data(const std::string& name) {
   const char* root = std::getenv("MAPWEAVE_DATA");
-  if (root == nullptr) return {};
-  const auto path = std::filesystem::path(root) / name;
+  const auto path = std::filesystem::path(root != nullptr ? root : MAPWEAVE_PUBLIC_DATA) / name;
   return std::filesystem::exists(path) ? path : std::filesystem::path{};
 }
 

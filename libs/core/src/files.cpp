@@ -134,6 +134,21 @@ void write_file(const fs::path& path, std::string_view bytes) {
   sync_folder(folder_of(path));
 }
 
+void expect_outside(const fs::path& out_folder, const std::vector<fs::path>& inputs) {
+  std::error_code ignored;
+  const auto whole = [&](const fs::path& path) {
+    fs::path result = fs::weakly_canonical(fs::absolute(path, ignored), ignored);
+    return result.has_filename() ? result : result.parent_path();
+  };
+  const fs::path folder = whole(out_folder);
+  for (const fs::path& input : inputs) {
+    const fs::path path = whole(input);
+    if (std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end())
+      throw Error(ErrorCode::kUsage, "holds the input " + input.string() + ", which would be lost", out_folder.string(),
+                  "choose another folder for the results");
+  }
+}
+
 OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_normal()), force_(force) {
   MAPWEAVE_EXPECT(!path.empty(), "an output folder needs a name");
   try {

@@ -1,6 +1,7 @@
 #include <mapweave/runtime/run_configuration.h>
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/nearest_name.h>
 
 #include <algorithm>
 #include <cctype>
@@ -41,6 +42,16 @@ std::vector<std::string> edge_names(const RunConfiguration& configuration, const
   return {named.begin(), named.end()};
 }
 
+// Where edges are listed, a robot's edge that is not among them is a slip of the pen.
+void expect_listed(const std::string& edge, const std::vector<EdgeEntry>& edges, const std::string& where) {
+  std::vector<std::string> names;
+  for (const EdgeEntry& entry : edges) names.push_back(entry.id);
+  if (names.empty() || std::find(names.begin(), names.end(), edge) != names.end()) return;
+  const auto nearest = nearest_name(edge, names);
+  throw Error(ErrorCode::kBadInput, "edge '" + edge + "' is not among the edges", where,
+              nearest ? "did you mean '" + *nearest + "'?" : "list it: edges: [{id: " + edge + "}]");
+}
+
 }  // namespace
 
 TierId cloud_tier() { return TierId("cloud"); }
@@ -65,6 +76,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
       expect_name(robot.edge, "edge", edge_where);
       if (robot.edge == cloud_tier().str())
         throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' is the tier above all edges", edge_where, "call the edge otherwise");
+      expect_listed(robot.edge, configuration.edges, edge_where);
     }
     std::error_code unreadable;
     const std::filesystem::path log = std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();

@@ -16,6 +16,10 @@ std::string read_file(const std::filesystem::path&, std::uint64_t most_bytes = s
 // neither a partial file nor a changed old one.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
+// An input that a folder of results would replace is lost with --force: throws Error kUsage where one of them lies in `out_folder`, or is
+// it.
+void expect_outside(const std::filesystem::path& out_folder, const std::vector<std::filesystem::path>& inputs);
+
 // A folder of results. It is built as "<path>.partial-<pid>" beside its goal; commit() renames it into place; a folder
 // never committed is removed by the destructor, with the parents that were made for it. What crashed processes left
 // beside the goal is removed first.
