@@ -97,5 +97,13 @@ TEST(Report, tells_people_why_maps_stayed_apart) {
   EXPECT_THAT(words, HasSubstr("maps/office"));
 }
 
+TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing) {
+  Report report = report_of(Decision::refused, 2);
+  report.team.verdicts[0].reason = Reason::little_overlap, report.team.verdicts[0].probability = 0.0;
+  const std::string words = in_words(report, "maps/office");
+  EXPECT_THAT(words, HasSubstr("kept apart: no place that both show was found"));
+  EXPECT_THAT(words, testing::Not(HasSubstr("overlap 0 %")));
+}
+
 }  // namespace
 }  // namespace mapweave::runtime

@@ -208,6 +208,8 @@ void write_map_server(const OccupancyGrid& grid, const std::filesystem::path& fo
   write_file(folder / (stem + ".yaml"), map_server_yaml(grid, stem + ".pgm"));
 }
 
+std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file) { return DescriptionReader(yaml_file).read().image; }
+
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
   const Description description = DescriptionReader(yaml_file).read();
   std::error_code ignored;

@@ -129,6 +129,16 @@ Reason doubt_of(const Evidence& e, const JudgeOptions& options) {
   return Reason::none;
 }
 
+// All walls of one side are laid into the other: those of a raster's tiles where the other side is of scans, which see far beyond them.
+std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const WideWindow& window, const SearchOptions& options) {
+  if (!a.is_raster() || b.is_raster()) return search_peaks(a, b, window, options);
+  WideWindow turned = window;
+  turned.a_from_b = inverse(window.a_from_b);
+  std::vector<Peak> peaks = search_peaks(b, a, turned, options);
+  for (Peak& peak : peaks) peak.a_from_b = inverse(peak.a_from_b);
+  return peaks;
+}
+
 }  // namespace
 
 Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
@@ -175,7 +185,7 @@ Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& wind
   search.min_score = options.min_score;
   search.rival_ratio = options.rival_ratio;
   search.budget = static_cast<std::size_t>(options.search_budget);
-  const auto peaks = search_peaks(*a.model, *b.model, window, search);
+  const auto peaks = peaks_of(*a.model, *b.model, window, search);
   if (peaks.empty()) return judgement;
 
   struct Hypothesis {

@@ -38,6 +38,44 @@ void walk(double x0, double y0, double x1, double y1, double inverse, Visit&& vi
   }
 }
 
+bool is_within(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
+  return column >= 0 && row >= 0 && column < grid.columns && row < grid.rows;
+}
+bool is_free(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
+  return is_within(grid, column, row) && grid.at(column, row) < OccupancyGrid::kUnknown;
+}
+
+// Where an occupied cell is seen from: across the line that the occupied cells around it lie along, on the sides that are free; where they
+// lie along none, from the free cells beside it. In the grid's axes.
+std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
+  constexpr double kAround_m = 0.16;
+  const int around = std::clamp(static_cast<int>(std::lround(kAround_m / grid.resolution_m)), 1, 6);
+  double count = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+  for (int dy = -around; dy <= around; ++dy)
+    for (int dx = -around; dx <= around; ++dx)
+      if (is_within(grid, column + dx, row + dy) && grid.at(column + dx, row + dy) > OccupancyGrid::kUnknown)
+        count += 1, x += dx, y += dy, xx += dx * dx, xy += dx * dy, yy += dy * dy;
+  std::vector<std::pair<double, double>> faces;
+  x /= count, y /= count, xx = xx / count - x * x, xy = xy / count - x * y, yy = yy / count - y * y;
+  const double spread = std::sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy), along = 0.5 * (xx + yy + spread),
+               across = 0.5 * (xx + yy - spread);
+  if (count >= 3 && along > 4.0 * across) {
+    const double angle = 0.5 * std::atan2(2.0 * xy, xx - yy) + M_PI / 2;
+    const double nx = std::cos(angle), ny = std::sin(angle);
+    for (const int side : {1, -1})
+      for (const double step : {1.0, 2.0})
+        if (is_free(grid, column + static_cast<std::int32_t>(std::lround(side * step * nx)),
+                    row + static_cast<std::int32_t>(std::lround(side * step * ny)))) {
+          faces.emplace_back(side * nx, side * ny);
+          break;
+        }
+    if (!faces.empty()) return faces;
+  }
+  for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {-1, 0}, {0, -1}})
+    if (is_free(grid, column + dx, row + dy)) faces.emplace_back(dx, dy);
+  return faces;
+}
+
 }  // namespace
 
 SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes) {
@@ -50,11 +88,9 @@ SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes)
 }
 
 void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from_node) {
+  is_raster_ = true;
   const double c = std::cos(submap_from_node.phi), s = std::sin(submap_from_node.phi);
   std::vector<WallPoint> points;
-  const auto free = [&](std::int32_t column, std::int32_t row) {
-    return column >= 0 && row >= 0 && column < grid.columns && row < grid.rows && grid.at(column, row) < OccupancyGrid::kUnknown;
-  };
   const auto place = [&](double column, double row) {
     const double x = grid.origin_x_m + column * grid.resolution_m, y = grid.origin_y_m + row * grid.resolution_m;
     return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x), static_cast<float>(s * x + c * y + submap_from_node.y)};
@@ -73,9 +109,8 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
         cell = std::max(cell, value > 0 ? Sight::wall : Sight::free);
         if (value < OccupancyGrid::kUnknown) continue;
         // Seen from where it is free: a wall one cell thin has two faces.
-        for (const auto& [dx, dy] : {std::pair{1, 0}, {0, 1}, {-1, 0}, {0, -1}})
-          if (free(column + dx, row + dy))
-            points.push_back({p.x, p.y, static_cast<float>(c * dx - s * dy), static_cast<float>(s * dx + c * dy)});
+        for (const auto& [dx, dy] : faces_of(grid, column, row))
+          points.push_back({p.x, p.y, static_cast<float>(c * dx - s * dy), static_cast<float>(s * dx + c * dy)});
       }
     }
   // A raster's wall cell stands for several hits, so that one cell is enough to be a wall.

@@ -170,7 +170,11 @@ std::string in_words(const Verdict& verdict) {
       if (verdict.reason != Reason::none) line += format("; %s", reason_in_words(verdict.reason));
       return line;
     }
-    case Decision::refused: return pair + "kept apart: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
+    case Decision::refused:
+      // Without any alignment there is nothing to count.
+      if (verdict.reason == Reason::little_overlap && verdict.probability == 0.0)
+        return pair + "kept apart: no place that both show was found";
+      return pair + "kept apart: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
     case Decision::deferred: return pair + "not decided: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
   }
   return pair;

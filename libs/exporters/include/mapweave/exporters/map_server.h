@@ -24,6 +24,8 @@ void write_map_server(const OccupancyGrid&, const std::filesystem::path& folder,
 // for an absent file or key, kCorrupt for an image cut short or with a wrong size, kUnsupported for another format, kBadInput for numbers
 // that make no map; with file, line and remedy.
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file);
+// The image that a YAML file names. Throws what reading the file throws.
+std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file);
 
 constexpr std::int16_t kServedLogOdds = 300;  // a probability of 0.95
 

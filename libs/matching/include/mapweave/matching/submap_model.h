@@ -42,6 +42,7 @@ class SubmapModel {
   // Of the walls: middle, and distance of the farthest from it.
   Point2f centre() const { return centre_; }
   float radius_m() const { return radius_m_; }
+  bool is_raster() const { return is_raster_; }  // made of map_server tiles, not of scans
   std::size_t bytes() const;
 
  private:
@@ -61,6 +62,7 @@ class SubmapModel {
   std::size_t known_cells_ = 0;
   Point2f centre_{};
   float radius_m_ = 0;
+  bool is_raster_ = false;
 };
 
 // Smaller is more alike; of the best pair of viewpoints.
