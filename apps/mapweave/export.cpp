@@ -4,11 +4,9 @@
 
 #include <mapweave/core/files.h>
 #include <mapweave/exporters/map_folder.h>
-#include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/compose_grid.h>
-#include <mapweave/fusion/grid_map.h>
-#include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/manifest.h>
+#include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
 
 #include <nlohmann/json.hpp>
@@ -25,18 +23,11 @@ struct Arguments {
   WritingFlags flags;
 };
 
-std::vector<Map> maps_of(const std::filesystem::path& path) {
-  if (path.extension() == ".mwdb") return mapdb::read_store(path).maps;
-  std::vector<Map> maps;
-  maps.push_back(fusion::map_of_grid(MapId(runtime::name_of_file(path)), exporters::read_map_server(path)));
-  return maps;
-}
-
 int export_map(Arguments arguments) {
   auto& files = arguments.files;
   if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o)) files.png = files.pgm = files.pcd = files.tum = true;
   runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
-  const std::vector<Map> maps = maps_of(arguments.map);
+  const auto [maps, inputs] = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
 
   expect_outside(arguments.flags.out, {arguments.map});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
@@ -54,8 +45,9 @@ int export_map(Arguments arguments) {
   auto& output = configuration.output;
   output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum, output.g2o = files.g2o;
   write_file(folder.staging() / "config.yaml", to_yaml(configuration));
-  const auto manifest =
-      runtime::manifest_json("export", configuration.seed, {{arguments.map.string(), hash_of_file(arguments.map)}}, folder.staging());
+  std::vector<runtime::InputFile> read;
+  for (const std::filesystem::path& file : inputs) read.push_back({file.string(), hash_of_file(file)});
+  const auto manifest = runtime::manifest_json("export", configuration.seed, read, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 

@@ -135,6 +135,9 @@ Json checked_files(const std::filesystem::path& folder, const Json& manifest) {
 }
 
 Json of_folder(const std::filesystem::path& folder) {
+  // A part of results: one map with its pictures.
+  if (!std::filesystem::exists(folder / "manifest.json") && std::filesystem::exists(folder / "map.mwdb"))
+    return of_store(folder / "map.mwdb");
   if (!std::filesystem::exists(folder / "manifest.json"))
     throw Error(ErrorCode::kBadInput, "no folder of results: there is no manifest.json in it", folder.string(),
                 "name a log, a map or a folder that mapweave wrote");

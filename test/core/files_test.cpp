@@ -67,7 +67,7 @@ TEST(ReadFile, names_the_file_that_is_missing) {
   const test::TemporaryFolder folder;
   const Error error = error_of([&] { read_file(folder / "absent.yaml"); });
   EXPECT_EQ(error.code(), ErrorCode::kMissing);
-  EXPECT_EQ(std::string(error.what()), (folder / "absent.yaml").string() + ": cannot be read: No such file or directory");
+  EXPECT_EQ(std::string(error.what()), (folder / "absent.yaml").string() + ": cannot be read: No such file or directory; check the path");
   EXPECT_EQ(error_of([&] { read_file(folder.path()); }).code(), ErrorCode::kMissing);
 }
 

@@ -22,6 +22,10 @@ TEST(MapNames, are_the_folders_names_where_stems_are_alike) {
   EXPECT_THAT(texts(names_of({"robots/beta/map.mwdb", "robots/alpha/map.mwdb", "hall.yaml"})), ElementsAre("beta", "alpha", "hall"));
 }
 
+TEST(MapNames, are_the_stem_with_a_number_where_one_folder_holds_both) {
+  EXPECT_THAT(texts(names_of({"gg/r0.mwdb", "gg/r0.yaml"})), ElementsAre("r0", "r0-2"));
+}
+
 TEST(MapNames, are_numbered_where_folders_are_alike_too_whatever_the_order) {
   EXPECT_THAT(texts(names_of({"b/alpha/map.mwdb", "a/alpha/map.mwdb"})), ElementsAre("alpha-2", "alpha"));
   EXPECT_THAT(texts(names_of({"a/alpha/map.mwdb", "b/alpha/map.mwdb"})), ElementsAre("alpha", "alpha-2"));

@@ -56,9 +56,9 @@ class Interruption(support.Scenario):
         for i, (delay, engine, sign) in enumerate([(0.3, "graph", signal.SIGINT), (1.0, "rbpf", signal.SIGINT), (0.6, "rbpf", signal.SIGTERM)]):
             with self.subTest(f"{engine} after {delay} s"):
                 process = self.start("slam", log, "--out", f"out{i}", "--engine", engine)
+                process.stderr.readline()   # the program has begun
                 code, said = self.interrupt(process, delay * support.PATIENCE, sign)
-                # A signal before the program has begun ends it as any program; a shell calls that 130 too.
-                self.assertIn(code, (INTERRUPTED, DONE, -sign), said)
+                self.assertIn(code, (INTERRUPTED, DONE), said)
                 if code == INTERRUPTED:
                     self.assertIn("interrupt", said.lower())
                 self.assert_whole_or_absent(f"out{i}")
@@ -113,7 +113,7 @@ class Interruption(support.Scenario):
                     killed = pid
             time.sleep(0.05)
         self.assertIsNotNone(killed, "no helper was running")
-        said, told = process.communicate(timeout=60 * support.PATIENCE)
+        said, told = process.communicate(timeout=180 * support.PATIENCE)
         self.assertEqual(process.returncode, CANNOT_WRITE, told)
         self.assertIn("mrpt_mapper", said + told)
         self.assertIn("beta", said + told)

@@ -1,6 +1,7 @@
 """The command line: help that teaches, exit codes, --json, --force, and the files that every verb promises."""
 import json
 import math
+import pathlib
 import shutil
 import struct
 
@@ -77,6 +78,27 @@ class Inputs(support.Scenario):
                 self.assert_says(self.mapweave(*verb, code=BAD_INPUT), "MAPWEAVE_LAZER")
         finally:
             support.environment = own
+
+    def test_maps_are_given_by_file_or_folder_and_nothing_else(self):
+        self.write("room.log", "\n".join(support.room_lines(12)) + "\n")
+        self.mapweave("slam", "room.log", "--out", "map")
+        for verb in (("merge", "map"), ("export", "map"), ("export", "map/map.mwdb"), ("export", "map/map.yaml")):
+            self.mapweave(*verb, "--out", f"from-{verb[0]}-{pathlib.Path(verb[1]).name}")
+        inputs = json.dumps(self.read_json("from-export-map.yaml/manifest.json")["inputs"])
+        self.assertIn("map.yaml", inputs)
+        self.assertIn("map.pgm", inputs)
+        self.assertEqual(json.loads(self.mapweave("inspect", "from-merge-map/team", "--json").stdout)["kind"], "map store")
+        for verb in ("merge", "export"):
+            self.assert_says(self.mapweave(verb, "absent.mwdb", "--out", "out", code=BAD_INPUT), "absent.mwdb", "check the path")
+            self.assert_says(self.mapweave(verb, "room.log", "--out", "out", code=BAD_INPUT), "neither a map store", ".yaml")
+            self.assert_says(self.mapweave(verb, "from-merge-map/robots", "--out", "out", code=BAD_INPUT), "without a map.mwdb")
+
+    def test_a_map_that_shows_nothing_is_not_drawn_and_that_is_said(self):
+        self.write("one.log", support.carmen_scan(1000.0, [2.0, 81.9, 81.9], 0, 0, 0) + "\n")
+        done = self.mapweave("slam", "one.log", "--out", "map")
+        if not (self.folder / "map/map.png").exists():
+            self.assertIn("not drawn", done.stdout)
+            self.assertIn("not drawn", " ".join(self.read_json("map/summary.json")["notes"]))
 
     def test_split_and_export_tell_how_they_were_carried_out(self):
         self.write("room.log", "\n".join(support.room_lines(12)) + "\n")

@@ -91,7 +91,7 @@ void remove_stale_siblings(const fs::path& goal) {
 std::string read_file(const fs::path& path, std::uint64_t most_bytes) {
   std::error_code ignored;
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorCode::kMissing, "cannot be read: " + text_of(errno), path.string());
+  if (!file) throw Error(ErrorCode::kMissing, "cannot be read: " + text_of(errno), path.string(), "check the path");
   if (fs::is_directory(path, ignored)) throw Error(ErrorCode::kMissing, "is a folder, not a file", path.string());
   std::string bytes;
   constexpr std::size_t kBlock = 1 << 16;

@@ -81,7 +81,7 @@ Hash hash_of_file(const std::filesystem::path& path) {
   std::error_code ignored;
   std::ifstream file(path, std::ios::binary);
   if (!file || std::filesystem::is_directory(path, ignored)) {
-    throw Error(ErrorCode::kMissing, "cannot be read as a file", path.string());
+    throw Error(ErrorCode::kMissing, "cannot be read as a file", path.string(), "check the path");
   }
   Hasher hasher;
   std::vector<char> block(1 << 18);

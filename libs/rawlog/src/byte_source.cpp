@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -160,6 +161,26 @@ bool ByteSource::at_end() {
   if (!ahead(1).empty()) return false;
   throw_damage();
   return true;
+}
+
+std::exception_ptr ByteSource::cause_of(std::exception_ptr seen) {
+  if (!packed_) return seen;
+  while (!ahead(1).empty()) {
+    throw_if_interrupted();
+    skip(end_ - begin_);
+  }
+  if (!damage_ || damage_ == seen) return seen;
+  try {
+    std::rethrow_exception(damage_);
+  } catch (const Error& damage) {
+    try {
+      std::rethrow_exception(seen);
+    } catch (const Error& sign) {
+      const std::string where = sign.where().empty() ? "" : " (" + sign.where() + ")";
+      return std::make_exception_ptr(
+          Error(damage.code(), damage.problem() + "; first seen as: " + sign.problem() + where, damage.where(), damage.remedy()));
+    }
+  }
 }
 
 std::string ByteSource::place(std::uint64_t position) const {

@@ -40,6 +40,9 @@ class ByteSource {
   void throw_damage() const {
     if (damage_) std::rethrow_exception(damage_);
   }
+  // Something in this stream made no sense: was it the gz? Unpacks the rest, which is dropped, and answers `seen`, or where the gz proves
+  // damaged an Error that says so first. Nothing is left afterwards. Throws where interrupted.
+  std::exception_ptr cause_of(std::exception_ptr seen);
   void rewind();
 
   std::uint64_t position() const { return position_; }  // in the unpacked stream

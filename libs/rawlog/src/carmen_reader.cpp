@@ -58,6 +58,7 @@ class CarmenReader final : public RecordSource {
     }
   }
 
+  std::exception_ptr cause_of(std::exception_ptr seen) override { return bytes_->cause_of(std::move(seen)); }
   std::string place_name(std::uint64_t place) const override { return lines_.place(place); }
   std::string path() const override { return bytes_->path().string(); }
   std::string nothing_found() const override { return "no line of FLASER, RLASER, ROBOTLASER or ODOM"; }

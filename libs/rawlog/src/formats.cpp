@@ -7,6 +7,7 @@
 #include <mapweave/rawlog/contents.h>
 
 #include <algorithm>
+#include <exception>
 
 namespace mapweave::rawlog {
 namespace {
@@ -45,8 +46,9 @@ const Format& recognise(ByteSource& bytes) {
   for (const Format& format : formats())
     known += (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
   const bool zip = start.substr(0, 4) == "PK\x03\x04";
-  throw Error(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz", bytes.path().string(),
-              zip ? "unzip it first" : "convert it to one of them");
+  const Error unknown(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz",
+                      bytes.path().string(), zip ? "unzip it first" : "convert it to one of them");
+  std::rethrow_exception(bytes.cause_of(std::make_exception_ptr(unknown)));
 }
 
 std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, const ReadOptions& options) {

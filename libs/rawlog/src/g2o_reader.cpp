@@ -18,7 +18,11 @@ class G2oReader final : public RecordSource {
  public:
   G2oReader(std::unique_ptr<ByteSource> bytes, const ReadOptions& options)
       : bytes_(std::move(bytes)), step_s_(1.0 / options.scan_rate_hz), converter_(survey_, options), lines_(*bytes_) {
-    read_edges();
+    try {
+      read_edges();
+    } catch (const Error&) {
+      std::rethrow_exception(bytes_->cause_of(std::current_exception()));
+    }
     if (!survey_.has_usable_stamps() && scans_ > 0) {
       log(LogLevel::warning,
           bytes_->path().string() + ": its scans have no usable stamps; they get one every " + std::to_string(step_s_) + " s");
@@ -46,6 +50,7 @@ class G2oReader final : public RecordSource {
     }
   }
 
+  std::exception_ptr cause_of(std::exception_ptr seen) override { return bytes_->cause_of(std::move(seen)); }
   std::string place_name(std::uint64_t place) const override { return lines_.place(place); }
   std::string path() const override { return bytes_->path().string(); }
   std::string nothing_found() const override { return "a pose graph without ROBOTLASER1 lines"; }
@@ -89,7 +94,7 @@ class G2oReader final : public RecordSource {
       const auto step = steps_.find(i);
       if (step == steps_.end()) {
         throw fields.error("no edge leads from vertex " + std::to_string(i) + " to " + std::to_string(i + 1) +
-                           "; the sequential edges serve as odometry");
+                           "; the edges from each vertex to the next serve as odometry: take a pose graph that has them");
       }
       odometry_from_robot_ = compose(odometry_from_robot_, step->second);
     }

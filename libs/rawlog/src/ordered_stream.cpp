@@ -74,8 +74,9 @@ class OrderedStream final : public ObservationStream {
 
   // What is waiting is still given; then comes the error.
   void fail() {
-    failure_ = std::current_exception();
     ended_ = true;
+    failure_ = std::current_exception();  // should looking for its cause be interrupted
+    failure_ = source_->cause_of(failure_);
   }
 
   void add(PlacedRecord& placed) {

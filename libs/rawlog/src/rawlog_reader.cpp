@@ -19,6 +19,7 @@
 #include <new>
 #include <optional>
 #include <sstream>
+#include <string_view>
 
 namespace mapweave::rawlog {
 namespace {
@@ -28,11 +29,20 @@ constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as 
 
 using Object = mrpt::serialization::CSerializable::Ptr;
 
-// MRPT's own words: the first line below its banner.
+// The first of MRPT's own words that say something: without banners and labels, and without "an object cannot be read", which is told
+// anyway.
 std::string reason_of(const std::string& message) {
+  constexpr std::string_view kLabel = "Message:";
   std::istringstream lines(message);
-  for (std::string line; std::getline(lines, line);)
-    if (const auto begin = line.find_first_not_of("= "); begin != std::string::npos && line.front() != '=') return line.substr(begin, 160);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind(kLabel, 0) == 0) line.erase(0, kLabel.size());
+    const auto begin = line.find_first_not_of(" \t\r");
+    if (begin == std::string::npos) continue;
+    const auto starts_with = [&](std::string_view start) { return line.compare(begin, start.size(), start) == 0; };
+    if (starts_with("=") || starts_with("Exception while parsing") || starts_with("Original exception")) continue;
+    if (starts_with("Location:") || starts_with("Call back")) continue;
+    return line.substr(begin, 160);
+  }
   return "MRPT gives no reason";
 }
 
@@ -67,6 +77,7 @@ class RawlogReader final : public RecordSource {
     return true;
   }
 
+  std::exception_ptr cause_of(std::exception_ptr seen) override { return bytes_->cause_of(std::move(seen)); }
   std::string place_name(std::uint64_t place) const override { return bytes_->place(place); }
   std::string path() const override { return bytes_->path().string(); }
   std::uint64_t bytes_read() const override { return bytes_->file_bytes_read(); }

@@ -3,6 +3,7 @@
 
 #include <mapweave/rawlog/observation_stream.h>
 
+#include <exception>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,8 @@ class RecordSource {
  public:
   // Adds the next records of the file, none or several; false at its clean end. Throws Error; what was added before is good.
   virtual bool read(std::vector<PlacedRecord>& records) = 0;
+  // What to tell of an error in the records: the error, or what the rest of the file shows to be its cause. Ends the reading.
+  virtual std::exception_ptr cause_of(std::exception_ptr seen) = 0;
   virtual std::string place_name(std::uint64_t place) const = 0;  // "a.log:17"
   virtual std::string path() const = 0;
   virtual std::string nothing_found() const { return {}; }  // what was there instead of observations

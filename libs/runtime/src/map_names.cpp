@@ -27,9 +27,11 @@ Id take_name(const std::string& base, std::set<Id>& taken) {
 std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
   std::vector<std::filesystem::path> full;
   std::map<std::string, int> with_stem;
+  std::map<std::string, std::set<std::filesystem::path>> folders_of_stem;
   for (const auto& path : paths) {
     full.push_back(std::filesystem::weakly_canonical(path));
     ++with_stem[name_of_file(path)];
+    folders_of_stem[name_of_file(path)].insert(full.back().parent_path());
   }
   std::vector<std::size_t> order(paths.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
@@ -42,7 +44,8 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
     if (place > 0 && full[i] == full[order[place - 1]])
       throw Error(ErrorCode::kBadInput, "this map is given twice", paths[i].string(), "name each map once");
     std::string name = name_of_file(paths[i]);
-    if (with_stem[name] > 1 || name.empty()) name = name_of_file(full[i].parent_path());
+    const bool folder_tells_more = name == "map" || folders_of_stem[name].size() > 1;
+    if ((with_stem[name] > 1 && folder_tells_more) || name.empty()) name = name_of_file(full[i].parent_path());
     if (!is_valid_name(name)) name = "map";
     names[i] = take_name(name, taken);
   }

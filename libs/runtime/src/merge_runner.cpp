@@ -1,8 +1,6 @@
 #include "results.h"
 
-#include <mapweave/exporters/map_server.h>
-#include <mapweave/fusion/grid_map.h>
-#include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
 #include <mapweave/runtime/merge_runner.h>
 
@@ -18,21 +16,13 @@ struct Inputs {
 };
 
 void read_input(const std::filesystem::path& path, MapId name, Inputs& inputs) {
-  const std::string ending = path.extension().string();
-  if (ending == ".yaml" || ending == ".yml") {
-    inputs.maps.push_back(fusion::map_of_grid(name, exporters::read_map_server(path)));
-  } else if (ending == ".mwdb") {
-    mapdb::StoredMaps stored = mapdb::read_store(path);
-    if (stored.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "merge stores that hold maps");
-    for (Map& map : stored.maps) {
-      map.id = stored.maps.size() == 1 ? name : MapId(name.str() + "." + map.id.str());
-      inputs.maps.push_back(std::move(map));
-    }
-  } else {
-    throw Error(ErrorCode::kUsage, "neither a map store nor a map_server grid", path.string(), "give .mwdb or .yaml files");
+  MapInput input = read_map_input(path, name);
+  for (Map& map : input.maps) {
+    map.id = input.maps.size() == 1 ? name : MapId(name.str() + "." + map.id.str());
+    inputs.maps.push_back(std::move(map));
   }
   if (name.str() != name_of_file(path)) inputs.notes.push_back(path.string() + " is called '" + name.str() + "' here");
-  inputs.files.push_back({path.string(), hash_of_file(path)});
+  for (const std::filesystem::path& file : input.files) inputs.files.push_back({file.string(), hash_of_file(file)});
 }
 
 Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {

@@ -144,6 +144,7 @@ Json summary_json(const Report& report) {
   return {{"robots", robots},
           {"edges", edges},
           {"team", fusion_json(report.team)},
+          {"notes", report.notes},
           {"interrupted", report.interrupted},
           {"exit_code", report.exit_code()},
           {"wall_seconds", report.wall_seconds},

@@ -53,7 +53,10 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
 void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
-  exporters::write_map_folder(folder_.staging() / folder, map, grid_of(title, map), options);
+  const std::size_t notes = notes_.size();
+  const OccupancyGrid grid = grid_of(title, map);
+  if (grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
+  exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {

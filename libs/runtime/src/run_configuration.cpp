@@ -117,11 +117,15 @@ exporters::MapFolderOptions folder_options(const OutputOptions& output, const st
 
 std::string name_of_file(const std::filesystem::path& path) {
   std::string name = path.filename().string();
-  for (const char* ending : {".gz", ".rawlog", ".clf", ".log", ".g2o", ".zip", ".mwdb", ".yaml", ".yml"}) {
-    const std::string text(ending);
-    if (name.size() > text.size() && name.compare(name.size() - text.size(), text.size(), text) == 0)
-      name.resize(name.size() - text.size());
-  }
+  const auto cut_one_of = [&name](std::initializer_list<std::string_view> endings) {
+    for (const std::string_view ending : endings) {
+      if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0) continue;
+      name.resize(name.size() - ending.size());
+      return;
+    }
+  };
+  cut_one_of({".gz", ".zip"});
+  cut_one_of({".rawlog", ".clf", ".log", ".g2o", ".mwdb", ".yaml", ".yml"});
   for (char& letter : name)
     if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';
   while (!name.empty() && name.front() == '.') name.erase(0, 1);

@@ -10,7 +10,7 @@ struct MergeSettings {
   bool force = false;
 };
 
-// `paths`: stores (.mwdb) and map_server grids (.yaml), in any order. Throws Error: kUsage for a file of neither kind, what reading throws,
+// `paths`: stores (.mwdb), map_server grids (.yaml) and folders of one map, in any order. Throws Error: what read_map_input() throws,
 // kCannotWrite, kInterrupted.
 Report run_merge(const RunConfiguration&, const std::vector<std::filesystem::path>& paths, const MergeSettings&, WorkerPool&, Progress&);
 
