@@ -31,6 +31,8 @@ const std::vector<Command> commands = {
     {"evaluate", "how good a trajectory or a grid is",
      "mapweave evaluate relations --trajectory team/trajectory.tum --relations intel.relations --max translation_mean_m=0.05",
      set_up_evaluate},
+    {"vocabulary", "the words by which cameras know places: train them, look at them",
+     "mapweave vocabulary train alpha.rawlog --out words.txt.gz", set_up_vocabulary},
     {"config", "show, check or explain configurations", "mapweave config reference", set_up_config},
 };
 
