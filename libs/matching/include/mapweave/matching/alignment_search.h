@@ -1,0 +1,73 @@
+#pragma once
+// How do two sides (two keyframes with their neighbours, or a map and one picture) lie, given features that may be the same thing, many of
+// them wrongly? Hypotheses from the fewest matches, counted by reprojection in the pictures of both sides (RANSAC: Fischler, Bolles, CACM
+// 24(6), 1981), then nonlinear least squares.
+
+#include <mapweave/core/geometry.h>
+#include <mapweave/matching/pinhole.h>
+#include <mapweave/matching/rigid_from_points.h>
+
+#include <optional>
+#include <vector>
+
+namespace mapweave::matching {
+
+struct CameraPlace {
+  Pinhole pinhole;
+  Pose3 side_from_camera;
+};
+
+// A feature of side a and one of side b that may be the same thing. A point that a knows counts in b's picture, and the other way round.
+struct FeaturePair {
+  std::uint32_t camera_a = 0, camera_b = 0;  // index into the cameras of the side
+  Eigen::Vector2d pixel_a, pixel_b;
+  double sigma_a_px = 1.0, sigma_b_px = 1.0;
+  std::optional<Eigen::Vector3d> point_in_a, point_in_b;  // frames of the sides
+};
+
+struct AlignmentProblem {
+  std::vector<CameraPlace> cameras_a, cameras_b;
+  std::vector<FeaturePair> pairs;
+  Freedom freedom = Freedom::rigid;  // similarity where a side does not know its scale
+};
+
+struct AlignmentOptions {
+  int iterations = 400;
+  double confidence = 0.9999;
+  int refinements = 10;
+  std::uint64_t seed = 1;
+  int least_inliers = 8;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("iterations", iterations, 1, 1000000, "samples of fewest matches at most");
+    v.fraction("confidence", confidence, "sampling ends when a sample without outliers was drawn with this probability");
+    v.integer("refinements", refinements, 1, 1000, "steps of least squares at most");
+    v.integer("seed", seed, 0, 4294967295, "of the samples");
+    v.integer("least_inliers", least_inliers, 4, 100000, "fewer are no alignment");
+  }
+};
+
+struct AlignmentFit {
+  Sim3 a_from_b;
+  // Of a small motion of b in b's frame: x, y, z, roll, pitch, yaw, logarithm of the scale (zero for a rigid one). From the spread of the
+  // residuals where that is wider than the sigmas.
+  Eigen::Matrix<double, 7, 7> covariance = Eigen::Matrix<double, 7, 7>::Zero();
+  std::vector<std::uint32_t> inliers;  // rising; each within 95 % of its sigmas in every picture that tests it
+  double rms_sigma = 0.0;              // of the inliers' residuals, in sigmas; 1 as expected
+  int iterations = 0;                  // samples drawn
+};
+
+// The alignment that most pairs agree with. The same input gives the same answer, to the bit. nullopt where fewer than `least_inliers`
+// agree or where they leave a direction open.
+std::optional<AlignmentFit> search_alignment(const AlignmentProblem&, const AlignmentOptions& = {});
+
+// From a guess: least squares over the pairs that agree with it (Geman-McClure's weights), which pairs these are being told anew after each
+// step. nullopt as above.
+std::optional<AlignmentFit> refine_alignment(const AlignmentProblem&, const Sim3& a_from_b, const AlignmentOptions& = {});
+
+Sim3 inverse(const Sim3& a_from_b);
+inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Sim3& a_from_b) {
+  return a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
+}
+
+}  // namespace mapweave::matching
