@@ -92,6 +92,7 @@ TEST(PlaceIndex, refuses_a_keyframe_twice_and_words_it_does_not_know) {
   EXPECT_THROW(index.add(keyframe(1), {{4, 65535}}), ContractViolation);
   EXPECT_THROW(index.add(keyframe(2), {{kWords, 65535}}), ContractViolation);
   EXPECT_THROW(index.query({{kWords, 65535}}, 1), ContractViolation);
+  EXPECT_THROW(index.query({{3, 65535}, {4, 1}}, 1), ContractViolation);  // more than a whole
   EXPECT_EQ(index.size(), 1U);
 }
 

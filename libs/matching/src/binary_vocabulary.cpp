@@ -113,7 +113,7 @@ DescribedPicture BinaryVocabulary::describe_picture(const std::vector<OrbDescrip
   for (std::size_t i = 0, end = 0; i < words.size(); i = end) {
     while (end < words.size() && words[end] == words[i]) ++end;
     const std::uint64_t weight = (end - i) * tree_->fixed_weight_of_word[words[i]];
-    const std::uint64_t share = (2 * weight * kWholeBag + total) / (2 * total);
+    const std::uint64_t share = weight * kWholeBag / total;
     if (share > 0) picture.bag.push_back({words[i], static_cast<std::uint16_t>(share)});
   }
   return picture;

@@ -9,6 +9,15 @@ namespace {
 constexpr std::uint32_t kBlock = 65536;
 constexpr std::size_t kFewDead = 64;
 
+void expect_bag(const BagOfWords& bag, std::size_t words) {
+  int sum = 0;
+  for (const WordShare& entry : bag) {
+    MAPWEAVE_EXPECT(entry.word < words, "a word of another vocabulary");
+    sum += entry.share;
+  }
+  MAPWEAVE_EXPECT(sum <= kWholeBag, "the shares of a bag are those of one whole");
+}
+
 bool better(const SimilarPlace& a, const SimilarPlace& b) { return a.score != b.score ? a.score > b.score : a.id < b.id; }
 
 }  // namespace
@@ -23,7 +32,7 @@ void PlaceIndex::append(std::uint32_t slot, const BagOfWords& bag) {
 
 void PlaceIndex::add(const NodeId& id, const BagOfWords& bag) {
   MAPWEAVE_EXPECT(!contains(id), "a keyframe is added once");
-  for (const WordShare& entry : bag) MAPWEAVE_EXPECT(entry.word < words_, "a word of another vocabulary");
+  expect_bag(bag, words_);
   const auto slot = static_cast<std::uint32_t>(id_of_slot_.size());
   append(slot, bag);
   slots_.set(id, slot);
@@ -77,13 +86,14 @@ std::size_t PlaceIndex::bytes() const {
 
 std::vector<SimilarPlace> PlaceIndex::query(const BagOfWords& bag, std::size_t most, const std::function<bool(const NodeId&)>& excluded,
                                             int least_score) const {
-  std::vector<std::uint32_t> scores(id_of_slot_.size(), 0);
+  expect_bag(bag, words_);
+  std::vector<std::uint16_t> scores(id_of_slot_.size(), 0);  // the shares of a bag add up to kWholeBag, so nothing overflows
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
-    std::uint32_t* of_block = scores.data() + b * kBlock;
+    std::uint16_t* of_block = scores.data() + b * kBlock;
     for (const WordShare& entry : bag) {
-      MAPWEAVE_EXPECT(entry.word < words_, "a word of another vocabulary");
       const std::uint16_t share = entry.share;
-      for (const Posting& posting : blocks_[b].postings[entry.word]) of_block[posting.slot] += std::min(share, posting.share);
+      for (const Posting& posting : blocks_[b].postings[entry.word])
+        of_block[posting.slot] = static_cast<std::uint16_t>(of_block[posting.slot] + std::min(share, posting.share));
     }
   }
   // A heap, since few of many are wanted and ids are slow to compare.

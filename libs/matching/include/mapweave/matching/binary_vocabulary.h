@@ -15,7 +15,7 @@
 
 namespace mapweave::matching {
 
-// A picture's words with their share of the whole, in 1/65535, by rising word. The shares add up to 65535 but for rounding.
+// A picture's words with their share of the whole, in 1/65535, by rising word. Shares are rounded down, so they add up to 65535 at most.
 struct WordShare {
   std::uint32_t word = 0;
   std::uint16_t share = 0;
@@ -23,7 +23,7 @@ struct WordShare {
 using BagOfWords = std::vector<WordShare>;
 inline constexpr int kWholeBag = 65535;
 
-// What two pictures have in common: the sum of the lesser shares, 0 .. kWholeBag but for rounding. Of bags as vectors v, w of L1 length 1
+// What two pictures have in common: the sum of the lesser shares, 0 .. kWholeBag. Of bags as vectors v, w of L1 length 1
 // that is 1 - |v - w| / 2, the score of the paper's equation 2. Words of weight 0 are in no bag.
 int common_share(const BagOfWords& a, const BagOfWords& b);
 
