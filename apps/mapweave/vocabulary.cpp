@@ -139,11 +139,11 @@ Action set_up_vocabulary(CLI::App& verb) {
 
   const auto file = std::make_shared<std::filesystem::path>();
   CLI::App* info_verb = verb.add_subcommand("info", "what is in a vocabulary");
-  info_verb->add_option("FILE", *file, "vocabulary (DBoW2's text layout, gz or plain)")->required();
+  info_verb->add_option("FILE", *file, "vocabulary (DBoW2's text layout, gz or plain); without it: the one that mapweave brings");
   for (CLI::App* each : {train_verb, info_verb}) each->add_flag("--json", training->json, "print JSON");
   return [=] {
     if (train_verb->parsed()) return train(*training);
-    print(told(matching::load_vocabulary(*file)), training->json);
+    print(told(file->empty() ? matching::shipped_vocabulary() : matching::load_vocabulary(*file)), training->json);
     return 0;
   };
 }

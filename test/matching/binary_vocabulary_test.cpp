@@ -189,6 +189,13 @@ TEST(VocabularyFile, reads_the_plain_layout_in_any_order_of_branches) {
   EXPECT_EQ(by_levels.nodes(), 4U);
 }
 
+TEST(ShippedVocabulary, holds_ten_thousand_words) {
+  const BinaryVocabulary& vocabulary = shipped_vocabulary();
+  EXPECT_EQ(vocabulary.words(), 10000U);
+  EXPECT_EQ(vocabulary.levels(), 4);
+  EXPECT_EQ(&shipped_vocabulary(), &vocabulary);
+}
+
 TEST(VocabularyFile, names_the_line_that_is_wrong) {
   const std::string head = "2 2 0 0\n", good = line(0, 1, 5);
   const auto message = [](const std::string& text) -> std::string {

@@ -93,6 +93,7 @@ TEST(PlaceIndex, refuses_a_keyframe_twice_and_words_it_does_not_know) {
   EXPECT_THROW(index.add(keyframe(2), {{kWords, 65535}}), ContractViolation);
   EXPECT_THROW(index.query({{kWords, 65535}}, 1), ContractViolation);
   EXPECT_THROW(index.query({{3, 65535}, {4, 1}}, 1), ContractViolation);  // more than a whole
+  EXPECT_THROW(index.query({{4, 5}, {4, 5}}, 1), ContractViolation);
   EXPECT_EQ(index.size(), 1U);
 }
 

@@ -68,6 +68,9 @@ class BinaryVocabulary {
 inline constexpr std::size_t kMostVocabularyNodes = 4'000'000;
 BinaryVocabulary load_vocabulary(const std::filesystem::path&);
 BinaryVocabulary parse_vocabulary(std::string_view bytes, const std::string& where);
+// The one that mapweave brings (datasets/vocabulary), part of the program: 10000 words of OpenCV's ORB. Read at the first call;
+// thread-safe.
+const BinaryVocabulary& shipped_vocabulary();
 // gz, nodes level by level. Loading it again gives the same hash. Throws Error kCannotWrite.
 void save_vocabulary(const BinaryVocabulary&, const std::filesystem::path&);
 

@@ -39,6 +39,7 @@ class PlaceIndex {
   struct Block {
     std::vector<std::vector<Posting>> postings;  // by word
   };
+  static void accumulate(const std::vector<Posting>& postings, std::uint16_t share, std::uint16_t* scores);
   void append(std::uint32_t slot, const BagOfWords& bag);
   void compact();
 
