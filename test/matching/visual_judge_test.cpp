@@ -189,6 +189,9 @@ TEST(VisualJudge, refuses_a_poster_that_hangs_twice) {
   EXPECT_GT(result.judgement.evidence.second_best_ratio, 0.6);
   EXPECT_GE(result.judgement.hypotheses.size(), 2U);
   EXPECT_LT(result.judgement.probability, 0.1);
+  options.max_second_best = 1.0;
+  EXPECT_EQ(judge_places(a.view, b.view, options).judgement.doubt, Reason::none);  // nothing else speaks against it
+  options.max_second_best = VisualJudgeOptions{}.max_second_best;
   const Side c(3, single, {pose(0.2, 0, 0.2, 0)});  // hangs once
   EXPECT_EQ(judge_places(b.view, c.view, options).judgement.doubt, Reason::none);
 }
@@ -217,6 +220,9 @@ TEST(VisualJudge, doubts_what_the_other_side_saw_through) {
   EXPECT_EQ(result.judgement.doubt, Reason::contradiction);
   EXPECT_GT(result.judgement.evidence.conflict, 0.35);
   EXPECT_LT(result.judgement.probability, 0.1);
+  VisualJudgeOptions trusting;
+  trusting.max_conflict = 1.0;
+  EXPECT_NE(judge_places(a.view, b.view, trusting).judgement.doubt, Reason::contradiction);  // nor is too little found
 }
 
 TEST(VisualJudge, gives_the_same_bits_again) {

@@ -277,25 +277,27 @@ double Search::cost_at(const Sim3& a_from_b, const std::vector<std::uint32_t>& c
 
 // Gauss-Newton, damped (Levenberg-Marquardt) where a step does not help.
 Sim3 Search::descended(Sim3 a_from_b, const std::vector<std::uint32_t>& chosen, int steps) const {
+  constexpr double kSettled = 1e-5;
   double damping = 1e-6;
   for (int step = 0; step < steps; ++step) {
     const Normal normal = normal_at(a_from_b, chosen);
+    double cost = normal.cost;
     bool better = false;
-    Vector7 motion = Vector7::Zero();
     for (int attempt = 0; attempt < 5 && !better; ++attempt) {
       Matrix7 damped = normal.information;
       damped.diagonal() += damping * (normal.information.diagonal() + Vector7::Constant(1e-9));
-      motion.setZero();
+      Vector7 motion = Vector7::Zero();
       motion.head(freedom()) = -damped.topLeftCorner(freedom(), freedom()).ldlt().solve(normal.gradient.head(freedom()));
       if (!motion.allFinite() || std::abs(motion(6)) > 1.0) motion.setZero();
       const Sim3 next = moved(a_from_b, motion);
-      better = cost_at(next, chosen) < normal.cost;
+      cost = cost_at(next, chosen);
+      better = cost < normal.cost;
       if (better)
         a_from_b = next, damping = std::max(1e-9, damping * 0.1);
       else
         damping = std::max(1e-4, damping * 30.0);
     }
-    if (!better || motion.norm() < 1e-10) break;
+    if (!better || normal.cost - cost < kSettled * normal.cost) break;
   }
   return a_from_b;
 }

@@ -335,9 +335,10 @@ class Judge {
     return Reason::none;
   }
 
-  // Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds.
+  // Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds. What moves along
+  // with the camera (a car ahead) agrees well among itself, but little else that should be in view is found.
   static double probability_of(const Evidence& e, int inliers) {
-    const double logit = 2.0 + 2.0 * std::log(std::max(1, inliers) / 30.0) + 6.0 * (e.inliers - 0.2) + 2.0 * (e.observability(1) - 0.5) -
+    const double logit = 1.5 * std::log(std::max(1, inliers) / 40.0) + 12.0 * (e.inliers - 0.12) + 3.0 * (e.observability(1) - 0.25) -
                          3.0 * e.conflict - 4.0 * std::max(0.0, e.second_best_ratio - 0.3);
     return 1.0 / (1.0 + std::exp(-logit));
   }
