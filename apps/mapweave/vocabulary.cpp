@@ -101,6 +101,9 @@ void print(const Json& report, bool json) {
 int train(const TrainingArguments& arguments) {
   if (!arguments.force && std::filesystem::exists(arguments.out))
     throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(), "choose another name, or replace it with --force");
+  const std::filesystem::path folder = std::filesystem::absolute(arguments.out).parent_path();
+  if (!std::filesystem::is_directory(folder))
+    throw Error(ErrorCode::kCannotWrite, "there is no such folder", folder.string(), "make it, or choose another");
   check(arguments.words);
   check(arguments.features);
   const auto progress = make_terminal_progress();
