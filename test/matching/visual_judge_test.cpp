@@ -121,8 +121,7 @@ TEST(VisualJudge, aligns_two_views_of_one_room) {
   const Side a(1, one, {pose(0, 0, 0, 0)}), b(2, one, {pose(0.5, 0.1, 0.4, 0.2)});
   const VisualJudgement result = judge_places(a.view, b.view);
   expect_right(result, a, b);
-  EXPECT_EQ(result.matches.size(), static_cast<std::size_t>(result.inliers));
-  EXPECT_GT(result.inliers, 60);
+  EXPECT_GT(result.matches.size(), 60U);
   for (const auto& match : result.matches)  // the same thing on both sides
     EXPECT_LE(hamming(a.features[0]->descriptors[match.a.feature], b.features[0]->descriptors[match.b.feature]), 20);
   const auto& covariance = result.judgement.hypotheses.front().covariance;
@@ -159,7 +158,7 @@ TEST(VisualJudge, finds_more_with_neighbours) {
   picture.with_map = false;
   const Side alone(1, one, {near[0]}), together(1, one, near), b(2, one, {pose(0.6, 0.1, 0.2, 0.5)}, picture);
   const VisualJudgement few = judge_places(alone.view, b.view), more = judge_places(together.view, b.view);
-  EXPECT_GT(more.inliers, few.inliers + 15);
+  EXPECT_GT(more.matches.size(), few.matches.size() + 15);
   expect_right(more, together, b);
 }
 

@@ -117,11 +117,11 @@ class Judge {
     const auto best = grown(*found, candidates);
     if (!best) return result;
     result.matches = best->matches;
-    result.inliers = static_cast<int>(best->matches.size());
+    const auto inliers = static_cast<int>(best->matches.size());
     judgement.hypotheses.push_back(alignment_of(*best));
     judgement.scores.push_back(best->found);
     judgement.evidence = evidence_of(*best);
-    judgement.doubt = doubt_of(judgement.evidence, result.inliers);
+    judgement.doubt = doubt_of(judgement.evidence, inliers);
     if (judgement.doubt != Reason::none) {
       // Nobody asks for a rival of what is not believed.
     } else if (const auto rival = rival_of(*best)) {
@@ -129,9 +129,9 @@ class Judge {
       judgement.scores.push_back(rival->found);
       judgement.evidence.second_best_ratio =
           std::min(1.0, share(static_cast<double>(rival->matches.size()), static_cast<double>(best->matches.size())));
-      judgement.doubt = doubt_of(judgement.evidence, result.inliers);
+      judgement.doubt = doubt_of(judgement.evidence, inliers);
     }
-    judgement.probability = probability_of(judgement.evidence, result.inliers) * (judgement.doubt == Reason::none ? 1.0 : 0.1);
+    judgement.probability = probability_of(judgement.evidence, inliers) * (judgement.doubt == Reason::none ? 1.0 : 0.1);
     return result;
   }
 

@@ -78,7 +78,6 @@ struct VisualJudgement {
     FeatureId a, b;
   };
   std::vector<Match> matches;  // of the best hypothesis
-  int inliers = 0;             // how many
 };
 
 Hash visual_judgement_id(const Hash& content_a, const Hash& content_b, const VisualJudgeOptions&);
