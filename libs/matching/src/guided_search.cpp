@@ -24,7 +24,7 @@ FeatureGrid::FeatureGrid(const KeyframeView& keyframe)
 GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side, const KeyframeView& keyframe,
                               const FeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px, int max_distance) {
   GuidedSearch search;
-  constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround_px = 16.0;
+  constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;
   for (std::uint32_t i = 0; i < landmarks.size(); ++i) {
     const Eigen::Vector3d point = transformed(landmarks[i].point_in_side, camera_from_side);
@@ -43,7 +43,7 @@ GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const 
     // Seen through where everything that is known around lies clearly farther away, and at least two things are known.
     if (depth_of_feature.empty()) continue;
     int known = 0, farther = 0;
-    grid.near(pixel, kAround_px, [&](std::uint32_t feature) {
+    grid.near(pixel, kAround, [&](std::uint32_t feature) {
       const double depth = depth_of_feature[feature];
       if (!(depth > 0.0)) return;
       ++known;

@@ -257,7 +257,7 @@ class Judge {
   // Landmarks share the errors of the keyframes they come from, so that the spread of many matches claims too much: never better than half
   // a degree, and half a percent of the distance.
   static Alignment alignment_of(const Grown& grown) {
-    constexpr double kTurn_rad = 0.009, kShare = 0.005;
+    constexpr double kTurn = 0.009, kShare = 0.005;  // radians; of the distance
     Alignment alignment;
     alignment.a_from_b = grown.fit.a_from_b;
     alignment.covariance = grown.fit.covariance.topLeftCorner<6, 6>();
@@ -268,7 +268,7 @@ class Judge {
     const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
     std::nth_element(distances.begin(), middle, distances.end());
     alignment.covariance.diagonal().head<3>().array() += std::pow(kShare * *middle, 2);
-    alignment.covariance.diagonal().tail<3>().array() += kTurn_rad * kTurn_rad;
+    alignment.covariance.diagonal().tail<3>().array() += kTurn * kTurn;
     return alignment;
   }
 
