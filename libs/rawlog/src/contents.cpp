@@ -1,4 +1,3 @@
-#include "byte_source.h"
 #include "formats.h"
 #include "ordered_stream.h"
 
@@ -75,12 +74,11 @@ void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObse
 }  // namespace
 
 LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& options) {
-  auto bytes = std::make_unique<ByteSource>(log);
-  const Format& format = recognise(*bytes);
-  const auto stream = make_ordered_stream(format.open(std::move(bytes), options), options);
+  auto opened = open_source(log, options);
+  const auto stream = make_ordered_stream(std::move(opened.source), options);
 
   LogContents contents;
-  contents.format = format.name;
+  contents.format = opened.format;
   std::vector<Sensor> sensors;
   while (const auto record = stream->next()) {
     const auto& observation = *record->observation;

@@ -1,6 +1,7 @@
 #include "formats.h"
 
 #include "byte_source.h"
+#include "camera_folder.h"
 #include "ordered_stream.h"
 
 #include <mapweave/core/error.h>
@@ -51,13 +52,24 @@ const Format& recognise(ByteSource& bytes) {
   std::rethrow_exception(bytes.cause_of(std::make_exception_ptr(unknown)));
 }
 
-std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, const ReadOptions& options) {
+OpenedLog open_source(const std::filesystem::path& path, const ReadOptions& options) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) {
+    const FolderLayout& layout = recognise_folder(path);
+    return {layout.name, open_folder(layout.read(path, options))};
+  }
   auto bytes = std::make_unique<ByteSource>(path);
   const Format& format = recognise(*bytes);
-  return make_ordered_stream(format.open(std::move(bytes), options), options);
+  return {format.name, format.open(std::move(bytes), options)};
+}
+
+std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, const ReadOptions& options) {
+  return make_ordered_stream(open_source(path, options).source, options);
 }
 
 std::string format_of_log(const std::filesystem::path& log) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(log, ignored)) return recognise_folder(log).name;
   ByteSource bytes(log);
   return recognise(bytes).name;
 }

@@ -25,6 +25,13 @@ const std::vector<Format>& formats();
 // By content, then by extension; throws Error kUnsupported naming the formats.
 const Format& recognise(ByteSource& bytes);
 
+struct OpenedLog {
+  const char* format;
+  std::unique_ptr<RecordSource> source;
+};
+// Of a file or a folder.
+OpenedLog open_source(const std::filesystem::path& path, const ReadOptions& options);
+
 bool is_rawlog(std::string_view start);
 bool is_carmen(std::string_view start);
 bool is_g2o(std::string_view start);

@@ -35,7 +35,9 @@ std::string seconds_text(Stamp stamp) {
 class OrderedStream final : public ObservationStream {
  public:
   OrderedStream(std::unique_ptr<RecordSource> source, const ReadOptions& options)
-      : source_(std::move(source)), window_s_(options.reorder_window_s), window_ns_(std::llround(std::min(window_s_, 1e9) * 1e9)) {}
+      : source_(std::move(source)),
+        window_s_(source_->is_in_order() ? 0.0 : options.reorder_window_s),
+        window_ns_(std::llround(std::min(window_s_, 1e9) * 1e9)) {}
 
   std::optional<Record> next() override {
     while (!ended_ && (heap_.empty() || newest_.ns - heap_.front().record.stamp.ns <= window_ns_)) read_more();

@@ -9,15 +9,14 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr std::size_t kFirstLook = 1 << 14, kLongestLine = 1 << 24;
-constexpr const char* kBlanks = " \t\r";
 
 }  // namespace
 
 std::optional<std::string_view> Fields::next() {
-  const auto begin = rest_.find_first_not_of(kBlanks);
+  const auto begin = rest_.find_first_not_of(separators_);
   if (begin == std::string_view::npos) return std::nullopt;
   rest_.remove_prefix(begin);
-  const auto field = rest_.substr(0, rest_.find_first_of(kBlanks));
+  const auto field = rest_.substr(0, rest_.find_first_of(separators_));
   rest_.remove_prefix(field.size());
   return field;
 }
@@ -79,7 +78,7 @@ std::optional<Fields> LineReader::next() {
       const auto line = view.substr(0, end);
       taken_ = line.size() + (end != std::string_view::npos ? 1 : 0);
       ++line_;
-      return Fields(line, place(line_), end != std::string_view::npos);
+      return Fields(line, place(line_), end != std::string_view::npos, separators_);
     }
     searched = view.size();
     look = 2 * view.size();

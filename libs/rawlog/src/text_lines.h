@@ -12,10 +12,11 @@
 
 namespace mapweave::rawlog {
 
-// Blank-separated fields of one line. What is wrong is thrown as Error kBadInput with file and line.
+// Fields of one line, between blanks or other separators. What is wrong is thrown as Error kBadInput with file and line.
 class Fields {
  public:
-  Fields(std::string_view text, std::string place, bool terminated) : rest_(text), place_(std::move(place)), terminated_(terminated) {}
+  Fields(std::string_view text, std::string place, bool terminated, const char* separators = " \t\r")
+      : rest_(text), place_(std::move(place)), terminated_(terminated), separators_(separators) {}
   std::optional<std::string_view> next();   // nullopt at the end of the line
   std::string_view text(const char* name);  // throws at the end of the line
   double any_number(const char* name);      // infinite and NaN too
@@ -30,11 +31,12 @@ class Fields {
   std::string_view rest_;
   std::string place_;
   bool terminated_;
+  const char* separators_;
 };
 
 class LineReader {
  public:
-  explicit LineReader(ByteSource& bytes) : bytes_(bytes) {}
+  explicit LineReader(ByteSource& bytes, const char* separators = " \t\r") : bytes_(bytes), separators_(separators) {}
   // The next line's fields, valid until the next call; nullopt at the clean end. Throws Error kCorrupt.
   std::optional<Fields> next();
   std::uint64_t line() const { return line_; }  // of the last answer, from 1
@@ -42,6 +44,7 @@ class LineReader {
 
  private:
   ByteSource& bytes_;
+  const char* separators_;
   std::uint64_t line_ = 0;
   std::size_t taken_ = 0;  // bytes of the last answer
 };

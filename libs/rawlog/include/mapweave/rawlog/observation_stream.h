@@ -38,6 +38,7 @@ struct ReadOptions {
   double laser_yaw_rad = 0.0;
   double max_range_m = 0.0;
   double scan_rate_hz = 2.0;
+  double max_pair_s = 0.02;
 
   template <class Visitor>
   void describe(Visitor& v) {
@@ -48,6 +49,7 @@ struct ReadOptions {
     v.number("laser_yaw_rad", laser_yaw_rad, -7.0, 7.0, "CARMEN, g2o: heading of the laser on the robot, where the log does not say");
     v.non_negative("max_range_m", max_range_m, "CARMEN, g2o: readings at or past it are no returns; 0: found from the log");
     v.positive("scan_rate_hz", scan_rate_hz, "g2o: scans per second of the stamps given to a log that has none");
+    v.number("max_pair_s", max_pair_s, 0.0, 1.0, "folders: colour and depth pictures this far apart or further are not one frame");
   }
 };
 

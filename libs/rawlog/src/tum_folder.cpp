@@ -1,0 +1,121 @@
+// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for the data set has none.
+
+#include "calibration_file.h"
+#include "camera_folder.h"
+#include "picture_lists.h"
+
+#include <mapweave/core/log.h>
+
+#include <cmath>
+
+namespace mapweave::rawlog {
+namespace {
+
+constexpr const char* kKeys =
+    "width, height, fx, fy, cx, cy (pixels), distortion: [k1, k2, p1, p2, k3], depth_scale (steps of the depth pictures to the metre) and, "
+    "where it is known, robot_from_camera: [x, y, z, qx, qy, qz, qw]";
+
+bool is_file(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::is_regular_file(path, ignored);
+}
+
+mrpt::poses::CPose3D pose_of(const CalibrationFile& camera) {
+  if (!camera.has("robot_from_camera")) return looking_ahead();
+  const auto pose = camera.numbers("robot_from_camera", 7, 7);
+  const double norm = std::sqrt(pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6]);
+  if (!(std::abs(norm - 1.0) < 1e-3)) throw camera.wrong("robot_from_camera", "has a quaternion of another length than 1");
+  const mrpt::math::CQuaternionDouble rotation(pose[6] / norm, pose[3] / norm, pose[4] / norm, pose[5] / norm);
+  return mrpt::poses::CPose3D(rotation, pose[0], pose[1], pose[2]);
+}
+
+void read_calibration(CameraFolder& found) {
+  found.calibration = found.folder / "camera.yaml";
+  const CalibrationFile camera(found.calibration, kKeys);
+  if (camera.has("camera_model") && camera.text("camera_model") != "pinhole")
+    throw camera.wrong("camera_model", "is '" + camera.text("camera_model") + "'; pinhole is what is read");
+  const auto distortion = camera.numbers("distortion", 4, 5);
+  found.first = make_camera(camera.number("width"), camera.number("height"),
+                            {camera.number("fx"), camera.number("fy"), camera.number("cx"), camera.number("cy")}, distortion,
+                            found.calibration.string());
+  found.robot_from_first = pose_of(camera);
+  if (found.kind != FolderKind::kDepth) return;
+  found.depth_scale = camera.number("depth_scale");
+  if (!(found.depth_scale > 0.0)) throw camera.wrong("depth_scale", "must be above 0: steps of the depth pictures to the metre");
+  if (camera.has("depth_registered_to_color") && !camera.flag("depth_registered_to_color"))
+    throw camera.wrong("depth_registered_to_color", "is false; depth pictures as seen from the colour camera are what is read");
+}
+
+void tell_left_out(const CameraFolder& found, std::size_t left_out, const std::string& what) {
+  if (left_out > 0)
+    log(LogLevel::warning, found.folder.string() + ": " + std::to_string(left_out) + " " + what + " are left out; " +
+                               std::to_string(found.frames.size()) + " frames remain (reading.max_pair_s)");
+}
+
+[[noreturn]] void throw_never_pair(const CameraFolder& found, const std::string& range, double window_s) {
+  throw Error(ErrorCode::kBadInput, "no colour and depth pictures are within " + std::to_string(window_s) + " s of each other" + range,
+              found.folder.string(), "repair the stamps, or widen reading.max_pair_s");
+}
+
+void read_associations(CameraFolder& found, const std::filesystem::path& list, double window_s) {
+  std::size_t rows = 0;
+  std::optional<Stamp> before;
+  found.trouble = for_each_row(list, kBlankSeparated, [&](const std::string& first, Fields& fields) {
+    FolderFrame frame;
+    frame.stamp = parse_stamp(first, StampUnit::kSeconds, fields);
+    expect_rising(before, frame.stamp, fields);
+    before = frame.stamp;
+    frame.stamp_text = first;
+    frame.first = parse_picture(fields);
+    frame.second_stamp_text = fields.text("the depth picture's stamp");
+    frame.second_stamp = parse_stamp(frame.second_stamp_text, StampUnit::kSeconds, fields);
+    frame.second = parse_picture(fields);
+    ++rows;
+    if (std::abs(seconds_between(frame.stamp, frame.second_stamp)) < window_s) found.frames.push_back(std::move(frame));
+  });
+  if (found.frames.empty()) throw_never_pair(found, "", window_s);
+  tell_left_out(found, rows - found.frames.size(), "pairs of associations.txt lie too far apart and");
+}
+
+void read_lists(CameraFolder& found, double window_s) {
+  const auto colour = read_picture_list(found.folder / "rgb.txt", kBlankSeparated, StampUnit::kSeconds);
+  found.trouble = colour.trouble;
+  if (found.kind == FolderKind::kMono) {
+    for (const ListedPicture& picture : colour.pictures) found.frames.push_back({picture.stamp, {}, picture.stamp_text, {}, picture.file, {}});
+    return;
+  }
+  const auto depth = read_picture_list(found.folder / "depth.txt", kBlankSeparated, StampUnit::kSeconds);
+  if (!found.trouble) found.trouble = depth.trouble;
+  for (const auto& [i, j] : pair_by_stamp(colour.pictures, depth.pictures, window_s, found.folder)) {
+    const ListedPicture &first = colour.pictures[i], &second = depth.pictures[j];
+    found.frames.push_back({first.stamp, second.stamp, first.stamp_text, second.stamp_text, first.file, second.file});
+  }
+  const auto range = [](const PictureList& list) { return list.pictures.front().stamp_text + " to " + list.pictures.back().stamp_text; };
+  if (found.frames.empty()) throw_never_pair(found, " (colour: " + range(colour) + ", depth: " + range(depth) + ")", window_s);
+  tell_left_out(found, colour.pictures.size() - found.frames.size(), "colour pictures without depth");
+}
+
+}  // namespace
+
+bool is_tum_folder(const std::filesystem::path& folder) {
+  return is_file(folder / "rgb.txt") || is_file(folder / "associations.txt") || is_file(folder / "depth.txt");
+}
+
+CameraFolder read_tum_folder(const std::filesystem::path& folder, const ReadOptions& options) {
+  CameraFolder found;
+  found.folder = folder;
+  const bool has_associations = is_file(folder / "associations.txt");
+  std::error_code ignored;
+  const bool has_depth = is_file(folder / "depth.txt") || std::filesystem::is_directory(folder / "depth", ignored);
+  found.kind = has_associations || has_depth ? FolderKind::kDepth : FolderKind::kMono;
+  read_calibration(found);
+  if (has_associations)
+    read_associations(found, folder / "associations.txt", options.max_pair_s);
+  else
+    read_lists(found, options.max_pair_s);
+  // The data set does not say how the accelerometer stands; its axes are taken for the camera's.
+  if (is_file(folder / "accelerometer.txt")) found.imu = ImuFile{"accelerometer.txt", false, found.robot_from_first};
+  return found;
+}
+
+}  // namespace mapweave::rawlog
