@@ -1,4 +1,4 @@
-// mapweave inspect: what is in a log, a map store, a map_server grid or a folder of results.
+// mapweave inspect: what is in a log or a folder of pictures, a map store, a map_server grid or a folder of results.
 
 #include "command.h"
 
@@ -19,6 +19,22 @@ namespace mapweave::app {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+Json of_camera(const rawlog::CameraGeometry& camera) {
+  Json told = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
+  if (camera.calibrated) {
+    for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}}) told[key] = value;
+    told["distorted"] = camera.distorted;
+  }
+  if (camera.baseline_m > 0.0) told["baseline_m"] = camera.baseline_m;
+  if (camera.farthest_m > 0.0) {
+    told["nearest_m"] = camera.nearest_m;
+    told["farthest_m"] = camera.farthest_m;
+    told["least_depth_delay_s"] = camera.least_depth_delay_s;
+    told["most_depth_delay_s"] = camera.most_depth_delay_s;
+  }
+  return told;
+}
 
 Json of_log(const std::filesystem::path& path) {
   const rawlog::LogContents contents = rawlog::summarize_log(path);
@@ -43,6 +59,7 @@ Json of_log(const std::filesystem::path& path) {
                  {"rate_hz", sensor.rate_hz},
                  {"longest_gap_s", sensor.longest_gap_s}};
     if (!geometries.empty()) line["lasers"] = geometries;
+    if (sensor.camera) line["camera"] = of_camera(*sensor.camera);
     sensors.push_back(line);
   }
   return {{"kind", "log"},
@@ -134,13 +151,7 @@ Json checked_files(const std::filesystem::path& folder, const Json& manifest) {
   return {{"unchanged", unchanged}, {"changed", changed}, {"missing", missing}};
 }
 
-Json of_folder(const std::filesystem::path& folder) {
-  // A part of results: one map with its pictures.
-  if (!std::filesystem::exists(folder / "manifest.json") && std::filesystem::exists(folder / "map.mwdb"))
-    return of_store(folder / "map.mwdb");
-  if (!std::filesystem::exists(folder / "manifest.json"))
-    throw Error(ErrorCode::kBadInput, "no folder of results: there is no manifest.json in it", folder.string(),
-                "name a log, a map or a folder that mapweave wrote");
+Json of_results(const std::filesystem::path& folder) {
   const Json manifest = parsed_file(folder / "manifest.json");
   Json result = {{"kind", "results"}};
   for (const char* key : {"verb", "versions", "seed", "inputs"})
@@ -152,7 +163,8 @@ Json of_folder(const std::filesystem::path& folder) {
 }
 
 Json contents_of(const std::filesystem::path& path) {
-  if (std::filesystem::is_directory(path)) return of_folder(path);
+  if (std::filesystem::exists(path / "manifest.json")) return of_results(path);
+  if (std::filesystem::exists(path / "map.mwdb")) return of_store(path / "map.mwdb");  // a part of results: one map with its pictures
   if (path.extension() == ".mwdb") return of_store(path);
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
   return of_log(path);
@@ -187,7 +199,7 @@ Action set_up_inspect(CLI::App& verb) {
     bool json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("PATH", arguments->path, "a log, a map (.mwdb), a map_server grid (.yaml) or a folder of results")->required();
+  verb.add_option("PATH", arguments->path, "a log or a folder of pictures, a map (.mwdb), a map_server grid (.yaml) or a folder of results")->required();
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] {
     const Json contents = contents_of(arguments->path);

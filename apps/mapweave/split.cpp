@@ -71,12 +71,13 @@ int split(Arguments arguments) {
                        {"first", part.first.seconds()},
                        {"last", part.last.seconds()},
                        {"scans", part.scans},
-                       {"odometry", part.odometry}});
+                       {"odometry", part.odometry},
+                       {"frames", part.frames}});
   }
   write_file(folder.staging() / "run.yaml", run);
   write_file(folder.staging() / "config.yaml", effective(arguments, settings));
   const Json manifest =
-      runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, hash_of_file(arguments.log)}}, folder.staging());
+      runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
@@ -85,8 +86,9 @@ int split(Arguments arguments) {
     return 0;
   }
   for (const rawlog::SplitPart& part : parts)
-    std::printf("%s: %llu scans, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(),
-                static_cast<unsigned long long>(part.scans), part.first.seconds(), part.last.seconds());
+    std::printf("%s: %llu scans, %llu frames, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(),
+                static_cast<unsigned long long>(part.scans), static_cast<unsigned long long>(part.frames), part.first.seconds(),
+                part.last.seconds());
   std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
   return 0;
 }
@@ -95,7 +97,7 @@ int split(Arguments arguments) {
 
 Action set_up_split(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log or g2o with scans")->required();
+  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")->required();
   verb.add_option("--robots", arguments->options.robots, "how many logs to make")->required()->check(CLI::Range(1, 1000))->type_name("N");
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
       ->check(CLI::NonNegativeNumber)

@@ -71,6 +71,65 @@ inline std::filesystem::path make_tum(const std::filesystem::path& folder, int f
   return folder;
 }
 
+// Ten pairs at 10 Hz from 0 s; the right camera stands half a metre right.
+inline std::filesystem::path make_kitti(const std::filesystem::path& folder, int frames = 10) {
+  std::string times, poses;
+  for (int i = 0; i < frames; ++i) {
+    const std::string name = "00000" + std::to_string(i) + ".png";
+    write_picture(folder / "image_0" / name, picture(i, CV_8UC1));
+    write_picture(folder / "image_1" / name, picture(i + 50, CV_8UC1));
+    times += text_of("%e\n", 0.1 * i);
+    poses += "1 0 0 0 0 1 0 0 0 0 1 " + std::to_string(i) + "\n";
+  }
+  write_bytes(folder / "times.txt", times);
+  write_bytes(folder / "poses.txt", poses);
+  write_bytes(folder / "calib.txt", "P0: 30 0 16 0 0 30 12 0 0 0 1 0\nP1: 30 0 16 -15 0 30 12 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n");
+  return folder;
+}
+
+inline std::string euroc_sensor(double y_m) {
+  return "%YAML:1.0\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1,\n    1, 0, 0, " + std::to_string(y_m) +
+         ",\n    0, 0, 1, 0.3,\n    0, 0, 0, 1]\nresolution: [32, 24]\ncamera_model: pinhole\nintrinsics: [30, 31, 15, 11] #fu\n"
+         "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0.0002, 1.8e-05]\n";
+}
+
+// Ten pairs at 10 Hz from 1403715273 s, as published; the IMU at 50 Hz.
+inline std::filesystem::path make_euroc(const std::filesystem::path& folder, int frames = 10) {
+  constexpr std::int64_t kStart = 1403715273'262142976;
+  for (const int camera : {0, 1}) {
+    const auto place = folder / "mav0" / ("cam" + std::to_string(camera));
+    std::string list = "#timestamp [ns],filename\r\n";
+    for (int i = 0; i < frames; ++i) {
+      const std::string stamp = std::to_string(kStart + i * 100'000'000LL);
+      write_picture(place / "data" / (stamp + ".png"), picture(i + 50 * camera, CV_8UC1));
+      list += stamp + "," + stamp + ".png\r\n";
+    }
+    write_bytes(place / "data.csv", list);
+    write_bytes(place / "sensor.yaml", euroc_sensor(-0.1 + 0.2 * camera));
+  }
+  std::filesystem::create_directories(folder / "mav0/imu0");
+  std::string imu = "#timestamp [ns],w_RS_S_x [rad s^-1],...\n";
+  for (int i = 0; i < 5 * frames; ++i) imu += std::to_string(kStart + i * 20'000'000LL) + ",0.1,0.2,0.3,9.8,0.5,-3.7\n";
+  write_bytes(folder / "mav0/imu0/data.csv", imu);
+  return folder;
+}
+
+// The same, on one level.
+inline std::filesystem::path make_reduced_euroc(const std::filesystem::path& folder, int frames = 10) {
+  std::string list = "# timestamp[s] left right\n";
+  for (int i = 0; i < frames; ++i) {
+    const std::string stamp = std::to_string(1403715273'262142976 + i * 100'000'000LL);
+    write_picture(folder / "cam0" / (stamp + ".png"), picture(i, CV_8UC1));
+    write_picture(folder / "cam1" / (stamp + ".png"), picture(i + 50, CV_8UC1));
+    list += stamp.substr(0, 10) + "." + stamp.substr(10) + " cam0/" + stamp + ".png cam1/" + stamp + ".png\n";
+  }
+  write_bytes(folder / "stereo.txt", list);
+  write_bytes(folder / "cam0_sensor.yaml", euroc_sensor(-0.1));
+  write_bytes(folder / "cam1_sensor.yaml", euroc_sensor(0.1));
+  write_bytes(folder / "imu0.csv", "#timestamp [ns],...\n1403715273262142976,0.1,0.2,0.3,9.8,0.5,-3.7\n");
+  return folder;
+}
+
 // Of what a consumer sees: the pixels, decoded, and everything else as MRPT writes it.
 inline std::string seen(const Record& record) {
   load_pictures(*record.observation);

@@ -1,6 +1,5 @@
 #include "camera_folders.h"
 
-#include <mapweave/rawlog/convert.h>
 #include <mapweave/rawlog/depth_delay.h>
 
 namespace mapweave::rawlog {
@@ -92,17 +91,6 @@ TEST(TumFolder, stands_on_the_robot_as_its_calibration_says) {
   EXPECT_NEAR(pose.x(), 0.1, 1e-12);
   EXPECT_NEAR(pose.z(), 0.5, 1e-12);
   EXPECT_NEAR(std::abs(pose.yaw()) + std::abs(pose.pitch()) + std::abs(pose.roll()), 0.0, 1e-9);
-}
-
-TEST(TumFolder, is_the_same_from_a_rawlog) {
-  const TemporaryFolder folder;
-  const auto walk = make_tum(folder / "walk");
-  convert_log(walk, folder / "walk.rawlog", *make_silent_progress());
-  const auto direct = read_all(walk), converted = read_all(folder / "walk.rawlog");
-  ASSERT_EQ(converted.error, nullptr) << converted.error->what();
-  ASSERT_EQ(direct.records.size(), converted.records.size());
-  for (std::size_t i = 0; i < direct.records.size(); ++i) ASSERT_EQ(seen(direct.records[i]), seen(converted.records[i])) << i;
-  EXPECT_EQ(depth_delay_ns(depth_of(of_class<Depth>(converted.records)[3])), 4'000'000);
 }
 
 }  // namespace

@@ -4,9 +4,9 @@ namespace mapweave::rawlog {
 
 const std::vector<FolderLayout>& folder_layouts() {
   static const std::vector<FolderLayout> all = {
-      {"TUM RGB-D folder", is_tum_folder, read_tum_folder},
-      {"EuRoC folder", is_euroc_folder, read_euroc_folder},
-      {"KITTI odometry folder", is_kitti_folder, read_kitti_folder},
+      {"TUM RGB-D folder", is_tum_folder, read_tum_folder, write_tum_part},
+      {"EuRoC folder", is_euroc_folder, read_euroc_folder, write_euroc_part},
+      {"KITTI odometry folder", is_kitti_folder, read_kitti_folder, write_kitti_part},
   };
   return all;
 }

@@ -43,11 +43,19 @@ struct CameraFolder {
   std::optional<Error> trouble;  // ends the recording after its frames
 };
 
+// Frames begin .. end - 1 of a folder, and measurements of stamps in [from, to).
+struct FolderPart {
+  std::size_t begin = 0, end = 0;
+  Stamp from, to;
+};
+
 struct FolderLayout {
   const char* name;  // "TUM RGB-D folder"
   bool (*recognises)(const std::filesystem::path& folder);
   // Throws Error for what leaves nothing to read: a calibration or list that is missing or empty, pictures that never pair.
   CameraFolder (*read)(const std::filesystem::path& folder, const ReadOptions& options);
+  // Makes the same layout of a part: pictures, lists, calibrations, truth. Inertial measurements are cut for all layouts alike.
+  void (*write_part)(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);
 };
 
 const std::vector<FolderLayout>& folder_layouts();
@@ -57,10 +65,13 @@ std::unique_ptr<RecordSource> open_folder(CameraFolder folder);
 
 bool is_tum_folder(const std::filesystem::path& folder);
 CameraFolder read_tum_folder(const std::filesystem::path& folder, const ReadOptions& options);
+void write_tum_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);
 bool is_kitti_folder(const std::filesystem::path& folder);
 CameraFolder read_kitti_folder(const std::filesystem::path& folder, const ReadOptions& options);
+void write_kitti_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);
 bool is_euroc_folder(const std::filesystem::path& folder);
 CameraFolder read_euroc_folder(const std::filesystem::path& folder, const ReadOptions& options);
+void write_euroc_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);
 
 // How a camera that looks along the robot's x axis stands on it, in optical axes: where a folder does not say better.
 mrpt::poses::CPose3D looking_ahead();

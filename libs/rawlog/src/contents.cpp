@@ -1,11 +1,15 @@
 #include "formats.h"
 #include "ordered_stream.h"
+#include "picture_file.h"
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/rawlog/contents.h>
+#include <mapweave/rawlog/depth_delay.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
+#include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
+#include <mrpt/obs/CObservationStereoImages.h>
 
 #include <algorithm>
 #include <cmath>
@@ -71,6 +75,57 @@ void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObse
   ++known->scans;
 }
 
+void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& calibration, CameraGeometry& camera) {
+  if (!image.isExternallyStored()) {
+    camera.width = static_cast<std::uint32_t>(image.getWidth());
+    camera.height = static_cast<std::uint32_t>(image.getHeight());
+  } else if (is_png_or_jpeg(image.getExternalStorageFile())) {
+    const PictureFile file = look_at_picture(image.getExternalStorageFile());
+    camera.width = file.width;
+    camera.height = file.height;
+  }
+  camera.calibrated = calibration.fx() > 0.0 && calibration.fy() > 0.0;
+  if (!camera.calibrated) return;
+  camera.fx = calibration.fx();
+  camera.fy = calibration.fy();
+  camera.cx = calibration.cx();
+  camera.cy = calibration.cy();
+  camera.distorted = std::any_of(calibration.dist.begin(), calibration.dist.end(), [](double k) { return k != 0.0; });
+}
+
+void add_depth(const mrpt::obs::CObservation3DRangeScan& scan, bool is_first, CameraGeometry& camera) {
+  const double delay_s = static_cast<double>(depth_delay_ns(scan)) * 1e-9;
+  camera.least_depth_delay_s = is_first ? delay_s : std::min(camera.least_depth_delay_s, delay_s);
+  camera.most_depth_delay_s = is_first ? delay_s : std::max(camera.most_depth_delay_s, delay_s);
+  std::uint16_t nearest = 65535, farthest = 0;
+  for (const std::uint16_t* steps = scan.rangeImage.data(); steps != scan.rangeImage.data() + scan.rangeImage.size(); ++steps) {
+    if (*steps == 0) continue;
+    nearest = std::min(nearest, *steps);
+    farthest = std::max(farthest, *steps);
+  }
+  if (farthest == 0) return;
+  const double near_m = nearest * scan.rangeUnits, far_m = farthest * scan.rangeUnits;
+  camera.nearest_m = camera.farthest_m == 0.0 ? near_m : std::min(camera.nearest_m, near_m);
+  camera.farthest_m = std::max(camera.farthest_m, far_m);
+}
+
+void add_camera(const mrpt::obs::CObservation& observation, std::optional<CameraGeometry>& camera) {
+  const bool is_first = !camera;
+  const auto* image = dynamic_cast<const mrpt::obs::CObservationImage*>(&observation);
+  const auto* stereo = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation);
+  const auto* depth = dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation);
+  if (image == nullptr && stereo == nullptr && depth == nullptr) return;
+  if (is_first) camera.emplace();
+  if (image != nullptr) look_at_camera(image->image, image->cameraParams, *camera);
+  if (stereo != nullptr) {
+    look_at_camera(stereo->imageLeft, stereo->leftCamera, *camera);
+    camera->baseline_m = stereo->rightCameraPose.norm();
+  }
+  if (depth == nullptr) return;
+  if (depth->hasIntensityImage) look_at_camera(depth->intensityImage, depth->cameraParamsIntensity, *camera);
+  if (depth->hasRangeImage) add_depth(*depth, is_first, *camera);
+}
+
 }  // namespace
 
 LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& options) {
@@ -99,6 +154,8 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
       const Pose2 pose = odometry->odometry.asTPose();
       if (sensor.count > 1) found.length_m += std::hypot(pose.x - found.last_odometry.x, pose.y - found.last_odometry.y);
       found.last_odometry = pose;
+    } else {
+      add_camera(observation, sensor.camera);
     }
   }
   contents.duration_s = seconds_between(contents.first, contents.last);

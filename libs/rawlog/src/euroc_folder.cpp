@@ -2,7 +2,7 @@
 // cam0_sensor.yaml and imu0.csv). The robot's frame is the data set's body frame: T_BS is the pose of a sensor in it.
 
 #include "calibration_file.h"
-#include "camera_folder.h"
+#include "folder_split.h"
 #include "picture_lists.h"
 
 #include <mapweave/core/log.h>
@@ -123,6 +123,28 @@ CameraFolder read_euroc_folder(const std::filesystem::path& folder, const ReadOp
     break;
   }
   return found;
+}
+
+void write_euroc_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out) {
+  const Layout layout = layout_of(whole.folder);
+  const bool has_pairs = layout.is_reduced && is_there(whole.folder / "stereo.txt");
+  const std::string header = "#timestamp [ns],filename\n";
+  std::string left = header, right = header, pairs;
+  for (std::size_t i = part.begin; i < part.end; ++i) {
+    const FolderFrame& frame = whole.frames[i];
+    left += frame.stamp_text + "," + frame.first.filename().string() + "\n";
+    right += frame.second_stamp_text + "," + frame.second.filename().string() + "\n";
+    pairs += frame.stamp_text + " " + frame.first.generic_string() + " " + frame.second.generic_string() + "\n";
+    link_file(whole.folder / frame.first, out / frame.first);
+    if (!frame.second.empty()) link_file(whole.folder / frame.second, out / frame.second);
+  }
+  if (has_pairs) write_list(out / "stereo.txt", pairs);
+  else write_list(out / layout.list("cam0"), left);
+  if (!has_pairs && whole.kind == FolderKind::kStereo) write_list(out / layout.list("cam1"), right);
+  for (const char* sensor : {"cam0", "cam1", "imu0"}) link_if_there(whole, layout.calibration(sensor), out);
+  for (const auto& name : {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml",
+                           layout.base / "state_groundtruth_estimate0" / "data.csv"})
+    link_if_there(whole, name, out);
 }
 
 }  // namespace mapweave::rawlog

@@ -1,5 +1,7 @@
 #include "external_images.h"
 
+#include "picture_file.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
@@ -38,8 +40,29 @@ void require(const std::string& file) {
   }
 }
 
-void require(const mrpt::img::CImage& image) {
-  if (image.isExternallyStored()) require(image.getExternalStorageFile());
+// `calibration` may say nothing: then the picture has any size.
+void load(const mrpt::img::CImage& image, const mrpt::img::TCamera* calibration, const std::string& label) {
+  const std::string file = image.isExternallyStored() ? image.getExternalStorageFile() : "";
+  const std::string where = file.empty() ? "a picture of '" + label + "' within the log" : file;
+  if (!file.empty()) {
+    require(file);
+    if (is_png_or_jpeg(file)) look_at_picture(file);
+  }
+  try {
+    image.forceLoad();
+  } catch (const std::exception& problem) {
+    throw Error(ErrorCode::kCorrupt, "a picture of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")", where,
+                "copy the pictures of the log again");
+  }
+  const auto columns = image.getWidth(), rows = image.getHeight();
+  if (columns == 0 || rows == 0)
+    throw Error(ErrorCode::kCorrupt, "a picture of the log has no pixels", where, "copy the pictures of the log again");
+  if (calibration == nullptr || calibration->fx() <= 0.0 || (calibration->ncols == columns && calibration->nrows == rows)) return;
+  throw Error(ErrorCode::kBadInput,
+              "the picture has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; " +
+                  std::to_string(calibration->ncols) + " x " + std::to_string(calibration->nrows) + " were expected by the calibration of '" +
+                  label + "'",
+              where, "record it with the calibration of these pictures");
 }
 
 }  // namespace
@@ -74,23 +97,24 @@ void make_image_paths_absolute(mrpt::obs::CObservation& observation, const std::
 }
 
 void load_pictures(const mrpt::obs::CObservation& observation) {
+  const std::string& label = observation.sensorLabel;
   if (const auto* image = dynamic_cast<const mrpt::obs::CObservationImage*>(&observation)) {
-    require(image->image);
+    load(image->image, &image->cameraParams, label);
   } else if (const auto* stereo = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation)) {
-    require(stereo->imageLeft);
-    if (stereo->hasImageRight) require(stereo->imageRight);
-    if (stereo->hasImageDisparity) require(stereo->imageDisparity);
+    load(stereo->imageLeft, &stereo->leftCamera, label);
+    if (stereo->hasImageRight) load(stereo->imageRight, &stereo->rightCamera, label);
+    if (stereo->hasImageDisparity) load(stereo->imageDisparity, nullptr, label);
   } else if (const auto* depth = dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation)) {
-    if (depth->hasIntensityImage) require(depth->intensityImage);
-    if (depth->hasConfidenceImage) require(depth->confidenceImage);
+    if (depth->hasIntensityImage) load(depth->intensityImage, &depth->cameraParamsIntensity, label);
+    if (depth->hasConfidenceImage) load(depth->confidenceImage, nullptr, label);
     if (depth->points3D_isExternallyStored()) require(depth->points3D_getExternalStorageFile());
     if (depth->rangeImage_isExternallyStored()) require(depth->rangeImage_getExternalStorageFile(""));
-  }
-  try {
-    observation.load();
-  } catch (const std::exception& problem) {
-    throw Error(ErrorCode::kCorrupt, "a picture of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")",
-                "observation '" + observation.sensorLabel + "'", "copy the pictures of the log again");
+    try {
+      depth->load();
+    } catch (const std::exception& problem) {
+      throw Error(ErrorCode::kCorrupt, "depth of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")",
+                  "observation '" + label + "'", "copy the pictures of the log again");
+    }
   }
 }
 

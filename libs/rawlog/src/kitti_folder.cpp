@@ -1,15 +1,18 @@
 // KITTI odometry: image_0 and image_1 (grey) or image_2 and image_3 (colour), rectified, their files numbered by the lines of times.txt;
 // calib.txt holds a 3 x 4 projection of each camera.
 
-#include "camera_folder.h"
+#include "calibration_file.h"
+#include "folder_split.h"
 #include "picture_file.h"
 #include "picture_lists.h"
-#include "calibration_file.h"
+
+#include <mapweave/core/files.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <map>
+#include <sstream>
 
 namespace mapweave::rawlog {
 namespace {
@@ -122,6 +125,28 @@ CameraFolder read_kitti_folder(const std::filesystem::path& folder, const ReadOp
     found.frames.push_back(std::move(frame));
   });
   return found;
+}
+
+// The part's pictures are numbered anew, from 0.
+void write_kitti_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out) {
+  std::string times;
+  for (std::size_t i = part.begin; i < part.end; ++i) {
+    const FolderFrame& frame = whole.frames[i];
+    times += frame.stamp_text + "\n";
+    std::string number = std::to_string(i - part.begin);
+    number.insert(0, std::max<std::size_t>(6, number.size()) - number.size(), '0');
+    for (const auto& name : {frame.first, frame.second})
+      if (!name.empty()) link_file(whole.folder / name, out / name.parent_path() / (number + name.extension().string()));
+  }
+  write_list(out / "times.txt", times);
+  link_if_there(whole, "calib.txt", out);
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(whole.folder / "poses.txt", ignored)) return;
+  std::istringstream poses(read_file(whole.folder / "poses.txt"));
+  std::string kept, line;
+  for (std::size_t i = 0; i < part.end && std::getline(poses, line); ++i)
+    if (i >= part.begin) kept += line + "\n";
+  write_list(out / "poses.txt", kept);
 }
 
 }  // namespace mapweave::rawlog

@@ -1,6 +1,9 @@
 #include "object_walk.h"
 
+#include "picture_file.h"
+
 #include <mapweave/core/error.h>
+#include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/rtti/CObject.h>
 
 #include <algorithm>
@@ -14,7 +17,7 @@ namespace {
 
 constexpr char kEndFlag = '\x88';
 constexpr std::size_t kDeepest = 8;
-constexpr std::uint32_t kMostParticles = 1'000'000;
+constexpr std::uint32_t kMostParticles = 1'000'000, kLongestSide = 65535;
 constexpr const char* kRemedy = "record or copy the log again; slam and run map what precedes this place with --keep-going";
 
 bool is_name_letter(char c) {
@@ -94,6 +97,14 @@ class Walker {
     }
     if (name == "CActionRobotMovement2D") return version >= 5 && version <= 7 && movement(version, depth);
     if (name == "CObservationComment") return version == 0 && text() && skip(8);
+    if (name == "CImage") return image(version);
+    if (name == "CObservationImage") return version <= 4 && picture(version, depth);
+    if (name == "CObservationStereoImages") return version <= 6 && stereo(version, depth);
+    if (name == "CObservation3DRangeScan") return version <= 10 && depth_scan(version, depth);
+    if (name == "CObservationIMU") return version <= 4 && imu(version, depth);
+    if (name == "CObservationGPS") return version >= 10 && satellites(depth);
+    if (name == "TCamera") return version <= 6 && camera(version, depth);
+    if (name == "CPose3DQuat") return version == 0 && skip(7 * 8);
     if (name == "CPose2D") return version == 1 && skip(3 * 8);
     if (name == "CPose3D") return pose3(version, depth);
     if (name == "CMatrixD" || name == "CMatrixF") return version == 0 && matrix(name == "CMatrixD" ? 8 : 4);
@@ -151,13 +162,134 @@ class Walker {
     }
     return version < 6 || skip(8);
   }
+  // MRPT's version 0 reads pixels past the room that it made for them.
+  bool image(int version) {
+    if (version == 0 || (version > 9 && version != 100)) throw corrupt("its version " + std::to_string(version) + " is not known");
+    if (version >= 6 && flag()) return text();
+    if (version == 100) throw corrupt("a picture outside the log was expected");
+    if (version == 1) return jpeg();
+    if (flag()) {  // colour
+      if (version < 7) return jpeg();
+      const auto width = number<std::int32_t>(), height = number<std::int32_t>();
+      if (width > 0 && height > 0) return pixels(width, height, 3) && jpeg();
+      if (width < 0 && height < 0) return pixels(-std::int64_t{width}, -std::int64_t{height}, 3) && skip(pixel_bytes_);
+      return pixels(width, height, 3);
+    }
+    const auto width = number<std::int32_t>(), height = number<std::int32_t>();
+    skip(4);  // origin
+    const auto announced = number<std::uint32_t>();
+    constexpr std::array<std::size_t, 7> kDepthBytes{1, 1, 2, 2, 4, 4, 8};
+    const auto kind = version >= 9 ? number<std::uint32_t>() : 0;
+    if (kind >= kDepthBytes.size()) throw corrupt("announces pixels of the unknown kind " + std::to_string(kind));
+    pixels(width, height, kDepthBytes[kind]);
+    const bool is_packed = version == 3 || (version == 4 && announced > 16 * 1024) || (version >= 5 && flag());
+    if (is_packed) return bytes_counted();
+    if (announced != pixel_bytes_)
+      throw corrupt("announces " + std::to_string(announced) + " bytes for " + std::to_string(width) + " x " + std::to_string(height) +
+                    " pixels");
+    array(announced, 1, "bytes");
+    return true;
+  }
+  bool pixels(std::int64_t width, std::int64_t height, std::size_t bytes_each) {
+    if (width < 0 || height < 0 || width > kLongestSide || height > kLongestSide ||
+        static_cast<std::uint64_t>(width * height) * bytes_each > most_bytes_)
+      throw corrupt("announces a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
+    pixel_bytes_ = static_cast<std::size_t>(width * height) * bytes_each;
+    return true;
+  }
+  bool jpeg() {
+    const auto count = number<std::uint32_t>();
+    const std::size_t start = at_;
+    array(count, 1, "bytes");
+    if (const auto size = jpeg_size(source_.ahead(at_).substr(start, count))) pixels(size->width, size->height, 3);
+    return true;
+  }
+  bool camera(int version, std::size_t depth) {
+    skip(8 + (version >= 3 ? 8 : 5) * 8);
+    if (version >= 4)
+      skip(4 * 8);
+    else if (!nested(depth))
+      return false;
+    if (version == 0 && !nested(depth)) return false;
+    if (version >= 2) skip(2 * 4);
+    if (version >= 5) text();
+    return version < 6 || skip(1);
+  }
+  bool picture(int version, std::size_t depth) {
+    for (int i = version >= 4 ? 3 : 4; i > 0; --i) {  // pose, calibration (of two matrices in the older versions), picture
+      if (!nested(depth)) return false;
+    }
+    if (version >= 1) skip(8);
+    if (version == 2 || version == 3) skip(8);
+    return version < 3 || text();
+  }
+  bool stereo(int version, std::size_t depth) {
+    for (int i = version >= 5 ? 4 : 3; i > 0; --i) {  // pose, calibrations, left picture
+      if (!nested(depth)) return false;
+    }
+    const bool has_disparity = version >= 6 && flag(), has_right = version < 6 || flag();
+    if (has_right && !nested(depth)) return false;
+    if (has_disparity && !nested(depth)) return false;
+    if (version >= 1) skip(8);
+    if (version >= 2 && !nested(depth)) return false;
+    if (version == 3 || version == 4) skip(8);
+    return version < 4 || text();
+  }
+  bool depth_scan(int version, std::size_t depth) {
+    skip(4);  // maximum
+    if (!nested(depth)) return false;
+    if (version == 0 || flag()) array(number<std::uint32_t>(), version == 0 ? 13 : version < 8 ? 12 : 16, "points");
+    if (version >= 1) {
+      const bool has_ranges = flag();
+      if (version >= 9) skip(4);
+      if (has_ranges && version < 9 && !nested(depth)) return false;
+      if (has_ranges && version >= 9) cells();
+      for (int i = 0; i < 2; ++i) {  // intensity, confidence
+        if (flag() && !nested(depth)) return false;
+      }
+      for (int i = version >= 4 ? 3 : version >= 2 ? 1 : 0; i > 0; --i) {  // calibrations, pose
+        if (!nested(depth)) return false;
+      }
+    }
+    skip(4 + 8), text();
+    if (version >= 3) skip(1), text(), skip(1), text();
+    skip((version >= 5 ? 1 : 0) + (version >= 6 ? 1 : 0));
+    if (version >= 7 && flag()) return false;  // labels of pixels
+    if (version < 10) return true;
+    for (auto layers = number<std::uint8_t>(); layers > 0; --layers) text(), cells();
+    return true;
+  }
+  bool imu(int version, std::size_t depth) {
+    if (!nested(depth)) return false;
+    const std::size_t fields = mrpt::obs::COUNT_IMU_DATA_FIELDS;
+    if (version == 4) return skip(fields + 8 + 8 * fields) && text();
+    bytes_counted(), skip(8);
+    array(number<std::uint32_t>(), version == 0 ? 4 : 8, "measurements");
+    return text();
+  }
+  bool satellites(std::size_t depth) {
+    skip(2 * 8), text();
+    nested(depth);
+    return false;  // then come messages of many kinds
+  }
+  void cells() {
+    const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
+    if (rows > kLongestSide || columns > kLongestSide)
+      throw corrupt("announces a depth picture of " + std::to_string(rows) + " x " + std::to_string(columns));
+    array(std::uint64_t{rows} * columns, 2, "cells");
+  }
+  bool bytes_counted() {
+    array(number<std::uint32_t>(), 1, "bytes");
+    return true;
+  }
+  bool flag() { return number<std::uint8_t>() != 0; }
   bool pose3(int version, std::size_t depth) {
     if (version <= 1) return nested(depth);
     return version == 2 ? skip(7 * 8) : version == 3 && skip(12 * 8);
   }
   bool matrix(std::size_t cell_bytes) {
     const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
-    if (rows > 65535 || columns > 65535) throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
+    if (rows > kLongestSide || columns > kLongestSide) throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
     array(rows * columns, cell_bytes, "cells");
     return true;
   }
@@ -210,6 +342,7 @@ class Walker {
   ByteSource& source_;
   std::uint64_t most_bytes_;
   std::size_t at_ = 0;                    // from the source's position
+  std::size_t pixel_bytes_ = 0;           // of the picture last announced
   const ObjectHeader* within_ = nullptr;  // the innermost object
 };
 

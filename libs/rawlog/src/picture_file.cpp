@@ -47,10 +47,12 @@ std::optional<PictureFile> png(std::ifstream& file) {
   return PictureFile{big_endian(view.substr(16, 4)), big_endian(view.substr(20, 4)), head[24], kChannels[type]};
 }
 
-std::optional<PictureFile> jpeg(std::ifstream& file) {
-  std::streamoff place = 2;
+// bytes_from(place, count): fewer where the picture ends before.
+template <class BytesFrom>
+std::optional<PictureFile> jpeg(BytesFrom&& bytes_from) {
+  std::size_t place = 2;
   for (int i = 0; i < kMostMarkers; ++i) {
-    const std::string marker = bytes_at(file, place, 10);
+    const auto marker = bytes_from(place, std::size_t{10});
     if (marker.size() < 10 || marker[0] != '\xff') return std::nullopt;
     const auto kind = static_cast<unsigned char>(marker[1]);
     const std::string_view view(marker);
@@ -60,7 +62,7 @@ std::optional<PictureFile> jpeg(std::ifstream& file) {
     }
     const bool is_frame = kind >= 0xc0 && kind <= 0xcf && kind != 0xc4 && kind != 0xc8 && kind != 0xcc;
     if (is_frame) return PictureFile{big_endian(view.substr(7, 2)), big_endian(view.substr(5, 2)), marker[4], marker[9]};
-    place += 2 + static_cast<std::streamoff>(big_endian(view.substr(2, 2)));
+    place += 2 + big_endian(view.substr(2, 2));
   }
   return std::nullopt;
 }
@@ -80,11 +82,22 @@ PictureFile look_at_picture(const std::filesystem::path& path) {
     return Error(ErrorCode::kCorrupt, what + " (" + std::to_string(problem ? 0 : bytes) + " bytes)", path.string(), kCopyAgain);
   };
   if (!is_png && !is_jpeg) throw corrupt("is no picture; PNG or JPEG was expected");
-  const auto found = is_png ? png(file) : jpeg(file);
+  const auto in_file = [&](std::size_t place, std::size_t count) { return bytes_at(file, static_cast<std::streamoff>(place), count); };
+  const auto found = is_png ? png(file) : jpeg(in_file);
   if (!found || found->width == 0 || found->height == 0) throw corrupt("the picture's head is damaged; its size was expected there");
   const std::string end = bytes_at(file, std::max<std::streamoff>(bytes - kEndBytes, 0), static_cast<std::size_t>(kEndBytes));
   if (end.find(is_png ? kPngEnd : kJpegEnd) == std::string::npos) throw corrupt("the picture is cut short; its end mark was expected");
   return *found;
+}
+
+bool is_png_or_jpeg(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  const std::string start = file ? bytes_at(file, 0, kPngStart.size()) : std::string();
+  return start == kPngStart || start.compare(0, kJpegStart.size(), kJpegStart) == 0;
+}
+
+std::optional<PictureFile> jpeg_size(std::string_view bytes) {
+  return jpeg([&](std::size_t place, std::size_t count) { return bytes.substr(std::min(place, bytes.size()), count); });
 }
 
 mrpt::math::CMatrix_u16 read_depth_picture(const std::filesystem::path& path) {

@@ -5,6 +5,8 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
+#include <string_view>
 
 namespace mapweave::rawlog {
 
@@ -15,6 +17,10 @@ struct PictureFile {
 
 // Reads the head and the end of the file. Throws Error: kMissing; kCorrupt for a file that is no PNG or JPEG, or does not reach its end mark.
 PictureFile look_at_picture(const std::filesystem::path& file);
+
+bool is_png_or_jpeg(const std::filesystem::path& file);  // false for what cannot be opened
+// Of a JPEG's bytes; nullopt where no size stands in them.
+std::optional<PictureFile> jpeg_size(std::string_view bytes);
 
 // A depth picture of 16 bits and one channel, as numbers. Throws Error: what look_at_picture() throws, kBadInput for a picture of another
 // kind, kCorrupt for one that cannot be decoded.

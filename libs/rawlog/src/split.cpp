@@ -1,3 +1,4 @@
+#include "folder_split.h"
 #include "task.h"
 
 #include <mapweave/core/error.h>
@@ -5,7 +6,10 @@
 #include <mapweave/rawlog/rawlog_writer.h>
 #include <mapweave/rawlog/split.h>
 #include <mrpt/obs/CObservation2DRangeScan.h>
+#include <mrpt/obs/CObservation3DRangeScan.h>
+#include <mrpt/obs/CObservationImage.h>
 #include <mrpt/obs/CObservationOdometry.h>
+#include <mrpt/obs/CObservationStereoImages.h>
 
 #include <algorithm>
 #include <cmath>
@@ -46,14 +50,10 @@ void check(const SplitOptions& options) {
   }
 }
 
-struct Range {
-  Stamp first, last;
-};
-
-Range range_of(const std::filesystem::path& log, const SplitOptions& options, Progress& progress) {
+TimeRange range_of(const std::filesystem::path& log, const SplitOptions& options, Progress& progress) {
   const auto stream = open_log(log, options.reading);
   Task task(progress, "reading " + log.filename().string(), *stream);
-  Range range{};
+  TimeRange range{};
   bool is_first = true;
   while (const auto record = stream->next()) {
     if (std::exchange(is_first, false)) range.first = record->stamp;
@@ -63,14 +63,10 @@ Range range_of(const std::filesystem::path& log, const SplitOptions& options, Pr
   return range;
 }
 
-std::vector<Stamp> cuts_of(const std::filesystem::path& log, const SplitOptions& options, Progress& progress) {
-  std::vector<Stamp> cuts;
-  for (const double at_s : options.at_s) cuts.push_back(stamp_from_seconds(at_s));
-  if (!cuts.empty() || options.robots == 1) return cuts;
-  const Range range = range_of(log, options, progress);
-  const auto part = (range.last.ns - range.first.ns) / options.robots;
-  for (int i = 1; i < options.robots; ++i) cuts.push_back(Stamp{range.first.ns + part * i});
-  return cuts;
+bool is_frame(const mrpt::obs::CObservation& observation) {
+  return dynamic_cast<const mrpt::obs::CObservationImage*>(&observation) != nullptr ||
+         dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation) != nullptr ||
+         dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation) != nullptr;
 }
 
 // One robot's log while it is written.
@@ -92,6 +88,7 @@ class PartWriter {
       return;
     }
     part_.scans += dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record.observation.get()) != nullptr;
+    part_.frames += is_frame(*record.observation);
     writer_.add(*record.observation);
   }
   void close() { writer_.close(); }
@@ -106,25 +103,58 @@ class PartWriter {
 
 }  // namespace
 
+std::vector<Stamp> cuts_of(const SplitOptions& options, const std::function<TimeRange()>& range_of_log) {
+  std::vector<Stamp> cuts;
+  for (const double at_s : options.at_s) cuts.push_back(stamp_from_seconds(at_s));
+  if (!cuts.empty() || options.robots == 1) return cuts;
+  const TimeRange range = range_of_log();
+  const auto part = (range.last.ns - range.first.ns) / options.robots;
+  for (int i = 1; i < options.robots; ++i) cuts.push_back(Stamp{range.first.ns + part * i});
+  return cuts;
+}
+
+TimeRange part_of(const std::vector<Stamp>& cuts, int part, const SplitOptions& options) {
+  const auto overlap_ns = std::llround(options.overlap_s * 1e9);
+  return {Stamp{part == 0 ? std::numeric_limits<std::int64_t>::min() : cuts[static_cast<std::size_t>(part) - 1].ns - overlap_ns},
+          Stamp{part + 1 == options.robots ? std::numeric_limits<std::int64_t>::max() : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
+}
+
+void make_folder(const std::filesystem::path& folder) {
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem) throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(), "choose another folder");
+}
+
+void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cuts, const TimeRange& range,
+                  const std::vector<SplitPart>& parts) {
+  const std::string span = "the log spans " + seconds_text(range.first.seconds()) + " to " + seconds_text(range.last.seconds()) + " s";
+  for (const Stamp cut : cuts) {
+    if (cut <= range.first || range.last < cut)
+      throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span, log.string(),
+                  "cut within it");
+  }
+  for (const SplitPart& part : parts) {
+    if (part.observations == 0)
+      throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part.path.filename().string() + "; " + span, log.string(),
+                  "make fewer robots, or cut elsewhere");
+  }
+}
+
 std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder, const SplitOptions& options,
                                  Progress& progress) {
   check(options);
-  const auto cuts = cuts_of(log, options, progress);
-  const auto stream = open_log(log, options.reading);
   std::error_code problem;
-  std::filesystem::create_directories(out_folder, problem);
-  if (problem)
-    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), out_folder.string(), "choose another folder");
-
-  const auto overlap_ns = std::llround(options.overlap_s * 1e9);
+  if (std::filesystem::is_directory(log, problem)) return split_folder(log, out_folder, options, progress);
+  const auto cuts = cuts_of(options, [&] { return range_of(log, options, progress); });
+  const auto stream = open_log(log, options.reading);
+  make_folder(out_folder);
   std::vector<std::unique_ptr<PartWriter>> parts;
   for (int i = 0; i < options.robots; ++i) {
-    const Stamp begin{i == 0 ? std::numeric_limits<std::int64_t>::min() : cuts[static_cast<std::size_t>(i) - 1].ns - overlap_ns};
-    const Stamp end{i + 1 == options.robots ? std::numeric_limits<std::int64_t>::max() : cuts[static_cast<std::size_t>(i)].ns + overlap_ns};
-    parts.push_back(std::make_unique<PartWriter>(out_folder / ("robot" + std::to_string(i) + ".rawlog"), begin, end));
+    const TimeRange part = part_of(cuts, i, options);
+    parts.push_back(std::make_unique<PartWriter>(out_folder / ("robot" + std::to_string(i) + ".rawlog"), part.first, part.last));
   }
 
-  Range range{};
+  TimeRange range{};
   bool is_first = true;
   {
     Task task(progress, "splitting " + log.filename().string(), *stream);
@@ -135,17 +165,9 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
       task.step();
     }
   }
-  const std::string span = "the log spans " + seconds_text(range.first.seconds()) + " to " + seconds_text(range.last.seconds()) + " s";
-  for (const Stamp cut : cuts) {
-    if (cut <= range.first || range.last < cut)
-      throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span, log.string(),
-                  "cut within it");
-  }
-  for (const auto& part : parts) {
-    if (part->part().observations == 0)
-      throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part->part().path.filename().string() + "; " + span, log.string(),
-                  "make fewer robots, or cut elsewhere");
-  }
+  std::vector<SplitPart> planned;
+  for (const auto& part : parts) planned.push_back(part->part());
+  expect_parts(log, cuts, range, planned);
 
   std::vector<SplitPart> written;
   try {

@@ -1,7 +1,7 @@
 // TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for the data set has none.
 
 #include "calibration_file.h"
-#include "camera_folder.h"
+#include "folder_split.h"
 #include "picture_lists.h"
 
 #include <mapweave/core/log.h>
@@ -116,6 +116,27 @@ CameraFolder read_tum_folder(const std::filesystem::path& folder, const ReadOpti
   // The data set does not say how the accelerometer stands; its axes are taken for the camera's.
   if (is_file(folder / "accelerometer.txt")) found.imu = ImuFile{"accelerometer.txt", false, found.robot_from_first};
   return found;
+}
+
+void write_tum_part(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out) {
+  const std::string header = "# timestamp filename\n";
+  std::string colour = header, depth = header, pairs;
+  for (std::size_t i = part.begin; i < part.end; ++i) {
+    const FolderFrame& frame = whole.frames[i];
+    const std::string first = frame.stamp_text + " " + frame.first.generic_string();
+    colour += first + "\n";
+    link_file(whole.folder / frame.first, out / frame.first);
+    if (whole.kind != FolderKind::kDepth) continue;
+    const std::string second = frame.second_stamp_text + " " + frame.second.generic_string();
+    depth += second + "\n";
+    pairs += first + " " + second + "\n";
+    link_file(whole.folder / frame.second, out / frame.second);
+  }
+  // Pictures that are paired stay so in lists that lack the others; each list is written where the whole has it.
+  if (is_file(whole.folder / "rgb.txt")) write_list(out / "rgb.txt", colour);
+  if (is_file(whole.folder / "depth.txt")) write_list(out / "depth.txt", depth);
+  if (is_file(whole.folder / "associations.txt")) write_list(out / "associations.txt", pairs);
+  for (const char* name : {"camera.yaml", "groundtruth.txt"}) link_if_there(whole, name, out);
 }
 
 }  // namespace mapweave::rawlog

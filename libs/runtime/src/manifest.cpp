@@ -1,3 +1,4 @@
+#include <mapweave/core/error.h>
 #include <mapweave/runtime/manifest.h>
 
 #include <nlohmann/json.hpp>
@@ -6,7 +7,29 @@
 
 namespace mapweave::runtime {
 
+namespace {
+
+constexpr int kDeepest = 4;  // folders within a recording; links may lead in circles
+
+}  // namespace
+
 std::string program_version() { return MAPWEAVE_VERSION; }
+
+Hash hash_of_input(const std::filesystem::path& log) {
+  std::error_code problem;
+  if (!std::filesystem::is_directory(log, problem)) return hash_of_file(log);
+  std::map<std::string, Hash> files;
+  std::filesystem::recursive_directory_iterator entry(log, std::filesystem::directory_options::follow_directory_symlink, problem);
+  for (; !problem && entry != std::filesystem::recursive_directory_iterator(); entry.increment(problem)) {
+    if (entry.depth() >= kDeepest) entry.disable_recursion_pending();
+    std::error_code ignored;
+    if (entry->is_regular_file(ignored)) files[entry->path().lexically_relative(log).generic_string()] = hash_of_file(entry->path());
+  }
+  if (problem) throw Error(ErrorCode::kMissing, "the folder cannot be read: " + problem.message(), log.string(), "check its permissions");
+  Hasher hasher;
+  for (const auto& [name, hash] : files) hasher.add(name).add(hash);
+  return hasher.finish();
+}
 
 nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
                                      const std::filesystem::path& folder) {

@@ -2,6 +2,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
@@ -51,7 +52,7 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   const double cpu_before = thread_cpu_seconds();
   tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan, robot.log.string());
   try {
-    result.input = InputFile{robot.log.string(), hash_of_file(robot.log)};
+    result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
     tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
     result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
   } catch (const Error& error) {

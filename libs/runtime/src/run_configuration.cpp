@@ -80,7 +80,7 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
     }
     std::error_code unreadable;
     const std::filesystem::path log = std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
-    if (!std::filesystem::is_regular_file(log, unreadable))
+    if (!std::filesystem::is_regular_file(log, unreadable) && !std::filesystem::is_directory(log, unreadable))
       throw Error(ErrorCode::kMissing, "there is no log " + log.string(), origins.place_of(log_key),
                   origins.file_of(log_key).empty() ? "check its path" : "paths are relative to the configuration file");
     plan.robots.push_back({RobotId(id), TierId(robot.edge), log});
@@ -116,7 +116,8 @@ exporters::MapFolderOptions folder_options(const OutputOptions& output, const st
 }
 
 std::string name_of_file(const std::filesystem::path& path) {
-  std::string name = path.filename().string();
+  const auto normal = path.lexically_normal();
+  std::string name = (normal.has_filename() ? normal : normal.parent_path()).filename().string();  // "walk/" is the folder walk
   const auto cut_one_of = [&name](std::initializer_list<std::string_view> endings) {
     for (const std::string_view ending : endings) {
       if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0) continue;

@@ -3,7 +3,7 @@
 
 #include <mapweave/rawlog/observation_stream.h>
 
-#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +18,16 @@ struct LaserGeometry {
   std::uint64_t scans = 0;
 };
 
+// Of a camera, a stereo pair (its left one) or a depth camera (its colour one), as its last frame has it.
+struct CameraGeometry {
+  std::uint32_t width = 0, height = 0;  // of the picture; 0 where it cannot be looked at
+  bool calibrated = false, distorted = false;
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;           // pixels
+  double baseline_m = 0.0;                                 // of a stereo pair, else 0
+  double nearest_m = 0.0, farthest_m = 0.0;                // of all readings of a depth camera; 0: there are none
+  double least_depth_delay_s = 0.0, most_depth_delay_s = 0.0;  // depth after colour
+};
+
 struct SensorContents {
   std::string label, class_name;  // "FLASER", "CObservation2DRangeScan"
   std::uint64_t count = 0;
@@ -25,10 +35,11 @@ struct SensorContents {
   double rate_hz = 0.0;  // (count - 1) / (last - first); 0 for a single instant
   double longest_gap_s = 0.0;
   std::vector<LaserGeometry> geometries;  // of lasers: most frequent first
+  std::optional<CameraGeometry> camera;
 };
 
 struct LogContents {
-  std::string format;                   // "MRPT rawlog", "CARMEN log", "g2o"
+  std::string format;                   // "MRPT rawlog", "TUM RGB-D folder"
   std::vector<SensorContents> sensors;  // by label, then class
   std::uint64_t observations = 0, scans = 0;
   Stamp first, last;

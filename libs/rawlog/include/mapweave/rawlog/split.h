@@ -17,11 +17,13 @@ struct SplitOptions {
 };
 
 struct SplitPart {
-  std::filesystem::path path;  // <out folder>/robot<i>.rawlog
-  Stamp first, last;           // of its observations
-  std::uint64_t observations = 0, scans = 0, odometry = 0;
+  std::filesystem::path path;  // <out folder>/robot<i>.rawlog; of a folder of pictures <out folder>/robot<i>
+  Stamp first, last;           // of its observations; of a folder's part: of its frames
+  std::uint64_t observations = 0, scans = 0, odometry = 0, frames = 0;  // frames: of cameras
 };
 
+// A folder of pictures becomes folders of the same layout: its pictures linked (or copied where they cannot be), its lists cut. Frames are
+// cut by the stamps of their colour or left pictures; equal parts are so of the time from the first frame to the last.
 // Stamps stay as they are; each part's odometry restarts at the origin. A part takes stamps in [cut before - overlap, next cut + overlap),
 // the outer ones all there is. Throws Error: kUsage for cuts that do not fit the options, kBadInput for a cut outside the log or a part
 // without observations, and whatever reading and writing throw; then no part is left behind. `out_folder` is made where it is missing.

@@ -20,7 +20,7 @@ struct RobotEntry {
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
-    v.text("log", log, "its log; relative to this file");
+    v.text("log", log, "its log, or a folder of pictures; relative to this file");
     v.text("edge", edge, "the edge that maps it; empty: the edges in turn");
   }
 };
