@@ -23,7 +23,8 @@ using Json = nlohmann::ordered_json;
 Json of_camera(const rawlog::CameraGeometry& camera) {
   Json told = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
   if (camera.calibrated) {
-    for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}}) told[key] = value;
+    for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}})
+      told[key] = value;
     told["distorted"] = camera.distorted;
   }
   if (camera.baseline_m > 0.0) told["baseline_m"] = camera.baseline_m;
@@ -199,7 +200,8 @@ Action set_up_inspect(CLI::App& verb) {
     bool json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("PATH", arguments->path, "a log or a folder of pictures, a map (.mwdb), a map_server grid (.yaml) or a folder of results")->required();
+  verb.add_option("PATH", arguments->path, "a log or a folder of pictures, a map (.mwdb), a map_server grid (.yaml) or a folder of results")
+      ->required();
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] {
     const Json contents = contents_of(arguments->path);

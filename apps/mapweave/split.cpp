@@ -76,8 +76,8 @@ int split(Arguments arguments) {
   }
   write_file(folder.staging() / "run.yaml", run);
   write_file(folder.staging() / "config.yaml", effective(arguments, settings));
-  const Json manifest =
-      runtime::manifest_json("split", arguments.flags.seed.value_or(1), {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
+  const Json manifest = runtime::manifest_json("split", arguments.flags.seed.value_or(1),
+                                               {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
@@ -97,7 +97,8 @@ int split(Arguments arguments) {
 
 Action set_up_split(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")->required();
+  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+      ->required();
   verb.add_option("--robots", arguments->options.robots, "how many logs to make")->required()->check(CLI::Range(1, 1000))->type_name("N");
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
       ->check(CLI::NonNegativeNumber)

@@ -59,7 +59,8 @@ TEST(CameraDamage, a_missing_calibration_is_asked_for_with_its_keys) {
   const TemporaryFolder folder;
   make_tum(folder / "walk", 2);
   std::filesystem::remove(folder / "walk/camera.yaml");
-  EXPECT_THAT(problem_of(folder / "walk"), IsError(ErrorCode::kMissing, "camera.yaml: there is no calibration; write it, with the keys width"));
+  EXPECT_THAT(problem_of(folder / "walk"),
+              IsError(ErrorCode::kMissing, "camera.yaml: there is no calibration; write it, with the keys width"));
   make_kitti(folder / "drive", 2);
   std::filesystem::remove(folder / "drive/calib.txt");
   EXPECT_THAT(problem_of(folder / "drive"), IsError(ErrorCode::kMissing, "calib.txt: there is no calibration"));

@@ -21,7 +21,9 @@ void expect_same_from_rawlog(const std::filesystem::path& recording, const Tempo
     const auto a = direct->next(), b = converted->next();
     ASSERT_EQ(a.has_value(), b.has_value()) << i;
     if (!a) break;
-    if (i % every == 0) ASSERT_EQ(seen(*a), seen(*b)) << i;
+    if (i % every == 0) {
+      ASSERT_TRUE(seen(*a) == seen(*b)) << i;  // megabytes that nobody wants to read
+    }
   }
 }
 
@@ -84,7 +86,8 @@ void expect_cut(const std::filesystem::path& recording, const std::filesystem::p
     ASSERT_EQ(reading.error, nullptr) << reading.error->what();
     const auto frames = of_class<Observation>(reading.records);
     EXPECT_EQ(frames.size(), part.frames);
-    EXPECT_EQ(frames.front().stamp.ns / 1000, part.first.ns / 1000);
+    EXPECT_EQ(frames.front().stamp.ns, part.first.ns);
+    EXPECT_EQ(frames.back().stamp.ns, part.last.ns);
     others -= reading.records.size() - frames.size();
     for (const Record& frame : frames) {
       ASSERT_EQ(frame.stamp.ns, whole[i].stamp.ns);

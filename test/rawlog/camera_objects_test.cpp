@@ -4,6 +4,7 @@
 #include <mapweave/rawlog/depth_delay.h>
 #include <sys/resource.h>
 
+#include <cstring>
 #include <random>
 
 namespace mapweave::rawlog {
@@ -80,8 +81,10 @@ TEST(CameraObjects, lengths_that_cannot_be_never_make_room) {
   options.max_object_mb = 1.0;
   for (const auto& [name, object] : camera_objects()) {
     const std::string bytes = serialized(*object);
-    // Every place where a length could stand; of pixels and cells a few.
-    for (std::size_t place = 0; place + 4 <= bytes.size(); place += place > 600 && place + 600 < bytes.size() ? 37 : 1) {
+    for (std::size_t place = 0; place + 4 <= bytes.size(); ++place) {
+      std::uint32_t value = 0;
+      std::memcpy(&value, bytes.data() + place, sizeof value);
+      if (value > kRows * kColumns * 3) continue;  // no length that was written; nor are pixels
       for (const char* length : {"\xff\xff\xff\x7f", "\xf0\xff\xff\xff", "\x00\x00\x00\x10"}) {
         const std::string damaged = std::string(bytes).replace(place, 4, length, 4);
         write_bytes(folder / "hostile.rawlog", damaged);
@@ -99,8 +102,9 @@ TEST(CameraObjects, cut_short_at_any_byte_are_an_error) {
   const TemporaryFolder folder;
   for (const auto& [name, object] : camera_objects()) {
     const std::string bytes = serialized(*object);
-    for (std::size_t cut = 1; cut < bytes.size(); cut += cut > 600 && cut + 600 < bytes.size() ? 97 : 3)
-      ASSERT_THAT(read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut))).error, IsError(ErrorCode::kCorrupt, "")) << name << cut;
+    for (std::size_t cut = 1; cut<bytes.size(); cut += cut> 300 && cut + 300 < bytes.size() ? 197 : 7)
+      ASSERT_THAT(read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut))).error, IsError(ErrorCode::kCorrupt, ""))
+          << name << cut;
   }
 }
 
@@ -109,7 +113,7 @@ TEST(CameraObjects, flipped_bits_never_crash) {
   std::mt19937_64 random(17);
   for (const auto& [name, object] : camera_objects()) {
     const std::string bytes = serialized(*object);
-    for (int i = 0; i < 200; ++i) {
+    for (int i = 0; i < 50; ++i) {
       std::string damaged = bytes;
       char& byte = damaged[random() % damaged.size()];
       byte = static_cast<char>(byte ^ (1 << random() % 8));

@@ -189,7 +189,7 @@ TEST(Rawlog, refuses_what_holds_no_observations) {
 TEST(Rawlog, says_why_a_file_cannot_be_opened) {
   const TemporaryFolder folder;
   EXPECT_THAT(read_all(folder / "nowhere.rawlog").error, IsError(ErrorCode::kMissing, "nowhere.rawlog"));
-  EXPECT_THAT(read_all(folder.path()).error, IsError(ErrorCode::kBadInput, "folder"));
+  EXPECT_THAT(read_all(folder.path()).error, IsError(ErrorCode::kUnsupported, "folder"));
   const auto unknown = read_all(write_bytes(folder / "picture.png", "\x89PNG and so on"));
   EXPECT_THAT(unknown.error, IsError(ErrorCode::kUnsupported, "MRPT rawlog"));
   EXPECT_THAT(unknown.error, IsError(ErrorCode::kUnsupported, "CARMEN log"));

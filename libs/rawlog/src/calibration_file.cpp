@@ -79,7 +79,8 @@ std::vector<double> CalibrationFile::numbers(const std::string& key, std::size_t
   const std::string count = least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
   if (!has(key)) throw wrong(key, "is missing; a list of " + count + " numbers was expected");
   const auto values = numbers_in(tree_->root[key]);
-  if (!values || values->size() < least || values->size() > most) throw wrong(key, "does not fit; a list of " + count + " numbers was expected");
+  if (!values || values->size() < least || values->size() > most)
+    throw wrong(key, "does not fit; a list of " + count + " numbers was expected");
   return *values;
 }
 

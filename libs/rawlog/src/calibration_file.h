@@ -38,8 +38,8 @@ class CalibrationFile {
   std::unique_ptr<Tree> tree_;
 };
 
-// A pinhole camera. `distortion`: k1 k2 p1 p2 [k3]; all zero: MRPT's "none". Throws Error kBadInput, naming `where`, for a camera that cannot
-// be.
+// A pinhole camera. `distortion`: k1 k2 p1 p2 [k3]; all zero: MRPT's "none". Throws Error kBadInput, naming `where`, for a camera that
+// cannot be.
 mrpt::img::TCamera make_camera(double width, double height, const std::vector<double>& fx_fy_cx_cy, const std::vector<double>& distortion,
                                const std::string& where);
 // 4 x 4 row by row. Throws Error kBadInput for what is no rotation and translation.

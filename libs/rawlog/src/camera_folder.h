@@ -1,6 +1,6 @@
 #pragma once
-// A folder of pictures and lists that some data set publishes, understood: one reader each for TUM RGB-D, KITTI odometry and EuRoC. What they
-// find is streamed (folder_source.cpp) and cut (folder_split.cpp) in the same way.
+// A folder of pictures and lists that some data set publishes, understood: one reader each for TUM RGB-D, KITTI odometry and EuRoC. What
+// they find is streamed (folder_source.cpp) and cut (folder_split.cpp) in the same way.
 
 #include "record_source.h"
 

@@ -10,8 +10,9 @@
 namespace mapweave::rawlog {
 namespace {
 
-constexpr const char* kKeys = "T_BS (with data: 16 numbers), resolution, intrinsics: [fu, fv, cu, cv], distortion_model and "
-                              "distortion_coefficients";
+constexpr const char* kKeys =
+    "T_BS (with data: 16 numbers), resolution, intrinsics: [fu, fv, cu, cv], distortion_model and "
+    "distortion_coefficients";
 constexpr double kSamePairSeconds = 0.001;  // the two cameras are triggered together
 
 struct Camera {
@@ -74,7 +75,8 @@ void read_camera_lists(CameraFolder& found, const Layout& layout) {
   const PictureList left = read("cam0");
   found.trouble = left.trouble;
   if (found.kind == FolderKind::kMono) {
-    for (const ListedPicture& picture : left.pictures) found.frames.push_back({picture.stamp, {}, picture.stamp_text, {}, picture.file, {}});
+    for (const ListedPicture& picture : left.pictures)
+      found.frames.push_back({picture.stamp, {}, picture.stamp_text, {}, picture.file, {}});
     return;
   }
   const PictureList right = read("cam1");
@@ -138,12 +140,14 @@ void write_euroc_part(const CameraFolder& whole, const FolderPart& part, const s
     link_file(whole.folder / frame.first, out / frame.first);
     if (!frame.second.empty()) link_file(whole.folder / frame.second, out / frame.second);
   }
-  if (has_pairs) write_list(out / "stereo.txt", pairs);
-  else write_list(out / layout.list("cam0"), left);
+  if (has_pairs)
+    write_list(out / "stereo.txt", pairs);
+  else
+    write_list(out / layout.list("cam0"), left);
   if (!has_pairs && whole.kind == FolderKind::kStereo) write_list(out / layout.list("cam1"), right);
   for (const char* sensor : {"cam0", "cam1", "imu0"}) link_if_there(whole, layout.calibration(sensor), out);
-  for (const auto& name : {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml",
-                           layout.base / "state_groundtruth_estimate0" / "data.csv"})
+  for (const auto& name :
+       {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml", layout.base / "state_groundtruth_estimate0" / "data.csv"})
     link_if_there(whole, name, out);
 }
 

@@ -60,8 +60,8 @@ void load(const mrpt::img::CImage& image, const mrpt::img::TCamera* calibration,
   if (calibration == nullptr || calibration->fx() <= 0.0 || (calibration->ncols == columns && calibration->nrows == rows)) return;
   throw Error(ErrorCode::kBadInput,
               "the picture has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; " +
-                  std::to_string(calibration->ncols) + " x " + std::to_string(calibration->nrows) + " were expected by the calibration of '" +
-                  label + "'",
+                  std::to_string(calibration->ncols) + " x " + std::to_string(calibration->nrows) +
+                  " were expected by the calibration of '" + label + "'",
               where, "record it with the calibration of these pictures");
 }
 

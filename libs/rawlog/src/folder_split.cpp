@@ -101,8 +101,8 @@ std::vector<SplitPart> split_folder(const std::filesystem::path& folder, const s
     told.path = out_folder / ("robot" + std::to_string(i));
     told.observations = told.frames = part.end - part.begin;
     if (told.frames == 0) continue;
-    told.first = whole.frames[part.begin].stamp;
-    told.last = whole.frames[part.end - 1].stamp;
+    told.first = to_stamp(to_mrpt_time(whole.frames[part.begin].stamp));  // as the observations have them
+    told.last = to_stamp(to_mrpt_time(whole.frames[part.end - 1].stamp));
   }
   expect_parts(folder, cuts, range, answer);
 

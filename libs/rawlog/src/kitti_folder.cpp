@@ -7,10 +7,12 @@
 #include "picture_lists.h"
 
 #include <mapweave/core/files.h>
+#include <mapweave/core/log.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <iterator>
 #include <map>
 #include <sstream>
 
@@ -124,6 +126,10 @@ CameraFolder read_kitti_folder(const std::filesystem::path& folder, const ReadOp
     if (found.kind == FolderKind::kStereo) frame.second = name_in(seconds, right, number);
     found.frames.push_back(std::move(frame));
   });
+  const auto untimed = std::distance(firsts.lower_bound(found.frames.size()), firsts.end());
+  if (untimed > 0 && !found.trouble)
+    log(LogLevel::warning,
+        folder.string() + ": " + std::to_string(untimed) + " pictures of " + left + " are left out; times.txt ends before");
   return found;
 }
 

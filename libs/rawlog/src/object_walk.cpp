@@ -289,7 +289,8 @@ class Walker {
   }
   bool matrix(std::size_t cell_bytes) {
     const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
-    if (rows > kLongestSide || columns > kLongestSide) throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
+    if (rows > kLongestSide || columns > kLongestSide)
+      throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
     array(rows * columns, cell_bytes, "cells");
     return true;
   }

@@ -15,7 +15,8 @@ struct PictureFile {
   int bits = 0, channels = 0;  // of one channel; of the file (a palette counts as one)
 };
 
-// Reads the head and the end of the file. Throws Error: kMissing; kCorrupt for a file that is no PNG or JPEG, or does not reach its end mark.
+// Reads the head and the end of the file. Throws Error: kMissing; kCorrupt for a file that is no PNG or JPEG, or does not reach its end
+// mark.
 PictureFile look_at_picture(const std::filesystem::path& file);
 
 bool is_png_or_jpeg(const std::filesystem::path& file);  // false for what cannot be opened

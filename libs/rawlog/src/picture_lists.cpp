@@ -64,7 +64,7 @@ Stamp parse_stamp(const std::string& text, StampUnit unit, const Fields& fields)
 
 std::filesystem::path parse_picture(Fields& fields) {
   const std::filesystem::path name = std::filesystem::path(fields.text("the name of a picture")).lexically_normal();
-  const bool leads_out = name.is_absolute() || *name.begin() == "..";
+  const bool leads_out = name.is_absolute() || *name.begin() == ".." || name == ".";
   if (leads_out || !name.has_filename()) throw fields.error("'" + name.string() + "' is no picture in the folder");
   return name;
 }
@@ -80,7 +80,8 @@ std::optional<Error> for_each_row(const std::filesystem::path& list, const char*
     return error;
   }
   if (rows == 0)
-    throw Error(ErrorCode::kBadInput, "lists nothing; at least one row was expected", list.string(), "record again, or copy the file again");
+    throw Error(ErrorCode::kBadInput, "lists nothing; at least one row was expected", list.string(),
+                "record again, or copy the file again");
   return std::nullopt;
 }
 

@@ -22,7 +22,7 @@ class RecordSource {
   virtual std::exception_ptr cause_of(std::exception_ptr seen) = 0;
   virtual std::string place_name(std::uint64_t place) const = 0;  // "a.log:17"
   virtual std::string path() const = 0;
-  virtual bool is_in_order() const { return false; }  // stamps never go back, so nothing need wait to be sorted in
+  virtual bool is_in_order() const { return false; }        // stamps never go back, so nothing need wait to be sorted in
   virtual std::string nothing_found() const { return {}; }  // what was there instead of observations
   virtual std::uint64_t bytes_read() const = 0;
   virtual std::uint64_t bytes_total() const = 0;

@@ -115,14 +115,16 @@ std::vector<Stamp> cuts_of(const SplitOptions& options, const std::function<Time
 
 TimeRange part_of(const std::vector<Stamp>& cuts, int part, const SplitOptions& options) {
   const auto overlap_ns = std::llround(options.overlap_s * 1e9);
-  return {Stamp{part == 0 ? std::numeric_limits<std::int64_t>::min() : cuts[static_cast<std::size_t>(part) - 1].ns - overlap_ns},
-          Stamp{part + 1 == options.robots ? std::numeric_limits<std::int64_t>::max() : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
+  return {
+      Stamp{part == 0 ? std::numeric_limits<std::int64_t>::min() : cuts[static_cast<std::size_t>(part) - 1].ns - overlap_ns},
+      Stamp{part + 1 == options.robots ? std::numeric_limits<std::int64_t>::max() : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
 }
 
 void make_folder(const std::filesystem::path& folder) {
   std::error_code problem;
   std::filesystem::create_directories(folder, problem);
-  if (problem) throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(), "choose another folder");
+  if (problem)
+    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(), "choose another folder");
 }
 
 void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cuts, const TimeRange& range,

@@ -1,4 +1,5 @@
-// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for the data set has none.
+// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for the data set has
+// none.
 
 #include "calibration_file.h"
 #include "folder_split.h"
@@ -81,7 +82,8 @@ void read_lists(CameraFolder& found, double window_s) {
   const auto colour = read_picture_list(found.folder / "rgb.txt", kBlankSeparated, StampUnit::kSeconds);
   found.trouble = colour.trouble;
   if (found.kind == FolderKind::kMono) {
-    for (const ListedPicture& picture : colour.pictures) found.frames.push_back({picture.stamp, {}, picture.stamp_text, {}, picture.file, {}});
+    for (const ListedPicture& picture : colour.pictures)
+      found.frames.push_back({picture.stamp, {}, picture.stamp_text, {}, picture.file, {}});
     return;
   }
   const auto depth = read_picture_list(found.folder / "depth.txt", kBlankSeparated, StampUnit::kSeconds);

@@ -22,9 +22,9 @@ struct LaserGeometry {
 struct CameraGeometry {
   std::uint32_t width = 0, height = 0;  // of the picture; 0 where it cannot be looked at
   bool calibrated = false, distorted = false;
-  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;           // pixels
-  double baseline_m = 0.0;                                 // of a stereo pair, else 0
-  double nearest_m = 0.0, farthest_m = 0.0;                // of all readings of a depth camera; 0: there are none
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;               // pixels
+  double baseline_m = 0.0;                                     // of a stereo pair, else 0
+  double nearest_m = 0.0, farthest_m = 0.0;                    // of all readings of a depth camera; 0: there are none
   double least_depth_delay_s = 0.0, most_depth_delay_s = 0.0;  // depth after colour
 };
 

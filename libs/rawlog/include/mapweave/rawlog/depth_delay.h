@@ -1,6 +1,6 @@
 #pragma once
-// When the depth picture of an observation was taken. Many depth cameras take colour and depth at different instants; MRPT has one stamp for
-// both, and it is the colour picture's here. The difference stands within the observation, so that it survives every rawlog.
+// When the depth picture of an observation was taken. Many depth cameras take colour and depth at different instants; MRPT has one stamp
+// for both, and it is the colour picture's here. The difference stands within the observation, so that it survives every rawlog.
 
 #include <mapweave/core/stamp.h>
 #include <mrpt/obs/CObservation3DRangeScan.h>
