@@ -33,6 +33,14 @@ struct PlanTest : testing::Test {
   Origins origins;
 };
 
+TEST_F(PlanTest, takes_a_folder_of_pictures_for_a_log) {
+  std::filesystem::create_directory(folder / "walk");
+  configuration.robots = {{"", "walk/", ""}};
+  const RunPlan made = plan();
+  ASSERT_EQ(made.robots.size(), 1u);
+  EXPECT_EQ(made.robots[0].id, RobotId("walk"));
+}
+
 TEST_F(PlanTest, sorts_robots_and_finds_their_logs_beside_the_configuration) {
   configuration.robots = {{"beta", "b.rawlog", "south"}, {"alpha", "a.rawlog", "north"}};
   const RunPlan made = plan();
