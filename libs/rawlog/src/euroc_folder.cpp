@@ -145,10 +145,10 @@ void write_euroc_part(const CameraFolder& whole, const FolderPart& part, const s
   else
     write_list(out / layout.list("cam0"), left);
   if (!has_pairs && whole.kind == FolderKind::kStereo) write_list(out / layout.list("cam1"), right);
-  for (const char* sensor : {"cam0", "cam1", "imu0"}) link_if_there(whole, layout.calibration(sensor), out);
+  for (const char* sensor : {"cam0", "cam1", "imu0"}) copy_if_there(whole, layout.calibration(sensor), out);
   for (const auto& name :
        {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml", layout.base / "state_groundtruth_estimate0" / "data.csv"})
-    link_if_there(whole, name, out);
+    copy_if_there(whole, name, out);
 }
 
 }  // namespace mapweave::rawlog

@@ -54,9 +54,13 @@ void link_file(const std::filesystem::path& from, const std::filesystem::path& t
   if (problem) throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), to.string(), "choose another folder");
 }
 
-void link_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out) {
-  std::error_code ignored;
-  if (std::filesystem::is_regular_file(whole.folder / name, ignored)) link_file(whole.folder / name, out / name);
+void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out) {
+  std::error_code problem;
+  if (!std::filesystem::is_regular_file(whole.folder / name, problem)) return;
+  make_folder((out / name).parent_path());
+  std::filesystem::copy_file(whole.folder / name, out / name, problem);
+  if (problem)
+    throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), (out / name).string(), "choose another folder");
 }
 
 void write_list(const std::filesystem::path& to, const std::string& text) {

@@ -27,9 +27,10 @@ std::vector<SplitPart> split_folder(const std::filesystem::path& folder, const s
                                     const SplitOptions& options, Progress& progress);
 
 // For the layouts. All throw Error kCannotWrite.
-// Links a file into a part, following symbolic links; copies it where it cannot be linked.
+// Links a picture into a part, following symbolic links; copies it where it cannot be linked.
 void link_file(const std::filesystem::path& from, const std::filesystem::path& to);
-void link_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out);
+// Copies calibrations and the like: whoever edits them means the part.
+void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out);
 void write_list(const std::filesystem::path& to, const std::string& text);
 // The inertial measurements of the part's time.
 void cut_imu(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);

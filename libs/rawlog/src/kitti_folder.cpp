@@ -145,7 +145,7 @@ void write_kitti_part(const CameraFolder& whole, const FolderPart& part, const s
       if (!name.empty()) link_file(whole.folder / name, out / name.parent_path() / (number + name.extension().string()));
   }
   write_list(out / "times.txt", times);
-  link_if_there(whole, "calib.txt", out);
+  copy_if_there(whole, "calib.txt", out);
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(whole.folder / "poses.txt", ignored)) return;
   std::istringstream poses(read_file(whole.folder / "poses.txt"));

@@ -138,7 +138,7 @@ void write_tum_part(const CameraFolder& whole, const FolderPart& part, const std
   if (is_file(whole.folder / "rgb.txt")) write_list(out / "rgb.txt", colour);
   if (is_file(whole.folder / "depth.txt")) write_list(out / "depth.txt", depth);
   if (is_file(whole.folder / "associations.txt")) write_list(out / "associations.txt", pairs);
-  for (const char* name : {"camera.yaml", "groundtruth.txt"}) link_if_there(whole, name, out);
+  for (const char* name : {"camera.yaml", "groundtruth.txt"}) copy_if_there(whole, name, out);
 }
 
 }  // namespace mapweave::rawlog
