@@ -76,13 +76,24 @@ FloorPlan row_of_rooms(const RoomRowOptions& options, std::uint64_t seed, bool i
   add_furniture(room, inside, {{door - 0.1, inside.low_y, door + options.door_width_m + 0.1, inside.low_y + kPassage}}, options.furniture,
                 numbers);
 
+  room.lintels.push_back({door, -half, door + options.door_width_m, half});
+
   FloorPlan plan;
+  plan.repeats_after_m = options.room_width_m;
   const double length = options.rooms * options.room_width_m, corridor_top = options.corridor_width_m + half;
   for (int i = 0; i < options.rooms; ++i) {
     const double x = i * options.room_width_m;
     const bool is_image = is_mirrored && i % 2 == 1;
+    const int first_piece = static_cast<int>(plan.pieces.size());
     const auto placed = [&](Point2 p) { return Point2{x + (is_image ? options.room_width_m - p.x : p.x), corridor_top + p.y}; };
-    for (const Wall& wall : room.walls) add_line(plan, placed(wall.from), placed(wall.to));
+    for (const Wall& wall : room.walls) {
+      plan.walls.push_back({placed(wall.from), placed(wall.to), wall.piece < 0 ? -1 : first_piece + wall.piece,
+                            static_cast<int>(&wall - room.walls.data())});
+    }
+    const auto placed_box = [&](const Box& box) { return box_of(placed({box.low_x, box.low_y}), placed({box.high_x, box.high_y})); };
+    for (const Piece& piece : room.pieces)
+      plan.pieces.push_back({placed_box(piece.footprint), piece.shape, static_cast<int>(&piece - room.pieces.data())});
+    for (const Box& lintel : room.lintels) plan.lintels.push_back(placed_box(lintel));
     plan.rooms.push_back(
         {"room " + std::to_string(i), box_of(placed({inside.low_x, inside.low_y}), placed({inside.high_x, inside.high_y}))});
   }
@@ -112,9 +123,12 @@ FloorPlan moved(FloorPlan plan, double x_m, double y_m) {
   for (Wall& wall : plan.walls) {
     for (Point2* p : {&wall.from, &wall.to}) *p = {p->x + x_m, p->y + y_m};
   }
+  const auto moved_box = [&](const Box& box) { return Box{box.low_x + x_m, box.low_y + y_m, box.high_x + x_m, box.high_y + y_m}; };
   for (Room& room : plan.rooms) {
-    room.inside = {room.inside.low_x + x_m, room.inside.low_y + y_m, room.inside.high_x + x_m, room.inside.high_y + y_m};
+    room.inside = moved_box(room.inside);
   }
+  for (Piece& piece : plan.pieces) piece.footprint = moved_box(piece.footprint);
+  for (Box& lintel : plan.lintels) lintel = moved_box(lintel);
   return plan;
 }
 
@@ -134,13 +148,42 @@ void add_box(FloorPlan& plan, const Box& box) {
   for (const Side& side : sides_seen_from_outside(box)) add_line(plan, side.from, side.at(side.length_m, 0.0));
 }
 
+void add_piece(FloorPlan& plan, const Piece& piece) {
+  constexpr double kLeg = 0.06;
+  const Box& box = piece.footprint;
+  const std::size_t first = plan.walls.size();
+  switch (piece.shape) {
+    case PieceShape::box: add_box(plan, box); break;
+    case PieceShape::table:
+      for (const Point2 corner : {Point2{box.low_x, box.low_y}, Point2{box.high_x - kLeg, box.low_y},
+                                  Point2{box.high_x - kLeg, box.high_y - kLeg}, Point2{box.low_x, box.high_y - kLeg}}) {
+        add_box(plan, {corner.x, corner.y, corner.x + kLeg, corner.y + kLeg});
+      }
+      break;
+    case PieceShape::cylinder: {
+      const double radius = 0.5 * std::min(box.width(), box.height());
+      const auto at = [&](int corner) {
+        const double angle = 2.0 * M_PI * corner / kCylinderSides;
+        return Point2{box.centre().x + radius * std::cos(angle), box.centre().y + radius * std::sin(angle)};
+      };
+      for (int corner = 0; corner < kCylinderSides; ++corner) add_line(plan, at(corner), at(corner + 1));
+      break;
+    }
+  }
+  for (std::size_t i = first; i < plan.walls.size(); ++i) {
+    plan.walls[i].piece = static_cast<int>(plan.pieces.size());
+    if (piece.twin >= 0) plan.walls[i].twin = (1 << 20) + (piece.twin << 6) + static_cast<int>(i - first);
+  }
+  plan.pieces.push_back(piece);
+}
+
 Box box_of(Point2 a, Point2 b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::max(a.x, b.x), std::max(a.y, b.y)}; }
 
 void add_wall(FloorPlan& plan, Point2 from, Point2 to, double thickness_m, const std::vector<Interval>& openings) {
   const double length = std::hypot(to.x - from.x, to.y - from.y);
   const Point2 along{(to.x - from.x) / length, (to.y - from.y) / length};
   const Side middle{from, along, {-along.y, along.x}, length, {}};
-  const auto add_piece = [&](double start, double end) {
+  const auto add_stretch = [&](double start, double end) {
     if (end - start < 1e-9) return;
     if (thickness_m > 0.0) {
       add_box(plan, box_of(middle.at(start, -0.5 * thickness_m), middle.at(end, 0.5 * thickness_m)));
@@ -150,10 +193,11 @@ void add_wall(FloorPlan& plan, Point2 from, Point2 to, double thickness_m, const
   };
   double done = 0.0;
   for (const Interval& opening : openings) {
-    add_piece(done, opening.from);
+    add_stretch(done, opening.from);
+    plan.lintels.push_back(box_of(middle.at(opening.from, -0.5 * thickness_m), middle.at(opening.to, 0.5 * thickness_m)));
     done = opening.to;
   }
-  add_piece(done, length);
+  add_stretch(done, length);
 }
 
 void add_sides_with_closed_doors(FloorPlan& plan, std::vector<Side>& sides, int doors, RandomNumbers& numbers) {
@@ -180,13 +224,12 @@ void add_clutter(FloorPlan& plan, std::vector<Side>& sides, int boxes, double de
   for (int i = 0; i < boxes; ++i) {
     const auto place = take_place(sides, numbers.uniform(0.2, 1.2), 0.05, numbers);
     if (!place) continue;
-    add_box(plan,
-            box_of(place->side->at(place->interval.from, 0.0), place->side->at(place->interval.to, numbers.uniform(0.1, greatest_depth))));
+    add_piece(plan, {box_of(place->side->at(place->interval.from, 0.0),
+                            place->side->at(place->interval.to, numbers.uniform(0.1, greatest_depth)))});
   }
 }
 
 void add_furniture(FloorPlan& plan, const Box& room, const std::vector<Box>& keep_free, int pieces_at_most, RandomNumbers& numbers) {
-  constexpr double kLeg = 0.06;
   const double greatest_depth = std::min(0.8, 0.5 * (std::min(room.width(), room.height()) - kPassage));
   if (greatest_depth < 0.2 || pieces_at_most == 0) return;
   std::vector<Side> sides = sides_seen_from_inside(room);
@@ -200,14 +243,7 @@ void add_furniture(FloorPlan& plan, const Box& room, const std::vector<Box>& kee
     const Box piece = box_of(place->side->at(place->interval.from, 0.0), place->side->at(place->interval.to, depth));
     if (std::any_of(occupied.begin(), occupied.end(), [&](const Box& other) { return other.overlaps(piece); })) continue;
     occupied.push_back(piece);
-    if (has_legs) {
-      for (const Point2 corner : {Point2{piece.low_x, piece.low_y}, Point2{piece.high_x - kLeg, piece.low_y},
-                                  Point2{piece.high_x - kLeg, piece.high_y - kLeg}, Point2{piece.low_x, piece.high_y - kLeg}}) {
-        add_box(plan, {corner.x, corner.y, corner.x + kLeg, corner.y + kLeg});
-      }
-    } else {
-      add_box(plan, piece);
-    }
+    add_piece(plan, {piece, has_legs ? PieceShape::table : PieceShape::box});
   }
 }
 

@@ -9,6 +9,8 @@
 
 namespace mapweave::simulation {
 
+constexpr int kCylinderSides = 12;
+
 struct Interval {
   double from = 0.0, to = 0.0;
   bool overlaps(const Interval& other) const { return from < other.to && other.from < to; }
@@ -28,6 +30,7 @@ std::vector<Side> sides_seen_from_outside(const Box&);
 
 void add_line(FloorPlan&, Point2 from, Point2 to);
 void add_box(FloorPlan&, const Box&);
+void add_piece(FloorPlan&, const Piece&);  // with its outline
 Box box_of(Point2 corner, Point2 opposite);
 
 // A wall with openings (ascending, along the wall from `from`); thickness 0: a mere line.

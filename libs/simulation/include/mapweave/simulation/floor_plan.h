@@ -16,6 +16,8 @@ struct Point2 {
 // One straight piece of a vertical surface, seen from both sides.
 struct Wall {
   Point2 from, to;
+  int piece = -1;  // the piece of furniture whose outline it belongs to; -1: the building, from floor to ceiling
+  int twin = -1;   // walls with the same number look the same; -1: like no other
 };
 
 struct Box {
@@ -35,9 +37,21 @@ struct Room {
   Box inside;
 };
 
+enum class PieceShape { box, table, cylinder };  // a table stands on four legs
+
+// Furniture, seen from above.
+struct Piece {
+  Box footprint;
+  PieceShape shape = PieceShape::box;
+  int twin = -1;  // as a wall's
+};
+
 struct FloorPlan {
-  std::vector<Wall> walls;  // and the outlines of furniture
-  std::vector<Room> rooms;  // neighbours follow one another
+  std::vector<Wall> walls{};     // and the outlines of furniture
+  std::vector<Room> rooms{};     // neighbours follow one another
+  std::vector<Piece> pieces{};   // furniture
+  std::vector<Box> lintels{};    // walls above open doors
+  double repeats_after_m = 0.0;  // along x, where rooms are shifted copies of each other
 };
 Box bounds(const FloorPlan&);
 FloorPlan moved(FloorPlan plan, double x_m, double y_m);
