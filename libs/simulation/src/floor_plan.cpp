@@ -170,10 +170,7 @@ void add_piece(FloorPlan& plan, const Piece& piece) {
       break;
     }
   }
-  for (std::size_t i = first; i < plan.walls.size(); ++i) {
-    plan.walls[i].piece = static_cast<int>(plan.pieces.size());
-    if (piece.twin >= 0) plan.walls[i].twin = (1 << 20) + (piece.twin << 6) + static_cast<int>(i - first);
-  }
+  for (std::size_t i = first; i < plan.walls.size(); ++i) plan.walls[i].piece = static_cast<int>(plan.pieces.size());
   plan.pieces.push_back(piece);
 }
 

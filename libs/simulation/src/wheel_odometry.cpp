@@ -49,4 +49,10 @@ Pose2 WheelOdometry::step(const Pose2& world_from_robot) {
   return odometry_from_last_;
 }
 
+Pose2 WheelOdometry::carry(const Pose2& world_from_robot) {
+  ++steps_;
+  world_from_last_ = world_from_robot;
+  return odometry_from_last_;
+}
+
 }  // namespace mapweave::simulation

@@ -1,3 +1,6 @@
+#include "carrying.h"
+#include "furnishing.h"
+
 #include <mapweave/simulation/world.h>
 
 #include <mapweave/core/error.h>
@@ -17,7 +20,7 @@ constexpr double kBetweenBuildings = 40.0;                        // metres
 
 std::string described(Point2 p) { return "(" + std::to_string(p.x) + ", " + std::to_string(p.y) + ")"; }
 
-FloorPlan make_plan(const BuildingOptions& options, std::uint64_t seed) {
+FloorPlan make_bare_plan(const BuildingOptions& options, std::uint64_t seed) {
   switch (options.kind) {
     case PlanKind::corridor: return make_corridor_plan(options.corridor, seed);
     case PlanKind::apartment: return make_apartment_plan(options.apartment, seed);
@@ -27,6 +30,10 @@ FloorPlan make_plan(const BuildingOptions& options, std::uint64_t seed) {
     case PlanKind::ring: return make_ring_plan(options.ring, seed);
   }
   MAPWEAVE_EXPECT(false, "every kind of plan has its maker");
+}
+
+FloorPlan make_plan(const BuildingOptions& options, std::uint64_t seed) {
+  return furnished(make_bare_plan(options, seed), options.furniture, seed);
 }
 
 // Where a lap leads, by targets: points of the world's frame.
@@ -136,6 +143,20 @@ void check_together(const WorldOptions& options) {
     if (!robot.edge.empty() && !is_valid_name(robot.edge)) {
       throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' cannot be an edge's name", where, "use letters, digits, '_', '-' and '.'");
     }
+    for (const auto* cameras : {&robot.cameras, &options.cameras}) {
+      std::set<std::string> labels;
+      for (const CameraOptions& camera : *cameras) {
+        if (!is_valid_name(camera.id)) {
+          throw Error(ErrorCode::kBadInput, "'" + camera.id + "' cannot be a camera's id", where, "use letters, digits, '_', '-' and '.'");
+        }
+        if (!labels.insert(camera.id).second)
+          throw Error(ErrorCode::kBadInput, "two cameras have the id '" + camera.id + "'", where, "give each its own");
+        if (camera.depth.max_range_m < camera.depth.min_range_m)
+          throw Error(ErrorCode::kBadInput, "the greatest depth is under the least", "camera '" + camera.id + "'",
+                      "change depth.max_range_m");
+        const CameraModel model(camera.intrinsics());  // throws where the distortion is impossible
+      }
+    }
     if (!ids.insert(robot.id).second) throw Error(ErrorCode::kBadInput, "two robots have this id", where, "give each its own");
     if (robot.building < 0 || static_cast<std::size_t>(robot.building) >= options.buildings.size()) {
       throw Error(ErrorCode::kBadInput,
@@ -157,28 +178,35 @@ struct World::State {
   WorldOptions options;
   std::vector<FloorPlan> buildings;
   std::vector<RayCaster> casters;
-  std::vector<LaserSensor> lasers;              // one per building
-  std::vector<Trajectory> trajectories;         // of robots, from their own starts
-  std::vector<std::int64_t> first_ticks;        // of robots: ticks of the world's clock before their starts
-  std::vector<std::vector<Trajectory>> people;  // per building, from the world's first moment
-  std::int64_t tick_ns = 0;                     // between odometry readings; whole microseconds, as trajectory files keep them
+  std::vector<LaserSensor> lasers;                   // one per building
+  std::vector<std::unique_ptr<const Scene>> scenes;  // one per building; none where nobody has a camera
+  std::vector<Trajectory> trajectories;              // of robots, from their own starts
+  std::vector<std::vector<Carry>> carries;           // of robots
+  std::vector<FloorWaves> floors;                    // one per building
+  std::vector<std::int64_t> first_ticks;             // of robots: ticks of the world's clock before their starts
+  std::vector<std::vector<Trajectory>> people;       // per building, from the world's first moment
+  std::int64_t tick_ns = 0;                          // between odometry readings; whole microseconds, as trajectory files keep them
 
   double seconds(std::int64_t ticks) const { return static_cast<double>(ticks * tick_ns) * 1e-9; }
 
-  // What robot's laser may see of the others.
-  std::vector<Disc> moving_around(std::size_t robot, double seconds_of_world) const {
+  // The others in a robot's building; their numbers count robots first.
+  std::vector<Body> bodies_around(std::size_t robot, double seconds_of_world) const {
     const int building = options.robots[robot].building;
-    std::vector<Disc> discs;
-    const auto add = [&](const Trajectory& trajectory, double at_seconds, double radius_m) {
-      const Pose2 pose = trajectory.at(at_seconds);
-      discs.push_back({{pose.x, pose.y}, radius_m});
-    };
+    std::vector<Body> bodies;
     for (std::size_t other = 0; other < trajectories.size() && options.robot_radius_m > 0.0; ++other) {
       if (other == robot || options.robots[other].building != building) continue;
-      add(trajectories[other], seconds_of_world - seconds(first_ticks[other]), options.robot_radius_m);
+      bodies.push_back({trajectories[other].at(seconds_of_world - seconds(first_ticks[other])), options.robot_radius_m,
+                        options.robot_height_m, static_cast<int>(other)});
     }
-    for (const Trajectory& person : people[static_cast<std::size_t>(building)]) add(person, seconds_of_world, options.people.radius_m);
-    return discs;
+    for (const Trajectory& person : people[static_cast<std::size_t>(building)]) {
+      bodies.push_back({person.at(seconds_of_world), options.people.radius_m, options.people.height_m,
+                        1000 + static_cast<int>(&person - people[static_cast<std::size_t>(building)].data())});
+    }
+    return bodies;
+  }
+  bool is_carried(std::size_t robot, double seconds_of_robot) const {
+    return std::any_of(carries[robot].begin(), carries[robot].end(),
+                       [&](const Carry& carry) { return seconds_of_robot > carry.from_s && seconds_of_robot < carry.to_s; });
   }
 };
 
@@ -193,6 +221,7 @@ World::World(WorldOptions options, WorkerPool& pool) {
   state->tick_ns = std::max<std::int64_t>(1, std::llround(1e6 / (world.laser.scans_per_second * world.odometry.steps_per_scan))) * 1000;
 
   std::vector<Point2> origins;
+  std::vector<std::uint64_t> plan_seeds;
   double next_x = 0.0;
   for (std::size_t i = 0; i < world.buildings.size(); ++i) {
     const BuildingOptions& building = world.buildings[i];
@@ -203,6 +232,8 @@ World::World(WorldOptions options, WorkerPool& pool) {
     next_x += bounds(plan).high_x + kBetweenBuildings;
     state->buildings.push_back(moved(std::move(plan), origins.back().x, origins.back().y));
     state->casters.emplace_back(state->buildings.back().walls);
+    state->floors.emplace_back(world.motion.floor_tilt_deg, plan_seed);
+    plan_seeds.push_back(plan_seed);
   }
   for (const RayCaster& caster : state->casters) state->lasers.emplace_back(caster, world.laser);
   const auto spaces =
@@ -212,6 +243,10 @@ World::World(WorldOptions options, WorkerPool& pool) {
     const std::size_t building = static_cast<std::size_t>(world.robots[i].building);
     return plan_trajectory(world.robots[i], state->buildings[building], origins[building], spaces[building], world.motion, seed);
   });
+  for (std::size_t i = 0; i < world.robots.size(); ++i) {
+    state->carries.emplace_back();
+    state->trajectories[i] = carried_away(state->trajectories[i], world.robots[i], state->carries.back());
+  }
   double end_s = 0.0;
   for (std::size_t i = 0; i < world.robots.size(); ++i) {
     state->first_ticks.push_back(std::llround(world.robots[i].start_s * 1e9 / static_cast<double>(state->tick_ns)));
@@ -231,6 +266,13 @@ World::World(WorldOptions options, WorkerPool& pool) {
   });
   state->people.resize(state->buildings.size());
   for (std::size_t i = 0; i < walks.size(); ++i) state->people[i / people].push_back(std::move(walks[i]));
+  state->scenes.resize(state->buildings.size());
+  for (const RobotOptions& robot : world.robots) {
+    const std::size_t i = static_cast<std::size_t>(robot.building);
+    if ((robot.cameras.empty() && world.cameras.empty()) || state->scenes[i]) continue;
+    throw_if_interrupted();
+    state->scenes[i] = std::make_unique<const Scene>(state->buildings[i], world.look, plan_seeds[i], pool);
+  }
   state_ = std::move(state);
 }
 
@@ -250,6 +292,23 @@ std::size_t World::scan_count(std::size_t robot) const {
   return (step_count(robot) - 1) / static_cast<std::size_t>(state_->options.odometry.steps_per_scan) + 1;
 }
 
+const std::vector<CameraOptions>& World::cameras(std::size_t robot) const {
+  const auto& own = state_->options.robots.at(robot).cameras;
+  return own.empty() ? state_->options.cameras : own;
+}
+const Scene& World::scene(std::size_t building) const {
+  MAPWEAVE_EXPECT(state_->scenes.at(building) != nullptr, "a robot with cameras is in the building");
+  return *state_->scenes[building];
+}
+Stamp World::first_stamp(std::size_t robot) const { return Stamp{kFirstMoment + state_->first_ticks.at(robot) * state_->tick_ns}; }
+Pose3 World::world_from_robot(std::size_t robot, double seconds) const {
+  return state_->floors[building_of(robot)].on_floor(trajectory(robot).at(seconds));
+}
+std::vector<Body> World::bodies_around(std::size_t robot, double seconds) const {
+  return state_->bodies_around(robot, seconds + state_->seconds(state_->first_ticks.at(robot)));
+}
+bool World::is_carried(std::size_t robot, double seconds) const { return state_->is_carried(robot, seconds); }
+
 Recording::Recording(const World& world, std::size_t robot)
     : world_(&world),
       robot_(robot),
@@ -261,12 +320,18 @@ std::optional<SimulatedStep> Recording::next() {
   const std::int64_t ticks = state.first_ticks[robot_] + static_cast<std::int64_t>(step_);
   SimulatedStep step;
   step.stamp = Stamp{kFirstMoment + ticks * state.tick_ns};
-  step.world_from_robot = state.trajectories[robot_].at(state.seconds(static_cast<std::int64_t>(step_)));
-  step.odometry_from_robot = odometry_.step(step.world_from_robot);
+  const double seconds = state.seconds(static_cast<std::int64_t>(step_));
+  step.world_from_robot = state.trajectories[robot_].at(seconds);
+  const bool is_carried = state.is_carried(robot_, seconds);
+  step.odometry_from_robot = is_carried ? odometry_.carry(step.world_from_robot) : odometry_.step(step.world_from_robot);
   if (step_ % static_cast<std::size_t>(state.options.odometry.steps_per_scan) == 0) {
     const RandomStream noise(static_cast<std::uint64_t>(state.options.seed), "laser", state.options.robots[robot_].id);
-    step.ranges = state.lasers[world_->building_of(robot_)].scan(step.world_from_robot, state.moving_around(robot_, state.seconds(ticks)),
-                                                                 noise.at(step_));
+    const LaserSensor& laser = state.lasers[world_->building_of(robot_)];
+    std::vector<Disc> moving;
+    for (const Body& body : state.bodies_around(robot_, state.seconds(ticks)))
+      moving.push_back({{body.world_from_body.x, body.world_from_body.y}, body.radius_m});
+    step.ranges = laser.scan(step.world_from_robot, moving, noise.at(step_));
+    if (is_carried) std::fill(step.ranges.begin(), step.ranges.end(), 0.0f);  // its laser is covered
   }
   ++step_;
   return step;

@@ -16,6 +16,7 @@ struct MotionOptions {
   double acceleration_m_per_s2 = 0.5;
   double turn_rate_deg_per_s = 50.0;
   double clearance_m = 0.3;
+  double floor_tilt_deg = 0.0;
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("speed_min_m_per_s", speed_min_m_per_s, 0.02, 10.0, "each leg of a tour has its own cruising speed: the least");
@@ -23,6 +24,8 @@ struct MotionOptions {
     v.number("acceleration_m_per_s2", acceleration_m_per_s2, 0.05, 20.0, "of speeding up and braking");
     v.number("turn_rate_deg_per_s", turn_rate_deg_per_s, 5.0, 720.0, "greatest turn rate");
     v.number("clearance_m", clearance_m, 0.05, 5.0, "the robot's centre stays this far from every wall");
+    v.number("floor_tilt_deg", floor_tilt_deg, 0.0, 10.0,
+             "standard deviation of the floor's tilt, in waves of 0.4 m to 3 m; cameras and the inertial unit feel it");
   }
 };
 

@@ -41,6 +41,7 @@ class WheelOdometry {
   WheelOdometry(const WheelOdometryOptions& options, std::uint64_t seed, std::string_view robot);
   // Odometry starts at (0, 0, 0) at the first pose. Poses follow one another closely (a step of odometry apart).
   Pose2 step(const Pose2& world_from_robot);
+  Pose2 carry(const Pose2& world_from_robot);  // the same, with the wheels in the air
   int slips() const { return slips_; }
 
  private:

@@ -39,6 +39,14 @@ class World {
   std::size_t step_count(std::size_t robot) const;
   std::size_t scan_count(std::size_t robot) const;
 
+  // Of cameras. Times are seconds since the robot's own start.
+  const std::vector<CameraOptions>& cameras(std::size_t robot) const;
+  const Scene& scene(std::size_t building) const;  // contract: a robot with cameras is in this building
+  Stamp first_stamp(std::size_t robot) const;
+  Pose3 world_from_robot(std::size_t robot, double seconds) const;           // on the floor as it is, waves and all
+  std::vector<Body> bodies_around(std::size_t robot, double seconds) const;  // robots and people in its building, but for itself
+  bool is_carried(std::size_t robot, double seconds) const;
+
  private:
   friend class Recording;
   struct State;

@@ -1,7 +1,9 @@
 #pragma once
 // A world file: buildings, the robots that drive in them, people, sensors, noise and one seed.
 
+#include <mapweave/simulation/camera_options.h>
 #include <mapweave/simulation/laser_sensor.h>
+#include <mapweave/simulation/scene.h>
 #include <mapweave/simulation/trajectory.h>
 #include <mapweave/simulation/wheel_odometry.h>
 
@@ -12,9 +14,22 @@ namespace mapweave::simulation {
 
 enum class PlanKind { corridor, apartment, repeated_rooms, mirrored_rooms, hall, ring };
 
+struct FurnitureOptions {
+  double round = 0.0;
+  int session = 0;
+  double changed = 0.3;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.fraction("round", round, "share of boxes that are cylinders instead");
+    v.integer("session", session, 0, 1000, "another day in the same building: some furniture differs; 0: the first");
+    v.fraction("changed", changed, "share of furniture that is gone, or another and smaller piece, in a session after the first");
+  }
+};
+
 struct BuildingOptions {
   PlanKind kind = PlanKind::apartment;
   std::int64_t seed = 0;
+  FurnitureOptions furniture;
   CorridorOptions corridor;
   ApartmentOptions apartment;
   RoomRowOptions repeated_rooms;
@@ -33,6 +48,7 @@ struct BuildingOptions {
              "which of the plans below it follows");
     v.integer("seed", seed, 0, 2147483647,
               "keeps the building while the world's seed changes; 0: from the world's seed and the building's number");
+    v.section("furniture", furniture, "what stands in any of them");
     v.section("corridor", corridor, "a straight corridor");
     v.section("apartment", apartment, "rooms along corridors");
     v.section("repeated_rooms", repeated_rooms, "rooms that are all alike");
@@ -51,6 +67,18 @@ struct WaypointOptions {
   }
 };
 
+struct KidnappingOptions {
+  double after_m = 20.0;
+  double skip_m = 10.0;
+  double duration_s = 5.0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("after_m", after_m, 0.0, 100000.0, "of its way the robot is picked up");
+    v.number("skip_m", skip_m, 0.0, 100000.0, "and put down again this much further along its way");
+    v.number("duration_s", duration_s, 0.0, 600.0, "meanwhile its cameras and its laser are covered; 0: between two frames");
+  }
+};
+
 enum class TourOrder { along, back, shuffled };
 
 struct RobotOptions {
@@ -65,6 +93,8 @@ struct RobotOptions {
   double length_m = 0.0;
   double start_s = 0.0;
   std::vector<WaypointOptions> waypoints;
+  std::vector<KidnappingOptions> kidnappings;
+  std::vector<CameraOptions> cameras;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; its files are called so");
@@ -79,18 +109,42 @@ struct RobotOptions {
     v.number("length_m", length_m, 0.0, 100000.0, "drive this far, in as many laps as it takes; 0: as `laps` says");
     v.number("start_s", start_s, 0.0, 100000.0, "starts this long after the world's first moment");
     v.list("waypoints", waypoints, "drive by these points instead of rooms");
+    v.list("kidnappings", kidnappings, "carried away, wheels in the air, in the order of the way");
+    v.list("cameras", cameras, "its own, instead of the world's");
   }
 };
 
 struct PeopleOptions {
   int count = 0;
   double radius_m = 0.2;
+  double height_m = 1.7;
   double speed_m_per_s = 1.0;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("count", count, 0, 100, "people that walk about in each building");
     v.number("radius_m", radius_m, 0.05, 1.0, "of the disc that the laser sees of one");
+    v.number("height_m", height_m, 0.5, 2.5, "and of the body that cameras see");
     v.number("speed_m_per_s", speed_m_per_s, 0.1, 3.0, "how fast they walk");
+  }
+};
+
+enum class LogLayout { rawlog, folders, both };
+enum class PictureFormat { embedded, png, jpeg };
+
+struct LogOptions {
+  LogLayout layout = LogLayout::rawlog;
+  PictureFormat pictures = PictureFormat::png;
+  int jpeg_quality = 90;
+  bool scans = true;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("layout", layout, {{"rawlog", LogLayout::rawlog}, {"folders", LogLayout::folders}, {"both", LogLayout::both}},
+             "all sensors in one rawlog; a folder for each camera (TUM RGB-D layout; stereo: KITTI odometry layout) beside a rawlog of the "
+             "other sensors; or cameras in both");
+    v.choice("pictures", pictures, {{"embedded", PictureFormat::embedded}, {"png", PictureFormat::png}, {"jpeg", PictureFormat::jpeg}},
+             "in the rawlog (grey ones without loss, colour as MRPT's JPEG), or beside it; folders take png for embedded");
+    v.integer("jpeg_quality", jpeg_quality, 1, 100, "of jpeg");
+    v.flag("scans", scans, "whether the laser's scans are written");
   }
 };
 
@@ -101,6 +155,11 @@ struct WorldOptions {
   int edges = 1;
   PeopleOptions people;
   double robot_radius_m = 0.2;
+  double robot_height_m = 0.5;
+  LookOptions look;
+  std::vector<CameraOptions> cameras;
+  ImuOptions imu;
+  LogOptions logs;
   LaserOptions laser;
   WheelOdometryOptions odometry;
   MotionOptions motion;
@@ -112,6 +171,11 @@ struct WorldOptions {
     v.integer("edges", edges, 1, 1000, "edges that robots without one are given to in turn");
     v.section("people", people, "people that walk about");
     v.number("robot_radius_m", robot_radius_m, 0.0, 2.0, "of the disc that the other robots' lasers see; 0: robots do not see each other");
+    v.number("robot_height_m", robot_height_m, 0.05, 2.5, "and of the body that their cameras see");
+    v.section("look", look, "what cameras see of buildings");
+    v.list("cameras", cameras, "that every robot carries, unless it has its own");
+    v.section("imu", imu, "the inertial unit that every robot carries, at its origin");
+    v.section("logs", logs, "how cameras are written");
     v.section("laser", laser, "the laser that every robot carries");
     v.section("odometry", odometry, "its wheels");
     v.section("motion", motion, "how it drives");
