@@ -1,5 +1,7 @@
 #include "camera_noise.h"
 
+#include "normal_table.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,35 +14,6 @@ using Eigen::Vector3f;
 
 constexpr int kMostBlurSamples = 16;
 constexpr float kLeastBlur = 0.4f;  // pixels: less is not seen
-
-// Normal numbers to be looked up by 12 random bits: five for each number of a stream. Mean 0 and standard deviation 1 exactly.
-class NormalTable {
- public:
-  NormalTable() {
-    RandomNumbers numbers(0x6e6f726d616cu);
-    double sum = 0.0, squares = 0.0;
-    std::array<double, kSize> drawn;
-    for (double& number : drawn) {
-      number = numbers.normal();
-      sum += number;
-    }
-    for (double& number : drawn) {
-      number -= sum / kSize;
-      squares += number * number;
-    }
-    for (std::size_t i = 0; i < kSize; ++i) values_[i] = static_cast<float>(drawn[i] / std::sqrt(squares / kSize));
-  }
-  void fill(RandomNumbers numbers, float* out, int count) const {
-    for (int i = 0; i < count;) {
-      std::uint64_t bits = numbers.bits();
-      for (const int end = std::min(count, i + 5); i < end; ++i, bits >>= 12) out[i] = values_[bits & (kSize - 1)];
-    }
-  }
-
- private:
-  static constexpr std::size_t kSize = 4096;
-  std::array<float, kSize> values_;
-};
 
 const NormalTable& normal_table() {
   static const NormalTable table;
@@ -58,6 +31,11 @@ struct Motion {  // of normalised points: other = rotation p + translation / z
 
 void blur(View& view, const CameraModel& camera, const Pose3& world_from_first, const Pose3& world_from_middle,
           const Pose3& world_from_last, std::vector<float>& blurred) {
+  // No pixel moves by more than its turn and its shift could, at the nearest depth, in a picture of up to 1 rad beside its axis.
+  const Pose3 way = between(world_from_first, world_from_last);
+  const float nearest = *std::max_element(view.inverse_depth.begin(), view.inverse_depth.end());
+  const double most = camera.intrinsics().fx * (4.0 * way.q.vec().norm() + 2.0 * way.t.norm() * static_cast<double>(nearest));
+  if (most < static_cast<double>(kLeastBlur)) return;
   const Motion first(between(world_from_first, world_from_middle)), last(between(world_from_last, world_from_middle));
   const float fx = static_cast<float>(camera.intrinsics().fx), fy = static_cast<float>(camera.intrinsics().fy);
   blurred.resize(view.values.size());

@@ -41,9 +41,7 @@ std::optional<ImuReading> ImuRecording::next() {
   ++next_;
   const Pose3 now = world_->world_from_robot(robot_, at);
   Eigen::Vector3d push(0.0, 0.0, kGravity);  // world frame
-  const bool is_on_floor =
-      !world_->is_carried(robot_, at - kSmoothing) && !world_->is_carried(robot_, at) && !world_->is_carried(robot_, at + kSmoothing);
-  if (is_on_floor) {  // else it is held still, as far as it can tell
+  if (!world_->is_carried(robot_, at, kSmoothing)) {  // else it is held still, as far as it can tell
     const Pose3 before = world_->world_from_robot(robot_, at - kSmoothing), after = world_->world_from_robot(robot_, at + kSmoothing);
     const Eigen::AngleAxisd turn(before.q.conjugate() * after.q);
     const double angle = wrap_angle(turn.angle());

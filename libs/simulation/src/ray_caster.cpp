@@ -76,7 +76,8 @@ RayCaster::RayCaster(const std::vector<Wall>& walls) {
 }
 
 // Cell by cell along the ray: Amanatides and Woo, A fast voxel traversal algorithm for ray tracing, Eurographics 1987.
-double RayCaster::distance(Point2 origin, double dx, double dy, double max_range_m) const {
+template <class Visit>
+void RayCaster::walk(Point2 origin, double dx, double dy, double max_range_m, Visit&& visit) const {
   const double inverse_x = 1.0 / dx, inverse_y = 1.0 / dy;  // infinite where parallel to an axis
   const double high_x = low_x_ + columns_ * cell_m_, high_y = low_y_ + rows_ * cell_m_;
   double entry = 0.0;  // of the grid, where the ray starts outside of it
@@ -93,7 +94,7 @@ double RayCaster::distance(Point2 origin, double dx, double dy, double max_range
     };
     clip(origin.x, dx, low_x_, high_x);
     clip(origin.y, dy, low_y_, high_y);
-    if (entry > exit) return kNoHit;
+    if (entry > exit) return;
   }
   const double start_x = (origin.x + entry * dx - low_x_) / cell_m_, start_y = (origin.y + entry * dy - low_y_) / cell_m_;
   int column = std::clamp(static_cast<int>(start_x), 0, columns_ - 1), row = std::clamp(static_cast<int>(start_y), 0, rows_ - 1);
@@ -102,13 +103,10 @@ double RayCaster::distance(Point2 origin, double dx, double dy, double max_range
   double next_y = dy == 0.0 ? kNoHit : (low_y_ + (row + (dy > 0.0 ? 1 : 0)) * cell_m_ - origin.y) * inverse_y;
   const double step_x = dx == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_x), step_y = dy == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_y);
 
-  double nearest = kNoHit;
   while (true) {
     const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
-    for (std::uint32_t i = first_[cell]; i < first_[cell + 1]; ++i)
-      nearest = std::min(nearest, distance_along_ray(origin, dx, dy, walls_[i]));
     const double leaves_at = std::min(next_x, next_y);
-    if (nearest <= leaves_at || leaves_at > max_range_m) break;
+    if (visit(walls_.data() + first_[cell], walls_.data() + first_[cell + 1], leaves_at) || leaves_at > max_range_m) break;
     if (next_x < next_y) {
       next_x += step_x;
       column += step_column;
@@ -119,7 +117,30 @@ double RayCaster::distance(Point2 origin, double dx, double dy, double max_range
       if (row < 0 || row >= rows_) break;
     }
   }
+}
+
+double RayCaster::distance(Point2 origin, double dx, double dy, double max_range_m) const {
+  double nearest = kNoHit;
+  walk(origin, dx, dy, max_range_m, [&](const Wall* wall, const Wall* end, double leaves_at) {
+    for (; wall != end; ++wall) nearest = std::min(nearest, distance_along_ray(origin, dx, dy, *wall));
+    return nearest <= leaves_at;
+  });
   return nearest <= max_range_m ? nearest : kNoHit;
+}
+
+bool RayCaster::is_in_sight(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
+  const double length = std::hypot(to.x() - from.x(), to.y() - from.y());
+  if (length == 0.0) return true;
+  const double dx = (to.x() - from.x()) / length, dy = (to.y() - from.y()) / length, rise = (to.z() - from.z()) / length;
+  bool is_hidden = false;
+  walk({from.x(), from.y()}, dx, dy, length, [&](const Wall* wall, const Wall* end, double) {
+    for (; wall != end && !is_hidden; ++wall) {
+      const double distance = distance_along_ray({from.x(), from.y()}, dx, dy, *wall), z = from.z() + distance * rise;
+      is_hidden = distance < length && z > wall->low_m && z < wall->high_m;
+    }
+    return is_hidden;
+  });
+  return !is_hidden;
 }
 
 }  // namespace mapweave::simulation

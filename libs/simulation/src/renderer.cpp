@@ -184,12 +184,76 @@ class Rasteriser {
   std::vector<Prepared> surfaces_;
 };
 
-// How a surface is sampled about a pixel: levels, their mixture, and steps along the longer axis of the footprint.
-struct Footprint {
-  int level, samples, mixture;  // mixture: 0 to 256 of the next level
-  float step_u, step_v;         // texels
-  int detail_level;
-  float detail_weight;  // fades where a pixel covers 2 mm to 8 mm
+// How a surface is sampled about a pixel, with everything at hand.
+class Sampler {
+ public:
+  Sampler(const Scene& scene, const Prepared& s, float x, float y, float pixel_x, float pixel_y)
+      : inverse_depth_(s.inverse_depth), u_(s.u), v_(s.v), first_u_(s.first_u), first_v_(s.first_v) {
+    const float z = depth(x, y);
+    const float u = (u_.x() * x + u_.y() * y + u_.z()) * z, v = (v_.x() * x + v_.y() * y + v_.z()) * z;
+    const float ux = (u_.x() - u * inverse_depth_.x()) * z * pixel_x, vx = (v_.x() - v * inverse_depth_.x()) * z * pixel_x;
+    const float uy = (u_.y() - u * inverse_depth_.y()) * z * pixel_y, vy = (v_.y() - v * inverse_depth_.y()) * z * pixel_y;
+    const float across = std::sqrt(ux * ux + vx * vx), down = std::sqrt(uy * uy + vy * vy);
+    const bool is_across_longer = across > down;
+    const float longer = std::max({across, down, 1e-3f}), shorter = std::max(std::min(across, down), 1e-3f);
+    samples_ = std::clamp(static_cast<int>(longer / shorter + 0.4f), 1, 4);
+    share_ = 1.0f / (256.0f * static_cast<float>(samples_));
+    step_u_ = (is_across_longer ? ux : uy) / static_cast<float>(samples_);
+    step_v_ = (is_across_longer ? vx : vy) / static_cast<float>(samples_);
+    first_u_ -= 0.5f * static_cast<float>(samples_ - 1) * step_u_;
+    first_v_ -= 0.5f * static_cast<float>(samples_ - 1) * step_v_;
+
+    const Texture& texture = scene.texture(s.look->texture);
+    const int last = texture.levels() - 1;
+    const float wanted = std::log2(std::max({shorter, longer / static_cast<float>(samples_), 1.0f}));
+    const float level = std::min(wanted, static_cast<float>(last));
+    const int whole = static_cast<int>(level);
+    level_ = texture.level(whole);
+    next_level_ = texture.level(std::min(whole + 1, last));
+    mixture_ = static_cast<int>((level - static_cast<float>(whole)) * 256.0f);
+    if (mixture_ < kLeastMixture) mixture_ = 0;
+    if (mixture_ > 256 - kLeastMixture) {
+      level_ = next_level_;
+      mixture_ = 0;
+    }
+    if (!s.look->has_detail) return;
+    detail_scale_ = s.detail_scale;
+    first_detail_u_ = s.first_detail_u;
+    first_detail_v_ = s.first_detail_v;
+    const float detail_level = std::log2(std::max(1.0f, longer * s.detail_scale));
+    detail_weight_ = std::clamp(0.5f * (3.0f - detail_level), 0.0f, 1.0f) * (1.0f / 256.0f);
+    detail_ = scene.detail().level(static_cast<int>(std::min(detail_level, 3.0f)));
+  }
+
+  // 0 to 255: where between its two colours the surface is.
+  float operator()(float x, float y) const {
+    const float z = depth(x, y);
+    const float from_u = (u_.x() * x + u_.y() * y + u_.z()) * z, from_v = (v_.x() * x + v_.y() * y + v_.z()) * z;
+    float u = from_u + first_u_, v = from_v + first_v_;
+    int sum = 0;
+    for (int i = 0; i < samples_; ++i, u += step_u_, v += step_v_) {
+      const int sample = level_.sample(u, v);
+      sum += mixture_ == 0 ? sample : sample + (((next_level_.sample(u, v) - sample) * mixture_) >> 8);
+    }
+    float value = static_cast<float>(sum) * share_;
+    if (detail_weight_ > 0.0f) {
+      const int sample = detail_.sample(from_u * detail_scale_ + first_detail_u_, from_v * detail_scale_ + first_detail_v_);
+      value += detail_weight_ * static_cast<float>(sample - 128 * 256);
+    }
+    return std::clamp(value, 0.0f, 255.0f);
+  }
+
+ private:
+  static constexpr int kLeastMixture = 24;  // of 256: less than a tenth of a level does not show
+  float depth(float x, float y) const {
+    return std::min(1.0f / (inverse_depth_.x() * x + inverse_depth_.y() * y + inverse_depth_.z()), kFarthest);
+  }
+  Vector3f inverse_depth_, u_, v_;
+  float first_u_, first_v_, step_u_, step_v_, share_;
+  int samples_, mixture_;
+  Texture::Level level_, next_level_, detail_{};
+  float detail_scale_ = 0.0f, first_detail_u_ = 0.0f, first_detail_v_ = 0.0f;
+  float detail_weight_ = 0.0f;  // fades where a pixel covers 2 mm to 8 mm
 };
 
 class Shader {
@@ -199,56 +263,6 @@ class Shader {
         surfaces_(surfaces),
         pixel_x_(static_cast<float>(1.0 / camera.intrinsics().fx)),
         pixel_y_(static_cast<float>(1.0 / camera.intrinsics().fy)) {}
-
-  Footprint footprint(const Prepared& s, float x, float y) const {
-    const float inverse = s.inverse_depth.x() * x + s.inverse_depth.y() * y + s.inverse_depth.z();
-    const float z = std::min(1.0f / inverse, kFarthest);
-    const float u = (s.u.x() * x + s.u.y() * y + s.u.z()) * z, v = (s.v.x() * x + s.v.y() * y + s.v.z()) * z;
-    const float ux = (s.u.x() - u * s.inverse_depth.x()) * z * pixel_x_, vx = (s.v.x() - v * s.inverse_depth.x()) * z * pixel_x_;
-    const float uy = (s.u.y() - u * s.inverse_depth.y()) * z * pixel_y_, vy = (s.v.y() - v * s.inverse_depth.y()) * z * pixel_y_;
-    const float across = std::sqrt(ux * ux + vx * vx), down = std::sqrt(uy * uy + vy * vy);
-    const bool is_across_longer = across > down;
-    const float longer = std::max({across, down, 1e-3f}), shorter = std::max(std::min(across, down), 1e-3f);
-    Footprint f;
-    f.samples = std::clamp(static_cast<int>(longer / shorter + 0.5f), 1, 4);
-    f.step_u = (is_across_longer ? ux : uy) / static_cast<float>(f.samples);
-    f.step_v = (is_across_longer ? vx : vy) / static_cast<float>(f.samples);
-    const Texture& texture = scene_.texture(s.look->texture);
-    const float level = std::max(0.0f, std::log2(std::max(shorter, longer / static_cast<float>(f.samples))));
-    const float last = static_cast<float>(texture.levels() - 1), held = std::min(level, last);
-    f.level = static_cast<int>(held);
-    f.mixture = f.level < texture.levels() - 1 ? static_cast<int>((held - static_cast<float>(f.level)) * 256.0f) : 0;
-    f.detail_weight = 0.0f;
-    if (s.look->has_detail) {
-      const float detail_level = std::log2(std::max(1.0f, longer * s.detail_scale));
-      f.detail_level = static_cast<int>(detail_level);
-      f.detail_weight = std::clamp(0.5f * (3.0f - detail_level), 0.0f, 1.0f);
-    }
-    return f;
-  }
-
-  // 0 to 255: where between its two colours the surface is.
-  float value(const Prepared& s, const Footprint& f, float x, float y) const {
-    const float inverse = s.inverse_depth.x() * x + s.inverse_depth.y() * y + s.inverse_depth.z();
-    const float z = std::min(1.0f / inverse, kFarthest);
-    const float from_u = (s.u.x() * x + s.u.y() * y + s.u.z()) * z, from_v = (s.v.x() * x + s.v.y() * y + s.v.z()) * z;
-    const float u = from_u + s.first_u, v = from_v + s.first_v;
-    const Texture& texture = scene_.texture(s.look->texture);
-    float sum = 0.0f;
-    float at_u = u - 0.5f * static_cast<float>(f.samples - 1) * f.step_u, at_v = v - 0.5f * static_cast<float>(f.samples - 1) * f.step_v;
-    for (int i = 0; i < f.samples; ++i, at_u += f.step_u, at_v += f.step_v) {
-      int sample = texture.sample(f.level, at_u, at_v);
-      if (f.mixture > 8) sample += (texture.sample(f.level + 1, at_u, at_v) - sample) * f.mixture / 256;
-      sum += static_cast<float>(sample);
-    }
-    float result = sum / (256.0f * static_cast<float>(f.samples));
-    if (f.detail_weight > 0.0f) {
-      const int sample =
-          scene_.detail().sample(f.detail_level, from_u * s.detail_scale + s.first_detail_u, from_v * s.detail_scale + s.first_detail_v);
-      result += f.detail_weight * static_cast<float>(sample - 128 * 256) * (1.0f / 256.0f);
-    }
-    return std::clamp(result, 0.0f, 255.0f);
-  }
 
   void shade(const CameraModel& camera, View& view) const {
     for (int row = 0; row < view.height; ++row) {
@@ -266,8 +280,8 @@ class Shader {
           const Prepared& s = surfaces_[static_cast<std::size_t>(shown[from])];
           const Mixer mix(*s.look, view.channels);
           const int middle = (from + to) / 2;
-          const Footprint f = footprint(s, x[middle], y[middle]);
-          for (int i = from; i < to; ++i) mix(value(s, f, x[i], y[i]), out + i * view.channels);
+          const Sampler sample(scene_, s, x[middle], y[middle], pixel_x_, pixel_y_);
+          for (int i = from; i < to; ++i) mix(sample(x[i], y[i]), out + i * view.channels);
         }
         from = to;
       }
@@ -309,7 +323,7 @@ class Shader {
             greatest = inverse;
           }
           if (nearest == nullptr) continue;
-          Mixer(*nearest->look, view.channels)(value(*nearest, footprint(*nearest, x, y), x, y), sample.data());
+          Mixer(*nearest->look, view.channels)(Sampler(scene_, *nearest, x, y, pixel_x_, pixel_y_)(x, y), sample.data());
           for (int channel = 0; channel < view.channels; ++channel)
             sum[static_cast<std::size_t>(channel)] += 0.25f * sample[static_cast<std::size_t>(channel)];
         }

@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <mutex>
 #include <set>
 #include <string>
 
@@ -179,7 +181,13 @@ struct World::State {
   std::vector<FloorPlan> buildings;
   std::vector<RayCaster> casters;
   std::vector<LaserSensor> lasers;                   // one per building
-  std::vector<std::unique_ptr<const Scene>> scenes;  // one per building; none where nobody has a camera
+  // One per building, painted when first looked at.
+  struct LazyScene {
+    std::once_flag once;
+    std::unique_ptr<const Scene> scene;
+  };
+  mutable std::deque<LazyScene> scenes;
+  std::vector<std::uint64_t> plan_seeds;
   std::vector<Trajectory> trajectories;              // of robots, from their own starts
   std::vector<std::vector<Carry>> carries;           // of robots
   std::vector<FloorWaves> floors;                    // one per building
@@ -204,9 +212,9 @@ struct World::State {
     }
     return bodies;
   }
-  bool is_carried(std::size_t robot, double seconds_of_robot) const {
+  bool is_carried(std::size_t robot, double seconds_of_robot, double within_s = 0.0) const {
     return std::any_of(carries[robot].begin(), carries[robot].end(),
-                       [&](const Carry& carry) { return seconds_of_robot > carry.from_s && seconds_of_robot < carry.to_s; });
+                       [&](const Carry& carry) { return seconds_of_robot + within_s > carry.from_s && seconds_of_robot - within_s < carry.to_s; });
   }
 };
 
@@ -221,7 +229,6 @@ World::World(WorldOptions options, WorkerPool& pool) {
   state->tick_ns = std::max<std::int64_t>(1, std::llround(1e6 / (world.laser.scans_per_second * world.odometry.steps_per_scan))) * 1000;
 
   std::vector<Point2> origins;
-  std::vector<std::uint64_t> plan_seeds;
   double next_x = 0.0;
   for (std::size_t i = 0; i < world.buildings.size(); ++i) {
     const BuildingOptions& building = world.buildings[i];
@@ -233,7 +240,7 @@ World::World(WorldOptions options, WorkerPool& pool) {
     state->buildings.push_back(moved(std::move(plan), origins.back().x, origins.back().y));
     state->casters.emplace_back(state->buildings.back().walls);
     state->floors.emplace_back(world.motion.floor_tilt_deg, plan_seed);
-    plan_seeds.push_back(plan_seed);
+    state->plan_seeds.push_back(plan_seed);
   }
   for (const RayCaster& caster : state->casters) state->lasers.emplace_back(caster, world.laser);
   const auto spaces =
@@ -267,12 +274,6 @@ World::World(WorldOptions options, WorkerPool& pool) {
   state->people.resize(state->buildings.size());
   for (std::size_t i = 0; i < walks.size(); ++i) state->people[i / people].push_back(std::move(walks[i]));
   state->scenes.resize(state->buildings.size());
-  for (const RobotOptions& robot : world.robots) {
-    const std::size_t i = static_cast<std::size_t>(robot.building);
-    if ((robot.cameras.empty() && world.cameras.empty()) || state->scenes[i]) continue;
-    throw_if_interrupted();
-    state->scenes[i] = std::make_unique<const Scene>(state->buildings[i], world.look, plan_seeds[i], pool);
-  }
   state_ = std::move(state);
 }
 
@@ -297,8 +298,12 @@ const std::vector<CameraOptions>& World::cameras(std::size_t robot) const {
   return own.empty() ? state_->options.cameras : own;
 }
 const Scene& World::scene(std::size_t building) const {
-  MAPWEAVE_EXPECT(state_->scenes.at(building) != nullptr, "a robot with cameras is in the building");
-  return *state_->scenes[building];
+  State::LazyScene& lazy = state_->scenes.at(building);
+  std::call_once(lazy.once, [&] {
+    WorkerPool here(1);
+    lazy.scene = std::make_unique<const Scene>(state_->buildings[building], state_->options.look, state_->plan_seeds[building], here);
+  });
+  return *lazy.scene;
 }
 Stamp World::first_stamp(std::size_t robot) const { return Stamp{kFirstMoment + state_->first_ticks.at(robot) * state_->tick_ns}; }
 Pose3 World::world_from_robot(std::size_t robot, double seconds) const {
@@ -307,7 +312,7 @@ Pose3 World::world_from_robot(std::size_t robot, double seconds) const {
 std::vector<Body> World::bodies_around(std::size_t robot, double seconds) const {
   return state_->bodies_around(robot, seconds + state_->seconds(state_->first_ticks.at(robot)));
 }
-bool World::is_carried(std::size_t robot, double seconds) const { return state_->is_carried(robot, seconds); }
+bool World::is_carried(std::size_t robot, double seconds, double within_s) const { return state_->is_carried(robot, seconds, within_s); }
 
 Recording::Recording(const World& world, std::size_t robot)
     : world_(&world),

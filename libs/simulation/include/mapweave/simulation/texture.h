@@ -17,24 +17,30 @@ class Texture {
   int height() const { return height_; }
   int levels() const { return static_cast<int>(levels_.size()); }
 
-  // Between the four texels of a level around (u, v), in texels of level 0 (0 to 65536 or so, never negative); times 256.
-  int sample(int level, float u, float v) const {
-    const Level& at = levels_[static_cast<std::size_t>(level)];
-    const int x = static_cast<int>(u * at.scale) - 128, y = static_cast<int>(v * at.scale) - 128;  // texels / 256
-    const int column = (x >> 8) & at.mask_x, next_column = (column + 1) & at.mask_x;
-    const std::uint8_t* row = texels_.data() + at.first + (static_cast<std::size_t>((y >> 8) & at.mask_y) << at.log2_width);
-    const std::uint8_t* next_row = texels_.data() + at.first + (static_cast<std::size_t>(((y >> 8) + 1) & at.mask_y) << at.log2_width);
-    const int fx = x & 255, fy = y & 255;
-    const int above = row[column] * (256 - fx) + row[next_column] * fx, below = next_row[column] * (256 - fx) + next_row[next_column] * fx;
-    return (above * (256 - fy) + below * fy) >> 8;
-  }
+  Texture(const Texture&) = delete;
+  Texture(Texture&&) = default;
+  Texture& operator=(Texture&&) = default;
 
- private:
   struct Level {
-    std::size_t first;
+    const std::uint8_t* texels;
     int mask_x, mask_y, log2_width;
     float scale;  // 256 / 2^level
+    // Between the four texels around (u, v), in texels of level 0 (0 to 65536 or so, never negative); times 256.
+    int sample(float u, float v) const {
+      const int x = static_cast<int>(u * scale) - 128, y = static_cast<int>(v * scale) - 128;  // texels / 256
+      const int column = (x >> 8) & mask_x, next_column = (column + 1) & mask_x;
+      const std::uint8_t* row = texels + (static_cast<std::size_t>((y >> 8) & mask_y) << log2_width);
+      const std::uint8_t* next_row = texels + (static_cast<std::size_t>(((y >> 8) + 1) & mask_y) << log2_width);
+      const int fx = x & 255, fy = y & 255;
+      const int above = (row[column] << 8) + (row[next_column] - row[column]) * fx;
+      const int below = (next_row[column] << 8) + (next_row[next_column] - next_row[column]) * fx;
+      return above + (((below - above) * fy) >> 8);
+    }
   };
+  const Level& level(int number) const { return levels_[static_cast<std::size_t>(number)]; }
+  int sample(int number, float u, float v) const { return level(number).sample(u, v); }
+
+ private:
   int width_, height_;
   std::vector<Level> levels_;
   std::vector<std::uint8_t> texels_;  // of all levels
