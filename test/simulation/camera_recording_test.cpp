@@ -27,7 +27,9 @@ double mean_of(const std::vector<std::uint8_t>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-double depth_at(const CameraFrame& frame, int column, int row) { return frame.depth[static_cast<std::size_t>(row * 160 + column)] * kDepthUnit; }
+double depth_at(const CameraFrame& frame, int column, int row) {
+  return frame.depth[static_cast<std::size_t>(row * 160 + column)] * kDepthUnit;
+}
 
 TEST(CameraRecording, measures_the_distance_of_the_wall_ahead) {
   const World world = built(camera_world(perfect(tiny_camera(CameraKind::rgbd))));
@@ -49,7 +51,8 @@ TEST(CameraRecording, keeps_the_worlds_clock_and_tells_the_truth) {
   const Pose2 robot = world.trajectory(0).at(2.0);
   EXPECT_NEAR(frame.world_from_camera.t.x(), robot.x + 0.15, 1e-9);
   EXPECT_NEAR(frame.world_from_camera.t.z(), 0.6, 1e-9);
-  const Eigen::Vector3d axis = frame.world_from_camera.q * Eigen::Vector3d::UnitZ(), down = frame.world_from_camera.q * Eigen::Vector3d::UnitY();
+  const Eigen::Vector3d axis = frame.world_from_camera.q * Eigen::Vector3d::UnitZ(),
+                        down = frame.world_from_camera.q * Eigen::Vector3d::UnitY();
   EXPECT_NEAR(axis.y(), 1.0, 1e-9) << "a camera turned to the left looks along y";
   EXPECT_NEAR(down.z(), -1.0, 1e-9);
 }
@@ -78,7 +81,9 @@ TEST(CameraRecording, sees_the_left_picture_shifted_by_the_disparity_in_the_righ
   double shifted = 0.0, unshifted = 0.0;
   for (int row = 56; row < 64; ++row) {  // the wall at the end fills the middle: 2 m are 54 pixels
     for (int column = 75; column < 95; ++column) {
-      const auto at = [&](const Picture& picture, int u) { return static_cast<int>(picture.values[static_cast<std::size_t>(row * 160 + u)]); };
+      const auto at = [&](const Picture& picture, int u) {
+        return static_cast<int>(picture.values[static_cast<std::size_t>(row * 160 + u)]);
+      };
       shifted += std::abs(at(frame.left, column) - at(frame.right, column - 10));
       unshifted += std::abs(at(frame.left, column) - at(frame.right, column));
     }
@@ -98,7 +103,7 @@ TEST(CameraRecording, falsifies_depths_as_the_options_say) {
   int near_count = 0, far_count = 0;
   for (std::size_t i = 0; i < clean.depth.size(); ++i) {
     const double z = clean.depth[i] * kDepthUnit, error = noisy.depth[i] * kDepthUnit - z;
-    const bool is_near = z < 1.5, is_far = z > 4.5;
+    const bool is_near = z<1.5, is_far = z> 4.5;
     sum += error / (0.002 + 0.001 * z * z);
     if (is_near) near_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2), ++near_count;
     if (is_far) far_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2), ++far_count;

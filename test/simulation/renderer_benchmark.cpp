@@ -1,43 +1,68 @@
-// Pictures a second. With a folder: writes some of them there, to look at.
+// Pictures a second of 640 x 480, on one thread and on all. With a folder: writes some of them there, to look at.
 
 #include <mapweave/core/stopwatch.h>
-#include <mapweave/simulation/renderer.h>
+#include <mapweave/simulation/camera_recording.h>
 
 #include <cstdio>
+#include <ctime>
 #include <fstream>
 #include <string>
 
 using namespace mapweave;
 using namespace mapweave::simulation;
 
+namespace {
+
+WorldOptions world_of(CameraKind kind, bool colour) {
+  WorldOptions options;
+  options.seed = 7;
+  options.robots.resize(1);
+  options.robots[0].id = "alpha";
+  options.robots[0].length_m = 40.0;
+  options.cameras.resize(1);
+  options.cameras[0].kind = kind;
+  options.cameras[0].colour = colour;
+  options.cameras[0].depth.offset_ms = 5.0;
+  options.people.count = 1;
+  options.motion.floor_tilt_deg = 0.15;
+  return options;
+}
+
+void write(const CameraFrame& frame, const std::string& path) {
+  std::ofstream file(path, std::ios::binary);
+  file << (frame.left.channels == 3 ? "P6\n" : "P5\n") << frame.left.width << ' ' << frame.left.height << "\n255\n";
+  file.write(reinterpret_cast<const char*>(frame.left.values.data()), static_cast<std::streamsize>(frame.left.values.size()));
+}
+
+}  // namespace
+
 int main(int argc, char** argv) {
-  ApartmentOptions apartment;
-  const FloorPlan plan = make_apartment_plan(apartment, 7);
-  WorkerPool pool(1);
-  Stopwatch watch;
-  const Scene scene(plan, {}, 7, pool);
-  std::printf("%zu surfaces painted in %.2f s\n", scene.surfaces().size(), watch.seconds());
-  const CameraModel camera{CameraIntrinsics{}};
-  View view;
-  for (const Channels channels : {Channels::none, Channels::grey, Channels::colour}) {
-    watch = Stopwatch();
-    int frames = 0;
-    for (const Room& room : plan.rooms) {
-      for (int i = 0; i < 12; ++i) {
-        const double yaw = i * M_PI / 6.0;
-        const Eigen::Quaterniond q = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(0.03, Eigen::Vector3d::UnitX()) *
-                                     Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5);
-        render(scene, {}, camera, {{room.inside.centre().x, room.inside.centre().y, 0.6}, q}, channels, view);
-        ++frames;
-        if (argc < 2 || channels != Channels::colour || i % 4 != 0) continue;
-        std::ofstream file(std::string(argv[1]) + "/" + std::to_string(frames) + ".ppm", std::ios::binary);
-        file << "P6\n" << view.width << ' ' << view.height << "\n255\n";
-        for (int row = 0; row < view.height; ++row) {
-          for (int k = 0; k < 3 * view.width; ++k)
-            file.put(static_cast<char>(static_cast<int>(view.values[3 * view.at(row, 0) + static_cast<std::size_t>(k)])));
-        }
+  WorkerPool all(available_processors()), here(1);
+  for (const bool colour : {false, true}) {
+    for (const CameraKind kind : {CameraKind::rgbd, CameraKind::stereo}) {
+      const World world(world_of(kind, colour), here);
+      Stopwatch watch;
+      const std::size_t surfaces = world.scene(0).surfaces().size();
+      const double painted_s = watch.seconds();
+      const CameraRecording recording(world, 0, 0);
+      std::printf("%s %s: %zu surfaces painted in %.2f s;", colour ? "colour" : "grey", kind == CameraKind::rgbd ? "RGB-D" : "stereo",
+                  surfaces, painted_s);
+      const std::size_t frames = std::min<std::size_t>(recording.frame_count(), 96);
+      for (WorkerPool* pool : {&here, &all}) {
+        std::vector<CameraRecording::Workspace> workspaces(frames / 8);
+        watch = Stopwatch();
+        const std::clock_t before = std::clock();
+        pool->for_each(frames / 8, [&](std::size_t part) {
+          for (std::size_t i = 0; i < 8; ++i) {
+            const CameraFrame frame = recording.frame(part * 8 + i, workspaces[part]);
+            if (argc > 1 && i == 0 && pool == &here)
+              write(frame, std::string(argv[1]) + "/" + std::to_string(part) + (colour ? ".ppm" : ".pgm"));
+          }
+        });
+        std::printf(" %.1f frames/s on %d thread(s) (%.1f ms of processor time each)", static_cast<double>(frames) / watch.seconds(),
+                    pool->threads(), 1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / static_cast<double>(frames));
       }
+      std::printf("\n");
     }
-    std::printf("%d channels: %.1f frames/s\n", view.channels, frames / watch.seconds());
   }
 }

@@ -9,9 +9,6 @@
 namespace mapweave::simulation {
 namespace {
 
-using Eigen::Matrix3f;
-using Eigen::Vector3f;
-
 constexpr int kMostBlurSamples = 16;
 constexpr float kLeastBlur = 0.4f;  // pixels: less is not seen
 
@@ -20,11 +17,24 @@ const NormalTable& normal_table() {
   return table;
 }
 
-struct Motion {  // of normalised points: other = rotation p + translation / z
-  Matrix3f rotation;
-  Vector3f translation;
-  Motion(const Pose3& other_from_camera)
-      : rotation(other_from_camera.q.toRotationMatrix().cast<float>()), translation(other_from_camera.t.cast<float>()) {}
+// Of normalised points: where p = (x, y) at depth z is seen from another pose.
+class Motion {
+ public:
+  explicit Motion(const Pose3& other_from_camera) {
+    const Eigen::Matrix3d rotation = other_from_camera.q.toRotationMatrix();
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) r_[row][column] = static_cast<float>(rotation(row, column));
+      t_[row] = static_cast<float>(other_from_camera.t[row]);
+    }
+  }
+  void operator()(float x, float y, float inverse_depth, float& other_x, float& other_y) const {
+    const float scale = 1.0f / (r_[2][0] * x + r_[2][1] * y + r_[2][2] + t_[2] * inverse_depth);
+    other_x = (r_[0][0] * x + r_[0][1] * y + r_[0][2] + t_[0] * inverse_depth) * scale;
+    other_y = (r_[1][0] * x + r_[1][1] * y + r_[1][2] + t_[1] * inverse_depth) * scale;
+  }
+
+ private:
+  float r_[3][3], t_[3];
 };
 
 }  // namespace
@@ -39,38 +49,53 @@ void blur(View& view, const CameraModel& camera, const Pose3& world_from_first, 
   const Motion first(between(world_from_first, world_from_middle)), last(between(world_from_last, world_from_middle));
   const float fx = static_cast<float>(camera.intrinsics().fx), fy = static_cast<float>(camera.intrinsics().fy);
   blurred.resize(view.values.size());
+  const float last_u = static_cast<float>(view.width - 1), last_v = static_cast<float>(view.height - 1);
+  const std::size_t channels = static_cast<std::size_t>(view.channels);
+  std::vector<float> du(static_cast<std::size_t>(view.width)), dv(du);
   for (int row = 0; row < view.height; ++row) {
-    const std::size_t line = view.at(row, 0);
+    const float* x = camera.x(row);
+    const float* y = camera.y(row);
+    const float* inverse_depth = view.inverse_depth.data() + view.at(row, 0);
     for (int column = 0; column < view.width; ++column) {
-      const std::size_t at = line + static_cast<std::size_t>(column);
-      const Vector3f p(camera.x(row)[column], camera.y(row)[column], 1.0f);
-      const float inverse_depth = view.inverse_depth[at];
-      const Vector3f a = first.rotation * p + first.translation * inverse_depth, b = last.rotation * p + last.translation * inverse_depth;
-      const float du = fx * (b.x() / b.z() - a.x() / a.z()), dv = fy * (b.y() / b.z() - a.y() / a.z());
-      const float length = std::sqrt(du * du + dv * dv);
-      float* out = blurred.data() + at * static_cast<std::size_t>(view.channels);
-      const float* in = view.values.data();
+      float ax, ay, bx, by;
+      first(x[column], y[column], inverse_depth[column], ax, ay);
+      last(x[column], y[column], inverse_depth[column], bx, by);
+      du[static_cast<std::size_t>(column)] = fx * (bx - ax);
+      dv[static_cast<std::size_t>(column)] = fy * (by - ay);
+    }
+    for (int column = 0; column < view.width; ++column) {
+      const float way_u = du[static_cast<std::size_t>(column)], way_v = dv[static_cast<std::size_t>(column)];
+      const float length = std::sqrt(way_u * way_u + way_v * way_v);
+      const float* in = view.values.data() + view.at(row, column) * channels;
+      float* out = blurred.data() + view.at(row, column) * channels;
       if (!(length >= kLeastBlur)) {
-        std::copy_n(in + at * static_cast<std::size_t>(view.channels), view.channels, out);
+        std::copy_n(in, channels, out);
         continue;
       }
+      // Between two columns and two rows where the way is short; the nearest pixels are as good along a longer one.
       const int samples = std::clamp(static_cast<int>(length + 1.5f), 2, kMostBlurSamples);
-      std::array<float, 3> sum{};
+      const float step = 1.0f / static_cast<float>(samples);
+      float sum[3] = {0.0f, 0.0f, 0.0f};
       for (int i = 0; i < samples; ++i) {
-        const float t = (static_cast<float>(i) + 0.5f) / static_cast<float>(samples) - 0.5f;
-        const float u = std::clamp(static_cast<float>(column) + t * du, 0.0f, static_cast<float>(view.width - 1) - 0.001f);
-        const float v = std::clamp(static_cast<float>(row) + t * dv, 0.0f, static_cast<float>(view.height - 1) - 0.001f);
+        const float t = (static_cast<float>(i) + 0.5f) * step - 0.5f;
+        const float u = std::clamp(static_cast<float>(column) + t * way_u, 0.0f, last_u - 0.001f);
+        const float v = std::clamp(static_cast<float>(row) + t * way_v, 0.0f, last_v - 0.001f);
+        if (samples > 4) {
+          const float* pixel = view.values.data() + view.at(static_cast<int>(v + 0.5f), static_cast<int>(u + 0.5f)) * channels;
+          for (std::size_t c = 0; c < channels; ++c) sum[c] += pixel[c];
+          continue;
+        }
         const int u0 = static_cast<int>(u), v0 = static_cast<int>(v);
         const float fu = u - static_cast<float>(u0), fv = v - static_cast<float>(v0);
-        const float* above = in + view.at(v0, u0) * static_cast<std::size_t>(view.channels);
-        const float* below = above + static_cast<std::size_t>(view.stride) * static_cast<std::size_t>(view.channels);
-        for (int c = 0; c < view.channels; ++c) {
-          const float top = above[c] + fu * (above[c + view.channels] - above[c]);
-          const float bottom = below[c] + fu * (below[c + view.channels] - below[c]);
-          sum[static_cast<std::size_t>(c)] += top + fv * (bottom - top);
+        const float* above = view.values.data() + view.at(v0, u0) * channels;
+        const float* below = above + static_cast<std::size_t>(view.stride) * channels;
+        for (std::size_t c = 0; c < channels; ++c) {
+          const float top = above[c] + fu * (above[c + channels] - above[c]);
+          const float bottom = below[c] + fu * (below[c + channels] - below[c]);
+          sum[c] += top + fv * (bottom - top);
         }
       }
-      for (int c = 0; c < view.channels; ++c) out[c] = sum[static_cast<std::size_t>(c)] / static_cast<float>(samples);
+      for (std::size_t c = 0; c < channels; ++c) out[c] = sum[c] * step;
     }
   }
   view.values.swap(blurred);
@@ -120,6 +145,9 @@ void measure_depth(const View& view, const CameraModel& camera, const DepthNoise
   const float least_cosine = static_cast<float>(std::cos(options.grazing_deg * (M_PI / 180.0)));
   const std::uint64_t least_luck = static_cast<std::uint64_t>(options.dropouts * 65536.0);
 
+  std::vector<float> inverse_steepness;  // of each surface: 1 / |inverse depth's gradient|
+  for (const View::Shown& surface : view.surfaces) inverse_steepness.push_back(1.0f / surface.inverse_depth.norm());
+
   // Rows of white noise, of which 3 x 3 are averaged.
   std::array<std::vector<float>, 3> white;
   for (auto& row : white) row.resize(width + 2);
@@ -148,9 +176,8 @@ void measure_depth(const View& view, const CameraModel& camera, const DepthNoise
       const bool is_lit = projected <= lit_from + 0.5f;
       lit_from = std::min(lit_from, projected);
       if (!is_lit || draw < least_luck) continue;
-      const Vector3f p(camera.x(row)[column], camera.y(row)[column], 1.0f);
-      const Vector3f& plane = view.surfaces[static_cast<std::size_t>(shown[column])].inverse_depth;
-      const float cosine = inverse[column] / std::sqrt(plane.squaredNorm() * p.squaredNorm());
+      const float x = camera.x(row)[column], y = camera.y(row)[column];
+      const float cosine = inverse[column] * inverse_steepness[static_cast<std::size_t>(shown[column])] / std::sqrt(x * x + y * y + 1.0f);
       if (cosine < least_cosine) continue;
       const float true_z = 1.0f / inverse[column];
       const std::size_t i = static_cast<std::size_t>(column);

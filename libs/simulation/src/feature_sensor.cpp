@@ -77,13 +77,16 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
               rows = std::max(1, static_cast<int>(std::lround(texture.height() / cell_v)));
     const double step_u = static_cast<double>(texture.width()) / columns, step_v = static_cast<double>(texture.height()) / rows;
     const auto folded = [](std::int64_t index, int count) { return static_cast<std::uint64_t>(((index % count) + count) % count); };
-    for (auto row = static_cast<std::int64_t>(std::floor(low_v / step_v)); row <= static_cast<std::int64_t>(std::floor(high_v / step_v)); ++row) {
-      for (auto column = static_cast<std::int64_t>(std::floor(low_u / step_u)); column <= static_cast<std::int64_t>(std::floor(high_u / step_u));
-           ++column) {
+    for (auto row = static_cast<std::int64_t>(std::floor(low_v / step_v)); row <= static_cast<std::int64_t>(std::floor(high_v / step_v));
+         ++row) {
+      for (auto column = static_cast<std::int64_t>(std::floor(low_u / step_u));
+           column <= static_cast<std::int64_t>(std::floor(high_u / step_u)); ++column) {
         const std::uint64_t key = (static_cast<std::uint64_t>(look.texture) << 40) ^ (folded(row, rows) << 20) ^ folded(column, columns);
         RandomNumbers of_cell = numbers.at(key);
-        const double u = (static_cast<double>(column) + of_cell.uniform()) * step_u, v = (static_cast<double>(row) + of_cell.uniform()) * step_v;
-        const double size = options.least_size_m * std::pow(std::max(1.0, options.greatest_size_m / options.least_size_m), of_cell.uniform());
+        const double u = (static_cast<double>(column) + of_cell.uniform()) * step_u,
+                     v = (static_cast<double>(row) + of_cell.uniform()) * step_v;
+        const double size =
+            options.least_size_m * std::pow(std::max(1.0, options.greatest_size_m / options.least_size_m), of_cell.uniform());
         const std::uint64_t bits = of_cell.bits();
         // The point of the plane with these texel coordinates: both axes are perpendicular to each other and to the normal.
         const double origin_u = look.u.dot(surface.point) + look.first_u, origin_v = look.v.dot(surface.point) + look.first_v;
@@ -122,7 +125,9 @@ bool LandmarkField::is_in_sight(const Vector3d& eye, const Landmark& landmark) c
 
 template <class Visit>
 void LandmarkField::for_each_in(const Box& box, Visit&& visit) const {
-  const auto index = [](double metres, double low, int count) { return std::clamp(static_cast<int>(std::floor((metres - low) / kCell)), 0, count - 1); };
+  const auto index = [](double metres, double low, int count) {
+    return std::clamp(static_cast<int>(std::floor((metres - low) / kCell)), 0, count - 1);
+  };
   for (int row = index(box.low_y, low_y_, rows_); row <= index(box.high_y, low_y_, rows_); ++row) {
     for (int column = index(box.low_x, low_x_, columns_); column <= index(box.high_x, low_x_, columns_); ++column) {
       const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
@@ -162,7 +167,8 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
   for (const float x : {view.low_x, view.high_x}) {
     for (const float y : {view.low_y, view.high_y}) {
       const Vector3d corner = transformed(Vector3d(x, y, 1.0) * options_.farthest_m, frame.world_from_camera);
-      box = {std::min(box.low_x, corner.x()), std::min(box.low_y, corner.y()), std::max(box.high_x, corner.x()), std::max(box.high_y, corner.y())};
+      box = {std::min(box.low_x, corner.x()), std::min(box.low_y, corner.y()), std::max(box.high_x, corner.x()),
+             std::max(box.high_y, corner.y())};
     }
   }
 
@@ -203,10 +209,10 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
   const auto is_behind_body = [&](const Vector3d& point) {
     const double dx = point.x() - eye.x(), dy = point.y() - eye.y(), length = std::hypot(dx, dy);
     return length > 0.0 && std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
-      const double distance =
-          distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length, {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
-      return distance < length && eye.z() + (point.z() - eye.z()) * distance / length < body.height_m;
-    });
+             const double distance = distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,
+                                                        {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
+             return distance < length && eye.z() + (point.z() - eye.z()) * distance / length < body.height_m;
+           });
   };
   RandomNumbers numbers = numbers_.at(2 * number + 1);
   const double log_kept = std::log1p(-std::min(options_.flipped_bits, 0.999));
@@ -219,7 +225,8 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
     feature.right_u = -1.0f;
     if (camera_.kind == CameraKind::rgbd) {
       const DepthNoiseOptions& depth = camera_.depth;
-      const double measured = z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) * numbers.normal();
+      const double measured =
+          z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) * numbers.normal();
       feature.depth_m = measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
     } else if (camera_.kind == CameraKind::stereo) {
       const double right = u - focal * camera_.baseline_m / z + noise * numbers.normal();
@@ -236,7 +243,8 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
     feature.landmark = landmark;
     frame.features.push_back(feature);
   };
-  const int strays = static_cast<int>(options_.strays * std::min(static_cast<double>(options_.most_features), static_cast<double>(candidates.size())));
+  const int strays =
+      static_cast<int>(options_.strays * std::min(static_cast<double>(options_.most_features), static_cast<double>(candidates.size())));
   const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - strays));
   for (const Candidate& candidate : candidates) {
     if (frame.features.size() >= most) break;

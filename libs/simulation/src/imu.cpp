@@ -40,7 +40,7 @@ std::optional<ImuReading> ImuRecording::next() {
   ImuReading reading{stamp(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   ++next_;
   const Pose3 now = world_->world_from_robot(robot_, at);
-  Eigen::Vector3d push(0.0, 0.0, kGravity);  // world frame
+  Eigen::Vector3d push(0.0, 0.0, kGravity);           // world frame
   if (!world_->is_carried(robot_, at, kSmoothing)) {  // else it is held still, as far as it can tell
     const Pose3 before = world_->world_from_robot(robot_, at - kSmoothing), after = world_->world_from_robot(robot_, at + kSmoothing);
     const Eigen::AngleAxisd turn(before.q.conjugate() * after.q);

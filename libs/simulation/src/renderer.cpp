@@ -339,11 +339,17 @@ class Shader {
    public:
     Mixer(const Look& look, int channels) : channels_(channels) {
       const auto grey = [](const Colour& c) { return 0.299f * c.red + 0.587f * c.green + 0.114f * c.blue; };
-      dark_ = channels == 1 ? Vector3f(grey(look.dark), 0.0f, 0.0f) : Vector3f(look.dark.red, look.dark.green, look.dark.blue);
-      const Vector3f light =
-          channels == 1 ? Vector3f(grey(look.light), 0.0f, 0.0f) : Vector3f(look.light.red, look.light.green, look.light.blue);
-      slope_ = light - dark_;
-      dark_ *= 255.0f;
+      const auto set = [&](int channel, float dark, float light) {
+        dark_[channel] = 255.0f * dark;
+        slope_[channel] = light - dark;
+      };
+      if (channels == 1) {
+        set(0, grey(look.dark), grey(look.light));
+      } else {
+        set(0, look.dark.red, look.light.red);
+        set(1, look.dark.green, look.light.green);
+        set(2, look.dark.blue, look.light.blue);
+      }
     }
     void operator()(float value, float* out) const {
       for (int channel = 0; channel < channels_; ++channel) out[channel] = dark_[channel] + slope_[channel] * value;
@@ -351,7 +357,7 @@ class Shader {
 
    private:
     int channels_;
-    Vector3f dark_, slope_;
+    float dark_[3], slope_[3];
   };
 
   const Scene& scene_;

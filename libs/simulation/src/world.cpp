@@ -180,7 +180,7 @@ struct World::State {
   WorldOptions options;
   std::vector<FloorPlan> buildings;
   std::vector<RayCaster> casters;
-  std::vector<LaserSensor> lasers;                   // one per building
+  std::vector<LaserSensor> lasers;  // one per building
   // One per building, painted when first looked at.
   struct LazyScene {
     std::once_flag once;
@@ -188,12 +188,12 @@ struct World::State {
   };
   mutable std::deque<LazyScene> scenes;
   std::vector<std::uint64_t> plan_seeds;
-  std::vector<Trajectory> trajectories;              // of robots, from their own starts
-  std::vector<std::vector<Carry>> carries;           // of robots
-  std::vector<FloorWaves> floors;                    // one per building
-  std::vector<std::int64_t> first_ticks;             // of robots: ticks of the world's clock before their starts
-  std::vector<std::vector<Trajectory>> people;       // per building, from the world's first moment
-  std::int64_t tick_ns = 0;                          // between odometry readings; whole microseconds, as trajectory files keep them
+  std::vector<Trajectory> trajectories;         // of robots, from their own starts
+  std::vector<std::vector<Carry>> carries;      // of robots
+  std::vector<FloorWaves> floors;               // one per building
+  std::vector<std::int64_t> first_ticks;        // of robots: ticks of the world's clock before their starts
+  std::vector<std::vector<Trajectory>> people;  // per building, from the world's first moment
+  std::int64_t tick_ns = 0;                     // between odometry readings; whole microseconds, as trajectory files keep them
 
   double seconds(std::int64_t ticks) const { return static_cast<double>(ticks * tick_ns) * 1e-9; }
 
@@ -213,8 +213,9 @@ struct World::State {
     return bodies;
   }
   bool is_carried(std::size_t robot, double seconds_of_robot, double within_s = 0.0) const {
-    return std::any_of(carries[robot].begin(), carries[robot].end(),
-                       [&](const Carry& carry) { return seconds_of_robot + within_s > carry.from_s && seconds_of_robot - within_s < carry.to_s; });
+    return std::any_of(carries[robot].begin(), carries[robot].end(), [&](const Carry& carry) {
+      return seconds_of_robot + within_s > carry.from_s && seconds_of_robot - within_s < carry.to_s;
+    });
   }
 };
 

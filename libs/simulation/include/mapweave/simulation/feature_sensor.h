@@ -70,10 +70,10 @@ class LandmarkField {
 constexpr std::uint32_t kNoLandmark = 0xffffffffu;
 
 struct Feature {
-  float u, v;       // pixels, distorted where the camera is
+  float u, v;  // pixels, distorted where the camera is
   int octave;
-  float depth_m;    // rgbd; 0: none
-  float right_u;    // stereo: the same row of the right picture (of an undistorted pair); -1: not seen there
+  float depth_m;  // rgbd; 0: none
+  float right_u;  // stereo: the same row of the right picture (of an undistorted pair); -1: not seen there
   Descriptor descriptor;
   std::uint32_t landmark;  // the truth; kNoLandmark for a stray one
 };

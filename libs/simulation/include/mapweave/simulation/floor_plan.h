@@ -16,8 +16,8 @@ struct Point2 {
 // One straight piece of a vertical surface, seen from both sides.
 struct Wall {
   Point2 from, to;
-  int piece = -1;  // the piece of furniture whose outline it belongs to; -1: the building, from floor to ceiling
-  int twin = -1;   // walls with the same number look the same; -1: like no other
+  int piece = -1;                     // the piece of furniture whose outline it belongs to; -1: the building, from floor to ceiling
+  int twin = -1;                      // walls with the same number look the same; -1: like no other
   double low_m = -1e9, high_m = 1e9;  // for lines of sight; lasers look at all walls
 };
 

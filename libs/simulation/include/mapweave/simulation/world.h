@@ -43,8 +43,8 @@ class World {
   const std::vector<CameraOptions>& cameras(std::size_t robot) const;
   const Scene& scene(std::size_t building) const;  // painted when first asked for, which takes a second or two
   Stamp first_stamp(std::size_t robot) const;
-  Pose3 world_from_robot(std::size_t robot, double seconds) const;           // on the floor as it is, waves and all
-  std::vector<Body> bodies_around(std::size_t robot, double seconds) const;  // robots and people in its building, but for itself
+  Pose3 world_from_robot(std::size_t robot, double seconds) const;                  // on the floor as it is, waves and all
+  std::vector<Body> bodies_around(std::size_t robot, double seconds) const;         // robots and people in its building, but for itself
   bool is_carried(std::size_t robot, double seconds, double within_s = 0.0) const;  // at any time within these of it
 
  private:
