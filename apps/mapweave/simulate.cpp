@@ -36,8 +36,12 @@ int simulate(const std::string& world_file, const WritingFlags& flags) {
 
   Json summary = Json::array();
   for (const auto& log : logs) {
-    summary.push_back({{"robot", log.robot}, {"scans", log.scans}, {"length_m", log.length_m}, {"duration_s", log.duration_s}});
-    if (!flags.json) std::printf("%s: %zu scans, %.0f m in %.0f s\n", log.robot.c_str(), log.scans, log.length_m, log.duration_s);
+    summary.push_back(
+        {{"robot", log.robot}, {"scans", log.scans}, {"frames", log.frames}, {"length_m", log.length_m}, {"duration_s", log.duration_s}});
+    if (flags.json) continue;
+    std::printf("%s: %zu scans, ", log.robot.c_str(), log.scans);
+    if (log.frames > 0) std::printf("%zu frames, ", log.frames);
+    std::printf("%.0f m in %.0f s\n", log.length_m, log.duration_s);
   }
   if (flags.json)
     std::cout << summary.dump(2) << '\n';

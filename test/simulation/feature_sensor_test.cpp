@@ -65,7 +65,7 @@ TEST(FeatureSensor, finds_landmarks_where_the_truth_projects_them) {
       squares += std::pow((feature.u - pixel->x()) / sigma, 2) + std::pow((feature.v - pixel->y()) / sigma, 2);
       count += 2;
       if (feature.depth_m > 0.0f) {
-        const double z_sigma = 0.0002 + std::hypot(0.0009, 0.0028 / std::sqrt(12.0)) * p.z() * p.z();
+        const double z_sigma = 0.0002 + std::hypot(0.0011, 0.0028 / std::sqrt(12.0)) * p.z() * p.z();
         depth_squares += std::pow((feature.depth_m - p.z()) / z_sigma, 2);
         ++depths;
       }

@@ -159,7 +159,8 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
   if (world_->is_carried(robot_, seconds)) return frame;
   const Vector3d eye = frame.world_from_camera.t;
   const Eigen::Matrix3d camera_from_world = frame.world_from_camera.q.conjugate().toRotationMatrix();
-  const double focal = camera_.fx, octave_log = std::log(options_.octave_factor);
+  const double focal = camera_.fx, octave_log = std::log(options_.octave_factor),
+               most_pixels = kLeastPixels * std::pow(options_.octave_factor, options_.octaves);
 
   // Above the view's shadow on the floor: the eye and the corners at the farthest distance.
   Box box{eye.x(), eye.y(), eye.x(), eye.y()};
@@ -188,14 +189,13 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
     const double x = p.x() / p.z(), y = p.y() / p.z();
     if (x < view.low_x || x > view.high_x || y < view.low_y || y > view.high_y) return;
     const double pixels = focal * landmark.size_m / p.z();
-    if (pixels < kLeastPixels) return;
-    const int octave = static_cast<int>(std::log(pixels / kLeastPixels) / octave_log);
-    if (octave >= options_.octaves) return;
+    if (pixels < kLeastPixels || pixels >= most_pixels) return;
     const double facing = landmark.normal.dot(way);
     if (facing * facing < kLeastCosine * kLeastCosine * way.squaredNorm()) return;
     const std::uint64_t luck = mixed(salt ^ mixed(i));
     if ((luck >> 32) < missed) return;
     const auto pixel = model_.project(p);
+    const int octave = std::min(options_.octaves - 1, static_cast<int>(std::log(pixels / kLeastPixels) / octave_log));
     if (pixel) candidates.push_back({landmark.look, i, octave, pixel->x(), pixel->y(), p.z()});
   });
   // The strongest ones first; how strong is up to the landmark, so that the same ones are found again and again.
@@ -207,6 +207,7 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
     if (std::hypot(body.world_from_body.x - eye.x(), body.world_from_body.y - eye.y()) < options_.farthest_m) bodies.push_back(body);
   }
   const auto is_behind_body = [&](const Vector3d& point) {
+    if (bodies.empty()) return false;
     const double dx = point.x() - eye.x(), dy = point.y() - eye.y(), length = std::hypot(dx, dy);
     return length > 0.0 && std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
              const double distance = distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,

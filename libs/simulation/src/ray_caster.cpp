@@ -129,7 +129,7 @@ double RayCaster::distance(Point2 origin, double dx, double dy, double max_range
 }
 
 bool RayCaster::is_in_sight(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
-  const double length = std::hypot(to.x() - from.x(), to.y() - from.y());
+  const double length = (to - from).head<2>().norm();
   if (length == 0.0) return true;
   const double dx = (to.x() - from.x()) / length, dy = (to.y() - from.y()) / length, rise = (to.z() - from.z()) / length;
   bool is_hidden = false;

@@ -11,13 +11,13 @@ constexpr double kScales[] = {0.9, 0.45, 0.22, 0.11, 0.055, 0.028};  // metres: 
 }  // namespace
 
 void paint_wall(Canvas& canvas, const Canvas::Area& area, Pattern pattern, int contrast, RandomNumbers numbers) {
-  canvas.fill(area, numbers.integer(95, 165));
+  canvas.fill(area, numbers.integer(75, 185));
   canvas.add_gradient(area, numbers.integer(-8, 8), numbers.integer(-8, 8));
   if (pattern == Pattern::blank) {
     canvas.add_grain(area, 1.0, numbers);
     return;
   }
-  const double density = numbers.uniform(0.25, 0.6);
+  const double density = numbers.uniform(0.15, 0.55);
   for (const double scale : kScales) {
     if (pattern == Pattern::furniture && scale > 0.6) continue;
     const double share = density * (scale > 0.3 ? 0.6 : scale > 0.05 ? 0.45 : 0.25) * numbers.uniform(0.5, 1.2);

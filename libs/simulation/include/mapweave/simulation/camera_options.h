@@ -25,7 +25,7 @@ struct ImageNoiseOptions {
 
 struct DepthNoiseOptions {
   double noise_m = 0.0002;
-  double noise_per_m2 = 0.0009;
+  double noise_per_m2 = 0.0011;
   double step_per_m2 = 0.0028;
   double min_range_m = 0.5;
   double max_range_m = 5.0;

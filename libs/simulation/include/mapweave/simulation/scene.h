@@ -18,7 +18,7 @@ struct LookOptions {
   double door_m = 2.05;
   double blank_walls = 0.12;
   double posters_per_10_m = 2.0;
-  int contrast = 45;
+  int contrast = 60;
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("ceiling_m", ceiling_m, 2.2, 10.0, "height of rooms; a texel of the walls is a 512th of it");
