@@ -281,6 +281,34 @@ TEST(CameraRecording, is_black_while_the_robot_is_carried_and_elsewhere_after) {
   EXPECT_NEAR(wheels, 3.0 - 1.2, 0.25);
 }
 
+TEST(CameraRecording, jumps_between_two_frames_where_carrying_takes_no_time) {
+  WorldOptions options = camera_world(perfect(tiny_camera(CameraKind::mono)));
+  options.robots[0].kidnappings.resize(1);
+  options.robots[0].kidnappings[0] = {1.0, 1.2, 0.0};
+  const World world = built(options);
+  const CameraRecording recording(world, 0, 0);
+  int jumps = 0;
+  for (double t = 0.1; t < world.trajectory(0).duration_s(); t += 0.1)
+    jumps += (recording.world_from_camera(t).t - recording.world_from_camera(t - 0.1).t).norm() > 1.0;
+  EXPECT_EQ(jumps, 1);
+  CameraRecording::Workspace workspace;
+  for (std::size_t i = 0; i < recording.frame_count(); i += 3) EXPECT_GT(mean_of(recording.frame(i, workspace).left.values), 20.0);
+}
+
+TEST(CameraRecording, takes_a_robots_own_cameras_for_the_worlds) {
+  WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
+  options.robots[0].cameras = {tiny_camera(CameraKind::stereo), tiny_camera(CameraKind::rgbd)};
+  options.robots[0].cameras[1].id = "back";
+  options.robots.resize(2, options.robots[0]);
+  options.robots[1].id = "beta";
+  options.robots[1].cameras.clear();
+  const World world = built(options);
+  ASSERT_EQ(world.cameras(0).size(), 2u);
+  EXPECT_EQ(world.cameras(0)[1].id, "back");
+  ASSERT_EQ(world.cameras(1).size(), 1u);
+  EXPECT_EQ(world.cameras(1)[0].kind, CameraKind::mono);
+}
+
 TEST(CameraRecording, leans_with_the_floor) {
   WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
   options.motion.floor_tilt_deg = 1.0;

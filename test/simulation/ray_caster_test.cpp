@@ -76,5 +76,20 @@ TEST(DistanceAlongRay, meets_the_near_side_of_a_disc) {
   EXPECT_EQ(distance_along_ray({5.1, 0.0}, 1.0, 0.0, {5.0, 0.0}, 0.5), 0.0);
 }
 
+TEST(RayCaster, looks_over_low_walls_and_under_lintels) {
+  std::vector<Wall> walls{{{2.0, -1.0}, {2.0, 1.0}}, {{4.0, -1.0}, {4.0, 1.0}}};
+  walls[0].high_m = 0.8;
+  walls[1].low_m = 2.0;
+  const RayCaster caster(walls);
+  EXPECT_FALSE(caster.is_in_sight({0.0, 0.0, 0.5}, {3.0, 0.0, 0.5})) << "behind the low wall";
+  EXPECT_TRUE(caster.is_in_sight({0.0, 0.0, 0.5}, {1.9, 0.0, 0.5})) << "before it";
+  EXPECT_TRUE(caster.is_in_sight({0.0, 0.0, 1.0}, {3.0, 0.0, 0.9})) << "over it";
+  EXPECT_FALSE(caster.is_in_sight({0.0, 0.0, 1.0}, {3.0, 0.0, 0.1})) << "over it, but down again";
+  EXPECT_TRUE(caster.is_in_sight({0.0, 0.0, 1.0}, {5.0, 0.0, 1.9})) << "under the lintel";
+  EXPECT_FALSE(caster.is_in_sight({0.0, 0.0, 1.0}, {5.0, 0.0, 2.9}));
+  EXPECT_TRUE(caster.is_in_sight({0.0, 0.0, 0.5}, {5.0, 5.0, 0.5})) << "past their ends";
+  EXPECT_TRUE(caster.is_in_sight({1.0, 0.0, 0.5}, {1.0, 0.0, 2.0})) << "straight up";
+}
+
 }  // namespace
 }  // namespace mapweave::simulation
