@@ -1,0 +1,42 @@
+#pragma once
+// What a camera client takes: rectified pictures, and depth where there is some.
+
+#include <mapweave/core/stamp.h>
+#include <mapweave/visual/camera.h>
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace mapweave::visual {
+
+template <class Pixel>
+struct Image {
+  int width = 0, height = 0;
+  std::vector<Pixel> pixels;  // row by row
+  Image() = default;
+  Image(int w, int h) : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  bool empty() const { return pixels.empty(); }
+  const Pixel* row(int y) const { return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
+  Pixel* row(int y) { return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
+};
+using GreyImage = Image<std::uint8_t>;
+using DepthImage = Image<std::uint16_t>;
+
+// Depth as the sensor gave it: registered to the picture before rectification. 0 is no reading.
+struct DepthPicture {
+  DepthImage image;
+  double metres_per_unit = 0.001;
+  PinholeCamera camera;
+  Distortion distortion;
+  double delay_s = 0.0;  // taken so much later than the picture; negative: earlier
+};
+
+struct Frame {
+  Stamp stamp;
+  GreyImage grey;      // rectified
+  GreyImage right;     // rectified, of the same camera model, rows aligned; empty without a second camera
+  DepthPicture depth;  // image empty without depth
+};
+
+}  // namespace mapweave::visual

@@ -1,0 +1,176 @@
+#include "bundle.h"
+
+#include <mapweave/core/error.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+namespace mapweave::visual {
+namespace {
+
+using Matrix63 = Eigen::Matrix<double, 6, 3>;
+
+double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
+
+using Vector2 = Eigen::Vector2d;
+
+Vector2 values_of(const SensorFlaws& flaws) { return {flaws.readout_s, flaws.inverse_depth_offset}; }
+
+// Information of the priors: of a step, and of being there at all.
+Vector2 information_of(double readout, double inverse_depth) {
+  return {readout > 0 ? 1.0 / (readout * readout) : 0.0, inverse_depth > 0 ? 1.0 / (inverse_depth * inverse_depth) : 0.0};
+}
+
+double cost_of(const Bundle& bundle, const SensorFlaws& flaws, const std::vector<View>& views, const std::vector<Eigen::Vector3d>& points,
+               const PinholeCamera& camera, const BundleOptions& options) {
+  double sum = 0;
+  for (const BundleObservation& o : bundle.observations) {
+    if (!o.fits) continue;
+    const Eigen::Vector3d p = views[static_cast<std::size_t>(o.view)] * points[static_cast<std::size_t>(o.point)];
+    if (!(p.z() > 0.02)) {
+      sum += 100.0 * options.soft_sigmas * options.soft_sigmas;
+      continue;
+    }
+    sum += soft_cost((camera.project(p) - o.sighting.pixel + flaws.readout_s * o.sighting.row_flow).norm() / o.sighting.sigma_px,
+                     options.soft_sigmas);
+    if (o.sighting.inverse_depth_sigma > 0)
+      sum += soft_cost(std::abs(1.0 / p.z() + flaws.inverse_depth_offset - o.sighting.inverse_depth) / o.sighting.inverse_depth_sigma,
+                       options.soft_sigmas);
+  }
+  return sum;
+}
+
+}  // namespace
+
+void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& options) {
+  std::vector<int> column(bundle.views.size(), -1);
+  int free_views = 0;
+  for (std::size_t i = 0; i < bundle.views.size(); ++i)
+    if (!bundle.fixed[i]) column[i] = free_views++;
+  const Eigen::Index flaws_at = 6 * free_views, size = flaws_at + 2;
+  const Vector2 before = values_of(bundle.flaws),
+                step_information = information_of(options.prior.readout_step_s, options.prior.inverse_depth_step),
+                own_information = information_of(options.prior.readout_s, options.prior.inverse_depth);
+  const auto prior_cost = [&](const SensorFlaws& flaws) {
+    const Vector2 now = values_of(flaws);
+    return step_information.dot((now - before).cwiseAbs2()) + own_information.dot(now.cwiseAbs2());
+  };
+
+  double lambda = 1e-4, cost = cost_of(bundle, bundle.flaws, bundle.views, bundle.points, camera, options) + prior_cost(bundle.flaws);
+  const std::size_t count = bundle.points.size();
+  struct Link {
+    int column;
+    Matrix63 cross;
+  };
+  std::vector<Link> links;
+  std::vector<std::size_t> first_link(count + 1);
+  std::vector<Eigen::Matrix3d> point_hessian(count);
+  std::vector<Eigen::Vector3d> point_gradient(count);
+  std::vector<Eigen::Matrix<double, 2, 3>> flaws_by_point(count);
+  Eigen::MatrixXd views_hessian(size, size), reduced(size, size);
+  Eigen::VectorXd views_gradient(size), right(size);
+  Residual r;
+  bool build = true;
+  for (int step = 0; step < options.most_steps; ++step) {
+    if (build) {
+      links.clear();
+      views_hessian.setZero(), views_gradient.setZero();
+      for (int i = 0; i < 2; ++i) {
+        // What is not learnt is held fast.
+        views_hessian(flaws_at + i, flaws_at + i) = step_information[i] > 0 ? step_information[i] + own_information[i] : 1e30;
+        const Vector2 now = values_of(bundle.flaws);
+        views_gradient[flaws_at + i] =
+            step_information[i] > 0 ? step_information[i] * (now[i] - before[i]) + own_information[i] * now[i] : 0.0;
+      }
+      std::size_t o = 0;
+      for (std::size_t point = 0; point < count; ++point) {
+        first_link[point] = links.size();
+        point_hessian[point].setZero(), point_gradient[point].setZero(), flaws_by_point[point].setZero();
+        for (; o < bundle.observations.size() && bundle.observations[o].point == static_cast<int>(point); ++o) {
+          const BundleObservation& seen = bundle.observations[o];
+          if (!seen.fits) continue;
+          const View& view = bundle.views[static_cast<std::size_t>(seen.view)];
+          if (!residual_of(seen.sighting, view * bundle.points[point], camera, bundle.flaws, r)) continue;
+          const double size_px = r.value.head<2>().norm(), size_depth = std::abs(r.value.z());
+          Eigen::Vector3d weights(1, 1, 1);
+          if (size_px > options.soft_sigmas) weights.head<2>().setConstant(options.soft_sigmas / size_px);
+          if (size_depth > options.soft_sigmas) weights.z() = options.soft_sigmas / size_depth;
+          const Eigen::Matrix3d by_point = r.by_point * view.rotation;
+          const Eigen::Matrix3d weighted = weights.asDiagonal() * by_point;
+          const Eigen::Vector3d weighted_value = weights.cwiseProduct(r.value);
+          point_hessian[point].noalias() += by_point.transpose() * weighted;
+          point_gradient[point].noalias() += by_point.transpose() * weighted_value;
+          Eigen::Matrix<double, 3, 2> by_flaws = Eigen::Matrix<double, 3, 2>::Zero();
+          by_flaws.topLeftCorner<2, 1>() = seen.sighting.row_flow / seen.sighting.sigma_px;
+          if (seen.sighting.inverse_depth_sigma > 0) by_flaws(2, 1) = 1.0 / seen.sighting.inverse_depth_sigma;
+          const Eigen::Matrix<double, 2, 3> flaws_weighted = by_flaws.transpose() * weights.asDiagonal();
+          flaws_by_point[point].noalias() += flaws_weighted * by_point;
+          views_hessian.block<2, 2>(flaws_at, flaws_at).noalias() += flaws_weighted * by_flaws;
+          views_gradient.segment<2>(flaws_at).noalias() += flaws_weighted * r.value;
+          const int c = column[static_cast<std::size_t>(seen.view)];
+          if (c < 0) continue;
+          views_hessian.block<6, 6>(6 * c, 6 * c).noalias() += r.by_motion.transpose() * weights.asDiagonal() * r.by_motion;
+          views_gradient.segment<6>(6 * c).noalias() += r.by_motion.transpose() * weighted_value;
+          views_hessian.block<2, 6>(flaws_at, 6 * c).noalias() += flaws_weighted * r.by_motion;
+          links.push_back({c, r.by_motion.transpose() * weighted});
+        }
+      }
+      first_link[count] = links.size();
+    }
+    reduced = views_hessian;
+    reduced.diagonal() *= 1.0 + lambda;
+    reduced.diagonal().array() += 1e-9;
+    right = -views_gradient;
+    std::vector<Eigen::Matrix3d> inverse(count);
+    for (std::size_t point = 0; point < count; ++point) {
+      Eigen::Matrix3d damped = point_hessian[point];
+      damped.diagonal() *= 1.0 + lambda;
+      damped.diagonal().array() += 1e-6;
+      inverse[point] = damped.inverse();
+      const Eigen::Matrix<double, 2, 3> flaws_left = flaws_by_point[point] * inverse[point];
+      right.segment<2>(flaws_at).noalias() += flaws_left * point_gradient[point];
+      reduced.block<2, 2>(flaws_at, flaws_at).noalias() -= flaws_left * flaws_by_point[point].transpose();
+      for (std::size_t i = first_link[point]; i < first_link[point + 1]; ++i) {
+        reduced.block<2, 6>(flaws_at, 6 * links[i].column).noalias() -= flaws_left * links[i].cross.transpose();
+        const Matrix63 left = links[i].cross * inverse[point];
+        right.segment<6>(6 * links[i].column).noalias() += left * point_gradient[point];
+        for (std::size_t j = first_link[point]; j < first_link[point + 1]; ++j)
+          if (links[j].column <= links[i].column)
+            reduced.block<6, 6>(6 * links[i].column, 6 * links[j].column).noalias() -= left * links[j].cross.transpose();
+      }
+    }
+    Eigen::VectorXd change = Eigen::VectorXd::Zero(size);
+    if (size > 0) change = reduced.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+    if (!change.allFinite()) break;
+    std::vector<View> views = bundle.views;
+    for (std::size_t i = 0; i < views.size(); ++i)
+      if (column[i] >= 0) views[i] = moved(views[i], change.segment<6>(6 * column[i]));
+    std::vector<Eigen::Vector3d> points = bundle.points;
+    for (std::size_t point = 0; point < count; ++point) {
+      Eigen::Vector3d sum = point_gradient[point] + flaws_by_point[point].transpose() * change.segment<2>(flaws_at);
+      for (std::size_t i = first_link[point]; i < first_link[point + 1]; ++i)
+        sum.noalias() += links[i].cross.transpose() * change.segment<6>(6 * links[i].column);
+      points[point] -= inverse[point] * sum;
+    }
+    SensorFlaws flaws = bundle.flaws;
+    if (step_information[0] > 0) flaws.readout_s += change[flaws_at];
+    if (step_information[1] > 0) flaws.inverse_depth_offset += change[flaws_at + 1];
+    const double now = cost_of(bundle, flaws, views, points, camera, options) + prior_cost(flaws);
+    build = now < cost;
+    if (build) {
+      const bool done = cost - now < 1e-4 * cost;
+      bundle.flaws = flaws, bundle.views = std::move(views), bundle.points = std::move(points), cost = now;
+      lambda = std::max(1e-7, lambda * 0.2);
+      if (done) break;
+    } else {
+      lambda *= 8.0;
+    }
+  }
+  for (BundleObservation& o : bundle.observations) {
+    const Eigen::Vector3d p = bundle.views[static_cast<std::size_t>(o.view)] * bundle.points[static_cast<std::size_t>(o.point)];
+    o.fits = p.z() > 0.02 && (camera.project(p) - o.sighting.pixel + bundle.flaws.readout_s * o.sighting.row_flow).norm() <
+                                 options.gate_sigmas * o.sighting.sigma_px;
+  }
+}
+
+}  // namespace mapweave::visual

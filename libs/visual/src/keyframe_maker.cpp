@@ -1,0 +1,99 @@
+#include "keyframe_maker.h"
+
+#include "detector.h"
+#include "place_finder.h"
+
+#include <cmath>
+
+namespace mapweave::visual {
+namespace {
+
+constexpr std::size_t kMostAppearances = 4;
+constexpr double kSameDirection = 0.94, kSameRange = 1.55;
+
+// Keeps how the landmark looks from here where it has not been seen from about here.
+void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& picture, const Match& match, const View& view, int keyframe) {
+  const Eigen::Vector3d ray = landmark.point - view.centre();
+  for (const Appearance& appearance : landmark.appearances) {
+    const Eigen::Vector3d other = landmark.point - map.keyframe(appearance.keyframe).view.centre();
+    const double ratio = other.norm() / ray.norm();
+    if (ray.dot(other) > kSameDirection * ray.norm() * other.norm() && ratio < kSameRange && ratio > 1.0 / kSameRange) return;
+  }
+  if (landmark.appearances.size() >= kMostAppearances) return;
+  if (const auto patch = cut_patch(picture, match.pixel, match.level)) landmark.appearances.push_back({*patch, match.pixel, keyframe});
+}
+
+Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level, const std::optional<MeasuredDepth>& depth,
+                     double sigma_px) {
+  Sighting sighting;
+  sighting.pixel = pixel, sighting.row_flow = flow, sighting.sigma_px = sigma_px * (1 << level);
+  if (depth) sighting.inverse_depth = depth->inverse_depth, sighting.inverse_depth_sigma = depth->sigma;
+  return sighting;
+}
+
+// Depths of the features: read where there is a depth camera, else of the landmark next to each.
+std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures& features, const Frame& frame, const DepthMeter& meter,
+                             const View& view, const std::vector<Match>& matches) {
+  constexpr double kNear_px = 4.0;
+  std::vector<float> depths;
+  for (const matching::FeaturePoint& point : features.points) {
+    const Eigen::Vector2d pixel(static_cast<double>(point.u_px), static_cast<double>(point.v_px));
+    double depth = 0.0;
+    if (!frame.depth.image.empty()) {
+      if (const auto reading = meter.reading(pixel)) depth = reading->depth_m();
+    } else {
+      double nearest = kNear_px;
+      for (const Match& match : matches) {
+        const double distance = (match.pixel - pixel).norm();
+        if (distance < nearest) nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
+      }
+    }
+    depths.push_back(static_cast<float>(depth));
+  }
+  return depths;
+}
+
+}  // namespace
+
+void add_keyframe(LandmarkMap& map, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
+                  std::vector<Match>& matches, const ClientOptions& options) {
+  const int number = static_cast<int>(map.keyframes.size());
+  const double sigma_px = options.tracking.sigma_px;
+  const DepthMeter meter(map, frame, picture, motion, options);
+  Keyframe keyframe;
+  keyframe.stamp = frame.stamp, keyframe.view = view;
+  std::vector<Eigen::Vector2d> occupied;
+  for (const Match& match : matches) {
+    Landmark& landmark = map.landmark(match.landmark);
+    const auto depth = meter.at(match.pixel, match.level, (view * landmark.point).z());
+    landmark.seen.push_back({number, sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px)});
+    keyframe.landmarks.push_back(match.landmark);
+    occupied.push_back(match.pixel);
+    keep_appearance(map, landmark, picture, match, view, number);
+  }
+  const View map_from_camera = view.inverse();
+  DetectorOptions detector;
+  detector.cell_px = options.tracking.cell_px;
+  for (const Corner& corner : detect_corners(picture, occupied, detector)) {
+    const auto patch = cut_patch(picture, corner.pixel, corner.level);
+    if (!patch) continue;
+    const auto depth = meter.at(corner.pixel, corner.level);
+    if (!depth) continue;
+    const double inverse_depth = depth->inverse_depth - map.flaws.inverse_depth_offset;
+    if (inverse_depth < 1e-3) continue;
+    const Eigen::Vector2d flow = row_flow(map.camera, motion, corner.pixel, 1.0 / inverse_depth);
+    Landmark landmark;
+    landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.flaws.readout_s * flow) / inverse_depth);
+    landmark.seen.push_back({number, sighting_of(corner.pixel, flow, corner.level, depth, sigma_px)});
+    landmark.appearances.push_back({*patch, corner.pixel, number});
+    const int id = static_cast<int>(map.landmarks.size());
+    map.landmarks.push_back(std::move(landmark));
+    keyframe.landmarks.push_back(id);
+    matches.push_back({id, corner.pixel, flow, corner.level});
+  }
+  keyframe.features = features_of(picture[0], options.tracking.features);
+  keyframe.depths = depths_of(map, keyframe.features, frame, meter, view, matches);
+  map.keyframes.push_back(std::move(keyframe));
+}
+
+}  // namespace mapweave::visual

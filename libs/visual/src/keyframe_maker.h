@@ -1,0 +1,12 @@
+#pragma once
+// A frame becomes a keyframe: its landmarks are seen once more, and corners where there were none become new ones.
+
+#include "depth.h"
+
+namespace mapweave::visual {
+
+// Adds a keyframe at `view` to the map, and new landmarks to `matches`.
+void add_keyframe(LandmarkMap& map, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
+                  std::vector<Match>& matches, const ClientOptions& options);
+
+}  // namespace mapweave::visual

@@ -1,0 +1,54 @@
+#include "place_finder.h"
+
+#include <mapweave/matching/alignment_search.h>
+
+namespace mapweave::visual {
+namespace {
+
+constexpr int kMostBits = 70;
+constexpr double kClearlyNearer = 0.85;
+constexpr int kLeastFeatures = 12;
+
+Eigen::Vector2d pixel_of(const matching::FeaturePoint& point) { return {static_cast<double>(point.u_px), static_cast<double>(point.v_px)}; }
+double sigma_of(const matching::FeaturePoint& point) { return 1.2 * std::pow(1.2, point.level); }
+
+}  // namespace
+
+matching::OrbFeatures features_of(const GreyImage& picture, int most) {
+  matching::OrbFeatureOptions options;
+  options.features = most;
+  return matching::orb_features({picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
+}
+
+std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features) {
+  matching::AlignmentProblem problem;
+  const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
+  problem.cameras_b.push_back({pinhole, Pose3()});
+  for (int number : keyframes) {
+    const Keyframe& keyframe = map.keyframe(number);
+    const View map_from_camera = keyframe.view.inverse();
+    problem.cameras_a.push_back({pinhole, pose_of(keyframe.view)});
+    for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
+      if (!(keyframe.depths[i] > 0.0F)) continue;
+      const auto there =
+          matching::nearest_descriptors(keyframe.features.descriptors[i], features.descriptors.data(), features.descriptors.size());
+      if (there.distance > kMostBits || there.distance > kClearlyNearer * there.second_distance) continue;
+      const auto back = matching::nearest_descriptors(features.descriptors[there.first], keyframe.features.descriptors.data(),
+                                                      keyframe.features.descriptors.size());
+      if (back.first != i) continue;
+      matching::FeaturePair pair;
+      pair.camera_a = static_cast<std::uint32_t>(problem.cameras_a.size() - 1);
+      pair.pixel_a = pixel_of(keyframe.features.points[i]), pair.sigma_a_px = sigma_of(keyframe.features.points[i]);
+      pair.pixel_b = pixel_of(features.points[there.first]), pair.sigma_b_px = sigma_of(features.points[there.first]);
+      pair.point_in_a = map_from_camera * (map.camera.ray(pair.pixel_a) * static_cast<double>(keyframe.depths[i]));
+      problem.pairs.push_back(pair);
+    }
+  }
+  matching::AlignmentOptions options;
+  options.least_inliers = kLeastFeatures;
+  const auto fit = matching::search_alignment(problem, options);
+  if (!fit) return std::nullopt;
+  return view_of(fit->a_from_b.pose);
+}
+
+}  // namespace mapweave::visual

@@ -1,0 +1,15 @@
+#pragma once
+// Where is the camera, when nothing is known of how it came there? By features that keyframes know.
+
+#include "landmark_map.h"
+
+#include <optional>
+
+namespace mapweave::visual {
+
+matching::OrbFeatures features_of(const GreyImage& picture, int most);
+
+// The view from which most of `features` agree with what `keyframes` know. nullopt where too few do.
+std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features);
+
+}  // namespace mapweave::visual

@@ -1,0 +1,43 @@
+#pragma once
+// Where the camera is, given points of the map and where it sees them.
+
+#include "view.h"
+
+#include <mapweave/visual/camera.h>
+
+#include <vector>
+
+namespace mapweave::visual {
+
+struct Sighting {
+  Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  Eigen::Vector2d row_flow =
+      Eigen::Vector2d::Zero();  // how the pixel moved with the camera while rows were read: pixels per second of readout
+  double sigma_px = 1.0;
+  double inverse_depth = 0.0;  // measured; with sigma 0 there is none
+  double inverse_depth_sigma = 0.0;
+};
+
+struct PoseFromPoints {
+  View view;
+  std::vector<char> fits;  // of each sighting
+  int count = 0;           // of those that fit
+  double rms_sigma = 0.0;  // of those that fit
+};
+
+// Gauss-Newton from `guess`, robustly; sightings farther off than `gate` sigmas at the end do not fit.
+PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const PinholeCamera& camera, const View& guess,
+                                const SensorFlaws& flaws, double gate);
+
+// Residuals of one sighting and their derivative by a small motion of the camera (translation, rotation; from the left). Third row: inverse
+// depth.
+struct Residual {
+  Eigen::Vector3d value;  // in sigmas
+  Eigen::Matrix<double, 3, 6> by_motion;
+  Eigen::Matrix3d by_point;  // of the point in the camera's frame
+};
+bool residual_of(const Sighting& sighting, const Eigen::Vector3d& point_in_camera, const PinholeCamera& camera, const SensorFlaws& flaws,
+                 Residual& out);
+
+}  // namespace mapweave::visual
