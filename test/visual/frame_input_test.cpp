@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/rawlog/depth_delay.h>
 #include <mapweave/visual/frame_input.h>
 #include <mrpt/obs/CObservation3DRangeScan.h>
 #include <mrpt/obs/CObservationImage.h>
@@ -104,6 +105,24 @@ TEST(FramePacker, leaves_depth_aside_where_mono_is_asked_for) {
   ASSERT_TRUE(frame);
   EXPECT_TRUE(frame->depth.image.empty());
   EXPECT_FALSE(packer.rig()->has_depth);
+}
+
+TEST(FramePacker, knows_when_depth_was_taken_and_shares_the_colours) {
+  auto scan = depth_camera();
+  rawlog::set_depth_delay_ns(*scan, -7000000);
+  scan->intensityImage = mrpt::img::CImage(80, 64, mrpt::img::CH_RGB);
+  scan->intensityImage.filledRectangle(0, 0, 79, 63, mrpt::img::TColor(200, 100, 50));
+  FramePacker packer;
+  const auto frame = packer(record_of(scan));
+  ASSERT_TRUE(frame);
+  EXPECT_NEAR(frame->depth.delay_s, -0.007, 1e-12);
+  ASSERT_TRUE(frame->colour.blue_green_red);
+  EXPECT_EQ(frame->colour.width, 80);
+  const std::uint8_t* pixel = frame->colour.blue_green_red.get() + 5 * frame->colour.row_bytes + 3 * 7;
+  EXPECT_EQ(pixel[0], 50);
+  EXPECT_EQ(pixel[1], 100);
+  EXPECT_EQ(pixel[2], 200);
+  EXPECT_FALSE(packer(record_of(depth_camera()))->colour.blue_green_red) << "grey pictures have none";
 }
 
 TEST(FramePacker, says_what_is_wrong_with_a_camera) {

@@ -1,6 +1,8 @@
+#include "motion_prior.h"
 #include "rectifier.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/rawlog/depth_delay.h>
 #include <mapweave/visual/frame_input.h>
 
 #include <mrpt/obs/CObservation3DRangeScan.h>
@@ -77,6 +79,14 @@ GreyImage grey_of(const mrpt::img::CImage& image, const PinholeCamera& camera, c
   return result;
 }
 
+// Shared with the observation: OpenCV counts who holds the pixels.
+ColourPicture colour_of(const mrpt::img::CImage& image, const LensCalibration& lens) {
+  const cv::Mat& raw = image.asCvMatRef();
+  if (raw.type() != CV_8UC3) return {};
+  const auto held = std::make_shared<const cv::Mat>(raw);
+  return {{held, held->data}, raw.cols, raw.rows, raw.step, lens.camera, lens.distortion};
+}
+
 // Whether the observation is a camera's, and what it can give.
 std::optional<CameraKind> kind_of(const mrpt::obs::CObservation& observation) {
   if (const auto* depth = dynamic_cast<const CObservation3DRangeScan*>(&observation))
@@ -94,10 +104,11 @@ struct FramePacker::Lens {
   Rectifier rectifier;
 };
 
-FramePacker::FramePacker(FrameInputOptions options) : options_(std::move(options)) {}
+FramePacker::FramePacker(FrameInputOptions options) : options_(std::move(options)), motion_(new MotionPrior) {}
 FramePacker::~FramePacker() = default;
 
 std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
+  motion_->add(record);
   const auto offered = kind_of(*record.observation);
   if (!offered) return std::nullopt;
   const std::string& label = record.observation->sensorLabel;
@@ -111,7 +122,6 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
     refuse(label, options_.kind == CameraKind::rgbd ? "it has no depth" : "it has no right picture", "choose another --sensor");
   }
   options_.label = label;
-  rawlog::load_pictures(*record.observation);
 
   Frame frame;
   frame.stamp = record.stamp;
@@ -150,6 +160,9 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
     rig_ = CameraRig{lens_->rectifier.camera(), lens_->rectifier.baseline_m(), options_.kind == CameraKind::rgbd,
                      compose(robot_from_camera, lens_->rectifier.left_from_rectified())};
   }
+  rawlog::load_pictures(*record.observation);
+  frame.expected = motion_->at(frame.stamp, rig_->robot_from_camera);
+  frame.colour = colour_of(*picture, lens_->left);
   frame.grey = lens_->rectifier.left(grey_of(*picture, lens_->left.camera, label));
   if (options_.kind == CameraKind::stereo) frame.right = lens_->rectifier.right(grey_of(pair->imageRight, lens_->left.camera, label));
   if (options_.kind == CameraKind::rgbd) {
@@ -163,6 +176,7 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
     frame.depth.image = DepthImage(lens_->left.camera.width, lens_->left.camera.height);
     std::memcpy(frame.depth.image.pixels.data(), scan.rangeImage.data(), frame.depth.image.pixels.size() * sizeof(std::uint16_t));
     frame.depth.metres_per_unit = static_cast<double>(scan.rangeUnits);
+    frame.depth.delay_s = 1e-9 * static_cast<double>(rawlog::depth_delay_ns(scan));
     frame.depth.camera = lens_->left.camera, frame.depth.distortion = lens_->left.distortion;
   }
   return frame;

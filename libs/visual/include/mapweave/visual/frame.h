@@ -1,11 +1,13 @@
 #pragma once
 // What a camera client takes: rectified pictures, and depth where there is some.
 
+#include <mapweave/core/geometry.h>
 #include <mapweave/core/stamp.h>
 #include <mapweave/visual/camera.h>
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace mapweave::visual {
@@ -32,11 +34,28 @@ struct DepthPicture {
   double delay_s = 0.0;  // taken so much later than the picture; negative: earlier
 };
 
+// The colours of a picture as the sensor gave it, before rectification; the pixels are shared with whoever decoded them.
+struct ColourPicture {
+  std::shared_ptr<const std::uint8_t> blue_green_red;  // 8 bits each, pixel by pixel; null without colours
+  int width = 0, height = 0;
+  std::size_t row_bytes = 0;
+  PinholeCamera camera;
+  Distortion distortion;
+};
+
+// How the camera moved since the frame before by wheels or gyroscopes, before its picture is looked at.
+struct ExpectedMotion {
+  Eigen::Quaterniond earlier_from_later = Eigen::Quaterniond::Identity();  // optical frames
+  std::optional<Eigen::Vector3d> translation;                              // of the later camera in the earlier one's frame, metres
+};
+
 struct Frame {
   Stamp stamp;
   GreyImage grey;      // rectified
   GreyImage right;     // rectified, of the same camera model, rows aligned; empty without a second camera
   DepthPicture depth;  // image empty without depth
+  ColourPicture colour;
+  std::optional<ExpectedMotion> expected;
 };
 
 }  // namespace mapweave::visual

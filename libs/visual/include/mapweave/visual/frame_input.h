@@ -34,7 +34,10 @@ struct CameraRig {
   Pose3 robot_from_camera;  // the rectified left camera on the robot; identity where the log does not say
 };
 
-// Of one robot's log, one call per record in order. Frames of the chosen camera are answered, all else is nullopt. Throws Error kBadInput,
+class MotionPrior;
+
+// Of one robot's log, one call per record in order. Frames of the chosen camera are answered, all else is nullopt; odometry and inertial
+// units tell what motion to expect. Throws Error kBadInput,
 // naming the camera, where it has no calibration, where a picture has another size than that, or where it has no depth or right picture
 // and `kind` asks for them; kMissing and kCorrupt where a picture beside the log cannot be read.
 class FramePacker {
@@ -53,6 +56,7 @@ class FramePacker {
   std::map<std::string, std::uint64_t> ignored_;
   struct Lens;
   std::unique_ptr<Lens> lens_;
+  std::unique_ptr<MotionPrior> motion_;
 };
 
 }  // namespace mapweave::visual
