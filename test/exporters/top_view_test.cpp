@@ -1,0 +1,78 @@
+#include "small_map.h"
+
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/exporters/contact_sheet.h>
+#include <mapweave/exporters/top_view.h>
+#include <opencv2/imgcodecs.hpp>
+
+namespace mapweave::exporters {
+namespace {
+
+cv::Mat decoded(const std::string& png) { return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED); }
+
+std::size_t count_like(const cv::Mat& picture, const cv::Vec3b& colour) {
+  std::size_t count = 0;
+  for (auto pixel = picture.begin<cv::Vec3b>(); pixel != picture.end<cv::Vec3b>(); ++pixel) {
+    int off = 0;
+    for (int i = 0; i < 3; ++i) off += std::abs((*pixel)[i] - colour[i]);
+    count += off < 6 ? 1 : 0;
+  }
+  return count;
+}
+
+std::vector<ColouredPoint> wall(double z, std::array<std::uint8_t, 3> colour) {
+  std::vector<ColouredPoint> points;
+  for (int i = 0; i < 100; ++i) points.push_back({{0.05 * i, 2.0, z}, colour});
+  return points;
+}
+
+SessionTrajectory way() {
+  SessionTrajectory trajectory;
+  trajectory.session = test::node_id("alpha", 0).session;
+  for (int i = 0; i <= 20; ++i) trajectory.poses.push_back({Stamp{i}, spatial(Pose2(0.2 * i, 0.0, 0.0))});
+  return trajectory;
+}
+
+TEST(TopView, shows_landmarks_in_their_colours_the_higher_ones_above) {
+  auto points = wall(0.6, {200, 0, 0});
+  for (const auto& point : wall(0.1, {0, 200, 0})) points.push_back(point);
+  const cv::Mat picture = decoded(top_view_png(points, {way()}));
+  EXPECT_GE(count_like(picture, {0, 0, 170}), 500U);
+  EXPECT_EQ(count_like(picture, {0, 170, 0}), 0U);
+}
+
+TEST(TopView, leaves_ceilings_and_what_is_far_off_out) {
+  auto points = wall(0.5, {0, 0, 200});
+  for (const auto& point : wall(2.4, {200, 0, 0})) points.push_back(point);
+  const cv::Mat near = decoded(top_view_png(points, {way()}));
+  EXPECT_EQ(count_like(near, {0, 0, 170}), 0U) << "no ceiling";
+  points.push_back({{1e6, -1e6, 0.0}, {9, 9, 9}});
+  EXPECT_NEAR(decoded(top_view_png(points, {way()})).cols, near.cols, 30);
+}
+
+TEST(TopView, needs_something_finite_to_show) {
+  EXPECT_THROW(top_view_png({}, {}), ContractViolation);
+  EXPECT_THROW(top_view_png({{{0.0, std::nan(""), 0.0}, {0, 0, 0}}}, {way()}), ContractViolation);
+  EXPECT_FALSE(decoded(top_view_png({}, {way()})).empty()) << "a way alone is shown";
+}
+
+TEST(ContactSheet, puts_frames_side_by_side_with_their_tracks) {
+  SheetFrame frame{64, 48, std::vector<std::uint8_t>(64 * 48, 90), "12.0 s", {}};
+  ContactSheetOptions options;
+  options.picture_width_px = 128, options.columns = 2;
+  const cv::Mat bare = decoded(contact_sheet_png({frame, frame, frame}, options));
+  EXPECT_GE(bare.cols, 256);
+  EXPECT_GE(bare.rows, 2 * 96);
+  EXPECT_GT(count_like(bare, {90, 90, 90}), 3U * 128 * 96 * 9 / 10);
+  frame.tracks = {{{{10.0F, 10.0F}, {20.0F, 30.0F}}, 1.0F}, {{{50.0F, 10.0F}}, 4.0F}};
+  EXPECT_GT(count_like(decoded(contact_sheet_png({frame}, options)), {0, 94, 213}), 10U) << "near ones are orange";
+}
+
+TEST(ContactSheet, refuses_frames_without_their_pixels) {
+  EXPECT_THROW(contact_sheet_png({}), ContractViolation);
+  EXPECT_THROW(contact_sheet_png({SheetFrame{64, 48, {1, 2, 3}, "", {}}}), ContractViolation);
+}
+
+}  // namespace
+}  // namespace mapweave::exporters
