@@ -13,12 +13,15 @@ namespace mapweave::app {
 Action set_up_slam(CLI::App& verb) {
   struct Arguments {
     std::filesystem::path log;
-    std::string engine, robot;
+    std::string sensor, engine, robot;
     bool keep_going = false;
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log or g2o with scans")->required();
+  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+      ->required();
+  verb.add_option("--sensor", arguments->sensor, "what to map with; auto: the laser where the log has one, else its cameras")
+      ->check(CLI::IsMember({"auto", "mono", "stereo", "rgbd", "laser"}));
   verb.add_option("--engine", arguments->engine, "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
       ->check(CLI::IsMember({"graph", "rbpf", "icp"}));
   verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");
@@ -26,6 +29,7 @@ Action set_up_slam(CLI::App& verb) {
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     std::vector<std::string> settings;
+    if (!arguments->sensor.empty()) settings.push_back("sensor=" + arguments->sensor);
     if (!arguments->engine.empty()) settings.push_back("laser.engine=" + arguments->engine);
     LoadedConfiguration loaded = load_configuration({}, settings, arguments->flags);
     if (!loaded.configuration.robots.empty())

@@ -12,7 +12,8 @@ std::vector<Pose3> ring(int count) {
   for (int i = 0; i < count; ++i) {
     const double angle = 2.0 * M_PI * i / count;
     poses.push_back({{3.0 * std::cos(angle), 3.0 * std::sin(angle), 0.4 * std::sin(2.0 * angle)},
-                     Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())) * Eigen::Quaterniond(Eigen::AngleAxisd(0.3 * std::sin(angle), Eigen::Vector3d::UnitX()))});
+                     Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ())) *
+                         Eigen::Quaterniond(Eigen::AngleAxisd(0.3 * std::sin(angle), Eigen::Vector3d::UnitX()))});
   }
   return poses;
 }
@@ -29,7 +30,8 @@ TEST(SpatialGraph, comes_back_to_the_truth_from_drifted_poses) {
   auto drifted = truth;
   for (std::size_t i = 1; i < drifted.size(); ++i) {
     drifted[i].t += 0.02 * static_cast<double>(i) * Eigen::Vector3d(1.0, -0.5, 0.3);
-    drifted[i].q = drifted[i].q * Eigen::Quaterniond(Eigen::AngleAxisd(0.01 * static_cast<double>(i), Eigen::Vector3d(0.2, 0.3, 1.0).normalized()));
+    drifted[i].q =
+        drifted[i].q * Eigen::Quaterniond(Eigen::AngleAxisd(0.01 * static_cast<double>(i), Eigen::Vector3d(0.2, 0.3, 1.0).normalized()));
   }
   const SpatialSolution solution = solve(drifted, edges);
   EXPECT_TRUE(solution.converged);

@@ -113,8 +113,8 @@ std::string map_picture_png(const OccupancyGrid& grid, const std::vector<Session
   raster.left_m = grid.origin_x_m + static_cast<double>(window.first_column) * grid.resolution_m;
   raster.low_m = grid.origin_y_m + static_cast<double>(window.first_row) * grid.resolution_m;
   raster.size = metres(static_cast<double>(window.columns) * grid.resolution_m, 1);
-  raster.size = raster.size.substr(0, raster.size.size() - 2) + " x " + metres(static_cast<double>(window.rows) * grid.resolution_m, 1) +
-                ", cell ";
+  raster.size =
+      raster.size.substr(0, raster.size.size() - 2) + " x " + metres(static_cast<double>(window.rows) * grid.resolution_m, 1) + ", cell ";
   append_shortest(raster.size, grid.resolution_m);
   raster.size += " m";
   return framed_map_png(raster, trajectories, options);

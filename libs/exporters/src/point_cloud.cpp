@@ -87,17 +87,23 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
         thinning.add(transformed(Eigen::Vector3d(point.x, point.y, 0.0), node.map_from_node), robot);
   }
 
-  const auto points = thinning.sorted();
+  std::vector<ColouredPoint> points;
+  for (const auto& [voxel, gathered] : thinning.sorted()) {
+    const Colour colour = robot_colour(gathered.robot);
+    points.push_back({gathered.sum / gathered.count, {colour.red, colour.green, colour.blue}});
+  }
+  return pcd_bytes(points);
+}
+
+std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
   const std::string count = std::to_string(points.size());
   std::string bytes =
       "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH " +
       count + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n";
   bytes.reserve(bytes.size() + 16 * points.size());
-  for (const auto& [voxel, gathered] : points) {
-    const Eigen::Vector3d point_in_map = gathered.sum / gathered.count;
+  for (const auto& [point_in_map, rgb] : points) {
     for (int axis = 0; axis < 3; ++axis) append_little_endian(bytes, static_cast<float>(point_in_map(axis)));
-    const Colour colour = robot_colour(gathered.robot);
-    append_little_endian(bytes, static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue));  // the bits of PCL's rgb
+    append_little_endian(bytes, static_cast<std::uint32_t>(rgb[0] << 16 | rgb[1] << 8 | rgb[2]));  // the bits of PCL's rgb
   }
   return bytes;
 }

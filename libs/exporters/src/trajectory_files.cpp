@@ -58,4 +58,6 @@ std::string tum_text(const Map& map, RobotId robot) {
   return text_of(trajectories);
 }
 
+std::string tum_text(const std::vector<StampedPose>& poses) { return text_of({{SessionId(), poses}}); }
+
 }  // namespace mapweave::exporters

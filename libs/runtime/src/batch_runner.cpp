@@ -56,6 +56,13 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
+void add(Results& results, const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+  if (cameras.cameras.empty())
+    results.add_map(folder, title, map);
+  else
+    results.add_cameras(folder, title, map, cameras);
+}
+
 }  // namespace
 
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
@@ -76,12 +83,14 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
 
   std::vector<InputFile> inputs;
   std::vector<tiers::RobotOutcome> outcomes;
+  std::vector<CamerasOutcome> cameras;  // of the outcomes
   for (std::size_t i = 0; i < robots.size(); ++i) {
     if (!robots[i]) continue;
     report.robots.push_back(robots[i]->report);
     report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
     if (robots[i]->input) inputs.push_back(*robots[i]->input);
     outcomes.push_back(std::move(robots[i]->outcome));
+    cameras.push_back(std::move(robots[i]->cameras));
   }
 
   // Edges fuse what their robots left and tell the cloud, which fuses everything again.
@@ -104,8 +113,11 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   };
   if (whole && !finished(fuse_all)) acknowledge_interruption(report, anything);
 
-  for (const tiers::RobotOutcome& outcome : outcomes)
-    if (outcome.map) results.add_map("robots/" + outcome.robot.str(), "robot " + outcome.robot.str(), *outcome.map);
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    if (!outcomes[i].map) continue;
+    const std::string name = outcomes[i].robot.str();
+    add(results, "robots/" + name, "robot " + name, *outcomes[i].map, cameras[i]);
+  }
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     const std::string name = edge.id().str();
@@ -130,7 +142,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   report.stages.push_back({TierId(), "mapping", robot.report.wall_seconds});
   if (robot.outcome.map) {
     report.team.components = {{robot.outcome.map->id}};
-    results.add_map("", "robot " + robot.report.id.str(), *robot.outcome.map);
+    add(results, "", "robot " + robot.report.id.str(), *robot.outcome.map, robot.cameras);
   } else if (robot.outcome.trouble) {
     throw *robot.outcome.trouble;
   }

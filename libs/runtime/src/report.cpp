@@ -96,6 +96,41 @@ Json fusion_json(const FusionReport& fusion) {
           {"members", members}};
 }
 
+Json camera_json(const CameraReport& camera) {
+  return {{"label", camera.label},
+          {"kind", camera.kind},
+          {"frames", camera.frames},
+          {"tracked", camera.tracked},
+          {"lost", camera.lost},
+          {"longest_loss_seconds", camera.longest_loss_s},
+          {"keyframes", camera.keyframes},
+          {"landmarks", camera.landmarks},
+          {"loops", camera.loops},
+          {"tracking_mean_ms", camera.tracking_mean_ms},
+          {"tracking_p99_ms", camera.tracking_p99_ms},
+          {"keyframe_mean_ms", camera.keyframe_mean_ms},
+          {"packing_mean_ms", camera.packing_mean_ms},
+          {"readout_seconds", camera.readout_s},
+          {"inverse_depth_offset", camera.inverse_depth_offset}};
+}
+
+std::string in_words(const RobotReport& robot) {
+  const std::string pace = format(" of %.0f s in %.1f s (%.1f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
+                                  robot.real_time_factor(), robot.mapped ? "" : "; no map");
+  if (robot.cameras.empty())
+    return format("robot %s: %llu scans", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans)) + pace;
+  std::string text;
+  for (const CameraReport& camera : robot.cameras) {
+    text += format("robot %s, camera %s (%s): %llu frames%s", robot.id.str().c_str(), camera.label.c_str(), camera.kind.c_str(),
+                   static_cast<unsigned long long>(camera.frames), pace.c_str());
+    text += format("  %llu tracked, %llu lost; %llu keyframes, %llu landmarks, %llu loops closed; %.1f ms a frame\n",
+                   static_cast<unsigned long long>(camera.tracked), static_cast<unsigned long long>(camera.lost),
+                   static_cast<unsigned long long>(camera.keyframes), static_cast<unsigned long long>(camera.landmarks),
+                   static_cast<unsigned long long>(camera.loops), camera.tracking_mean_ms);
+  }
+  return text;
+}
+
 const char* reason_in_words(Reason reason) {
   switch (reason) {
     case Reason::none: return "no doubt";
@@ -130,6 +165,7 @@ Json summary_json(const Report& report) {
                  {"cpu_seconds", robot.cpu_seconds},
                  {"real_time_factor", robot.real_time_factor()},
                  {"mapped", robot.mapped}};
+    for (const CameraReport& camera : robot.cameras) line["cameras"].push_back(camera_json(camera));
     if (!robot.edge.empty()) line["edge"] = robot.edge.str();
     if (robot.trouble) line["trouble"] = robot.trouble->what();
     robots.push_back(line);
@@ -184,9 +220,7 @@ std::string in_words(const Verdict& verdict) {
 std::string in_words(const Report& report, const std::string& folder) {
   std::string text;
   for (const RobotReport& robot : report.robots) {
-    text += format("robot %s: %llu scans of %.0f s in %.1f s (%.0f x real time)%s\n", robot.id.str().c_str(),
-                   static_cast<unsigned long long>(robot.scans), robot.log_seconds, robot.wall_seconds, robot.real_time_factor(),
-                   robot.mapped ? "" : "; no map");
+    text += in_words(robot);
     if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
   for (const FusionReport& edge : report.edges)

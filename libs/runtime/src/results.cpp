@@ -1,7 +1,9 @@
 #include "results.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/exporters/g2o_file.h>
 #include <mapweave/exporters/map_folder.h>
+#include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/metrics.h>
 
@@ -62,10 +64,46 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
   const Stopwatch watch;
   draw(folder, title, false, map);
-  mapdb::StoredMaps store;
-  store.maps = {map};
-  store.metadata["program"] = "mapweave " + program_version();
-  mapdb::write_store(folder_.staging() / folder / "map.mwdb", store);
+  store(folder, map);
+  output_seconds_ += watch.seconds();
+}
+
+void Results::store(const std::string& folder, const Map& map) {
+  mapdb::StoredMaps stored;
+  stored.maps = {map};
+  stored.metadata["program"] = "mapweave " + program_version();
+  mapdb::write_store(folder_.staging() / folder / "map.mwdb", stored);
+}
+
+void Results::add_cameras(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+  const Stopwatch watch;
+  const OutputOptions& output = configuration_.output;
+  const std::filesystem::path top = folder_.staging() / folder;
+  std::filesystem::create_directories(top);
+  bool first = true;
+  for (const CameraResult& camera : cameras.cameras) {
+    const std::filesystem::path place = first ? top : top / "cameras" / made_valid(camera.report.label);
+    std::filesystem::create_directories(place);
+    if (output.tum) {
+      write_file(place / "trajectory.tum", exporters::tum_text(camera.frames));
+      write_file(place / "keyframes.tum", exporters::tum_text(camera.keyframes));
+    }
+    exporters::ContactSheetOptions sheet;
+    sheet.title = title + ", camera " + camera.report.label;
+    if (output.png && !camera.sheet.empty()) write_file(place / "frames.png", exporters::contact_sheet_png(camera.sheet, sheet));
+    first = false;
+  }
+  if (output.pcd) write_file(top / "map.pcd", exporters::pcd_bytes(cameras.landmarks));
+  if (output.g2o) write_file(top / "map.g2o", exporters::g2o_text(map));
+  if (output.png) {
+    std::vector<exporters::SessionTrajectory> ways;
+    for (const CameraResult& camera : cameras.cameras)
+      ways.push_back({{{map.robots().front(), SensorId()}, static_cast<std::int64_t>(ways.size())}, camera.frames});
+    exporters::PictureOptions picture = output.picture;
+    if (picture.title.empty()) picture.title = title;
+    write_file(top / "map.png", exporters::top_view_png(cameras.landmarks, ways, picture));
+  }
+  store(folder, map);
   output_seconds_ += watch.seconds();
 }
 
@@ -90,7 +128,7 @@ void Results::commit(const std::string& verb, const RunConfiguration& effective,
   report.stages.push_back({TierId(), "output", output_seconds_});
   report.wall_seconds = watch_.seconds();
   report.peak_rss_bytes = peak_rss_bytes();
-  for (const char* picture : {"team/map.color.png", "map.color.png"})
+  for (const char* picture : {"team/map.color.png", "map.color.png", "map.png"})
     if (report.picture.empty() && std::filesystem::exists(folder_.staging() / picture)) report.picture = picture;
   const std::filesystem::path& staging = folder_.staging();
   write_file(staging / "config.yaml", to_yaml(effective));

@@ -6,6 +6,7 @@
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/runtime/camera_task.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -20,6 +21,9 @@ class Results {
   // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory. A map that cannot be drawn has no
   // pictures, and a note says why; after an interruption no more are drawn.
   void add_map(const std::string& folder, const std::string& title, const Map& map);
+  // The same of a robot that maps with cameras: landmarks from above, their cloud, frames' and keyframes' trajectories, a contact sheet;
+  // of further cameras in `folder`/cameras/LABEL.
+  void add_cameras(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
   // into the report.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
@@ -32,6 +36,7 @@ class Results {
 
  private:
   OccupancyGrid grid_of(const std::string& title, const Map& map);
+  void store(const std::string& folder, const Map& map);
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;

@@ -7,6 +7,8 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 
+#include <utility>
+
 namespace mapweave::runtime {
 namespace {
 
@@ -40,6 +42,27 @@ tiers::RobotOutcome outcome_of(const PlannedRobot& robot, const rawlog::ReadOpti
   return *slam.step(agent.end(std::move(trouble)));
 }
 
+// The laser at the edge.
+void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
+                  Progress& progress, RobotResult& result) {
+  tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan, robot.log.string());
+  try {
+    tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+    result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
+  } catch (const Error& error) {
+    if (error.code() == ErrorCode::kInterrupted) throw;
+    result.outcome = {robot.id, std::nullopt, error};
+  }
+  result.report.scans = agent.scans();
+  result.report.log_seconds = agent.seconds();
+  for (const auto& [label, count] : agent.packer().ignored_lasers())
+    log(LogLevel::info, "robot " + robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
+                            agent.packer().label() + "' is (choose with --set laser.scan.label=...)");
+  if (agent.packer().unusable() > 0)
+    log(LogLevel::warning,
+        "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
+}
+
 }  // namespace
 
 RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
@@ -50,11 +73,17 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
-  tiers::RobotAgent agent(robot.id, robot.edge, configuration.laser.scan, robot.log.string());
   try {
     result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
-    tiers::RobotSlam slam(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
-    result.outcome = outcome_of(robot, configuration.reading, agent, slam, keep_going, give_up, progress);
+    const ChosenSensors chosen = choose_sensors(robot.log, configuration);
+    if (chosen.empty()) {
+      map_by_laser(robot, configuration, keep_going, give_up, progress, result);
+    } else {
+      result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
+      result.outcome = {robot.id, std::exchange(result.cameras.map, std::nullopt), result.cameras.trouble};
+      result.report.log_seconds = result.cameras.log_seconds;
+      for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
+    }
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) throw;
     result.outcome = {robot.id, std::nullopt, error};
@@ -62,17 +91,8 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = watch.seconds();
   result.report.cpu_seconds = thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;
-  result.report.scans = agent.scans();
-  result.report.log_seconds = agent.seconds();
   result.report.mapped = result.outcome.map.has_value();
   result.report.trouble = result.outcome.trouble;
-
-  for (const auto& [label, count] : agent.packer().ignored_lasers())
-    log(LogLevel::info, "robot " + robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
-                            agent.packer().label() + "' is (choose with --set laser.scan.label=...)");
-  if (agent.packer().unusable() > 0)
-    log(LogLevel::warning,
-        "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
   return result;
 }
 

@@ -115,6 +115,15 @@ exporters::MapFolderOptions folder_options(const OutputOptions& output, const st
   return options;
 }
 
+std::string made_valid(std::string name) {
+  for (char& letter : name)
+    if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';
+  while (!name.empty() && name.front() == '.') name.erase(0, 1);
+  constexpr std::size_t kLongest = 64;
+  name.resize(std::min(name.size(), kLongest));
+  return name;
+}
+
 std::string name_of_file(const std::filesystem::path& path) {
   const auto normal = path.lexically_normal();
   std::string name = (normal.has_filename() ? normal : normal.parent_path()).filename().string();  // "walk/" is the folder walk
@@ -127,12 +136,7 @@ std::string name_of_file(const std::filesystem::path& path) {
   };
   cut_one_of({".gz", ".zip"});
   cut_one_of({".rawlog", ".clf", ".log", ".g2o", ".mwdb", ".yaml", ".yml"});
-  for (char& letter : name)
-    if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';
-  while (!name.empty() && name.front() == '.') name.erase(0, 1);
-  constexpr std::size_t kLongest = 64;
-  name.resize(std::min(name.size(), kLongest));
-  return name;
+  return made_valid(std::move(name));
 }
 
 }  // namespace mapweave::runtime

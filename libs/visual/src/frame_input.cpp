@@ -87,8 +87,9 @@ ColourPicture colour_of(const mrpt::img::CImage& image, const LensCalibration& l
   return {{held, held->data}, raw.cols, raw.rows, raw.step, lens.camera, lens.distortion};
 }
 
-// Whether the observation is a camera's, and what it can give.
-std::optional<CameraKind> kind_of(const mrpt::obs::CObservation& observation) {
+}  // namespace
+
+std::optional<CameraKind> camera_kind(const mrpt::obs::CObservation& observation) {
   if (const auto* depth = dynamic_cast<const CObservation3DRangeScan*>(&observation))
     return depth->hasIntensityImage ? std::optional(depth->hasRangeImage ? CameraKind::rgbd : CameraKind::mono) : std::nullopt;
   if (const auto* pair = dynamic_cast<const CObservationStereoImages*>(&observation))
@@ -96,8 +97,6 @@ std::optional<CameraKind> kind_of(const mrpt::obs::CObservation& observation) {
   if (dynamic_cast<const CObservationImage*>(&observation) != nullptr) return CameraKind::mono;
   return std::nullopt;
 }
-
-}  // namespace
 
 struct FramePacker::Lens {
   LensCalibration left;
@@ -109,7 +108,7 @@ FramePacker::~FramePacker() = default;
 
 std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
   motion_->add(record);
-  const auto offered = kind_of(*record.observation);
+  const auto offered = camera_kind(*record.observation);
   if (!offered) return std::nullopt;
   const std::string& label = record.observation->sensorLabel;
   if (!options_.label.empty() && label != options_.label) {

@@ -31,8 +31,8 @@ std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t
 
 }  // namespace
 
-std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike, const Pyramid& picture,
-                                   const ClientOptions& options) {
+std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike,
+                                   const Pyramid& picture, const ClientOptions& options) {
   const int newest = static_cast<int>(map.keyframes.size()) - 1;
   const matching::OrbFeatures& features = map.keyframe(newest).features;
   const auto near = covisible(map, newest);
@@ -78,7 +78,8 @@ void close_loop(LandmarkMap& map, const FoundLoop& loop) {
     if (!to_the_last) tie(number - 1, number, between(poses[number - 1], poses[number]), 10.0);
   }
   const Pose3 map_from_newest = pose_of(loop.view);
-  tie(static_cast<std::uint32_t>(loop.earlier), newest, between(poses[static_cast<std::size_t>(loop.earlier)], map_from_newest), 10.0 * static_cast<double>(loop.matches.size()));
+  tie(static_cast<std::uint32_t>(loop.earlier), newest, between(poses[static_cast<std::size_t>(loop.earlier)], map_from_newest),
+      10.0 * static_cast<double>(loop.matches.size()));
   const graph::SpatialSolution solution = graph::solve(poses, edges);
 
   std::vector<View> before;

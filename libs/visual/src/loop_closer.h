@@ -16,8 +16,8 @@ struct FoundLoop {
 };
 
 // What keyframe is shown by the newest one's picture besides those that it shares landmarks with. nullopt where none is found beyond doubt.
-std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike, const Pyramid& picture,
-                                   const ClientOptions& options);
+std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike,
+                                   const Pyramid& picture, const ClientOptions& options);
 
 // Moves keyframes and landmarks so that the newest keyframe stands where the loop says; what lies between gives way evenly.
 void close_loop(LandmarkMap& map, const FoundLoop& loop);

@@ -63,7 +63,9 @@ struct VisualClient::State {
   }
 
   bool is_good(const Attempt& attempt) const {
-    return attempt.pose.count >= options.tracking.least_landmarks && 2 * attempt.pose.count >= static_cast<int>(attempt.found.size());
+    const int seen = attempt.pose.count, found = static_cast<int>(attempt.found.size());
+    if (seen >= options.tracking.least_landmarks) return 2 * seen >= found;
+    return 2 * seen >= options.tracking.least_landmarks && 4 * seen >= 3 * found;  // few, but of one mind
   }
 
   Attempt follow(const Pyramid& picture, double interval_s) {
@@ -203,6 +205,13 @@ Tracked VisualClient::add(const Frame& frame) {
   MAPWEAVE_EXPECT(frame.grey.width == state_->map.camera.width && frame.grey.height == state_->map.camera.height,
                   "pictures of the camera's size");
   return state_->add(frame);
+}
+
+std::vector<SeenLandmark> VisualClient::seen() const {
+  std::vector<SeenLandmark> result;
+  for (const Match& match : state_->matches)
+    result.push_back({match.landmark, match.pixel, (state_->view * state_->map.landmark(match.landmark).point).z()});
+  return result;
 }
 
 std::vector<PlacedFrame> VisualClient::trajectory() const {

@@ -3,7 +3,10 @@
 
 #include <mapweave/maps/map.h>
 
+#include <array>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 namespace mapweave::exporters {
 
@@ -21,5 +24,13 @@ struct PointCloudOptions {
 // colour of the robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall
 // cells.
 std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
+
+struct ColouredPoint {
+  Eigen::Vector3d point_in_map;
+  std::array<std::uint8_t, 3> red_green_blue;
+};
+
+// The same fields, of points as they come.
+std::string pcd_bytes(const std::vector<ColouredPoint>&);
 
 }  // namespace mapweave::exporters

@@ -2,17 +2,9 @@
 // Landmarks of cameras, seen from above.
 
 #include <mapweave/exporters/grid_image.h>
-
-#include <Eigen/Core>
-#include <array>
-#include <cstdint>
+#include <mapweave/exporters/point_cloud.h>
 
 namespace mapweave::exporters {
-
-struct ColouredPoint {
-  Eigen::Vector3d point_in_map;
-  std::array<std::uint8_t, 3> red_green_blue;
-};
 
 // PNG: each point a dot of its colour, higher ones above lower ones; what hangs well above the robots (ceilings) and single points far off
 // are left out. Ways, legend and scale as in map_picture_png(). Contract: there are points or poses, all finite.

@@ -2,7 +2,7 @@
 // Trajectories as text in the form of the TUM RGB-D benchmark, which evo and others read: `stamp x y z qx qy qz qw` a line, the
 // robot's pose in the map, one line per scan, stamps in seconds and strictly increasing, everything with 6 decimals.
 
-#include <mapweave/maps/map.h>
+#include <mapweave/exporters/session_trajectories.h>
 
 #include <string>
 
@@ -14,5 +14,8 @@ std::string tum_text(const Map&);
 
 // One robot's. Empty where the map does not hold it.
 std::string tum_text(const Map&, RobotId);
+
+// Of poses that no map holds, by stamp: a camera's frames.
+std::string tum_text(const std::vector<StampedPose>&);
 
 }  // namespace mapweave::exporters

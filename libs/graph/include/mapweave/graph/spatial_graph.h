@@ -23,7 +23,8 @@ struct SpatialSolution {
 };
 
 // Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information that is not finite.
-SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations = 50, std::uint32_t fixed = 0);
+SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations = 50,
+                      std::uint32_t fixed = 0);
 
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses);
 

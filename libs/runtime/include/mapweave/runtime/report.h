@@ -12,13 +12,25 @@
 
 namespace mapweave::runtime {
 
+struct CameraReport {
+  std::string label, kind;                          // "RGBD", "rgbd"
+  std::uint64_t frames = 0, tracked = 0, lost = 0;  // tracked: placed in the map; lost: not, after a first one was
+  std::uint64_t keyframes = 0, landmarks = 0, loops = 0;
+  double longest_loss_s = 0.0;
+  // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding and
+  // rectifying.
+  double tracking_mean_ms = 0.0, tracking_p99_ms = 0.0, keyframe_mean_ms = 0.0, packing_mean_ms = 0.0;
+  double readout_s = 0.0, inverse_depth_offset = 0.0;  // of the sensor, as learnt
+};
+
 struct RobotReport {
   RobotId id;
   TierId edge;  // empty for slam
   std::uint64_t scans = 0;
-  double log_seconds = 0.0;   // of data
-  double wall_seconds = 0.0;  // from opening the log to the finished map
-  double cpu_seconds = 0.0;   // the helper's included
+  std::vector<CameraReport> cameras;  // by label; empty where the laser maps
+  double log_seconds = 0.0;           // of data
+  double wall_seconds = 0.0;          // from opening the log to the finished map
+  double cpu_seconds = 0.0;           // the helper's included
   bool mapped = false;
   std::optional<Error> trouble;  // why the stream ended early
   double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }

@@ -1,7 +1,9 @@
 #pragma once
-// One robot from its log to its map: the log's reader, the robot's agent and its SLAM instance at the edge, wired in one thread.
+// One robot from its log to its map: the log's reader, the robot's agent and its SLAM instance at the edge, or its cameras' clients, wired
+// in one thread.
 
 #include <mapweave/core/progress.h>
+#include <mapweave/runtime/camera_task.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -14,6 +16,7 @@ namespace mapweave::runtime {
 
 struct RobotResult {
   tiers::RobotOutcome outcome;
+  CamerasOutcome cameras;  // its map is in `outcome`; empty where the laser maps
   RobotReport report;
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };

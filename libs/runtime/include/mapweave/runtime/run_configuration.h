@@ -8,6 +8,7 @@
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/visual/client_options.h>
 
 #include <filesystem>
 #include <string>
@@ -22,6 +23,19 @@ struct RobotEntry {
     v.text("id", id, "the robot's name; empty: its log's file name");
     v.text("log", log, "its log, or a folder of pictures; relative to this file");
     v.text("edge", edge, "the edge that maps it; empty: the edges in turn");
+  }
+};
+
+// Which of a robot's sensors are mapped.
+enum class SensorChoice { automatic, laser, mono, stereo, rgbd };
+
+struct VisualOptions {
+  std::string label;
+  visual::ClientOptions client;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("label", label, "the camera to map with where a robot has several; empty: all of them, each on its own");
+    client.describe(v);
   }
 };
 
@@ -54,8 +68,10 @@ struct RunConfiguration {
   std::uint64_t seed = 1;
   std::vector<RobotEntry> robots;
   std::vector<EdgeEntry> edges;
+  SensorChoice sensor = SensorChoice::automatic;
   rawlog::ReadOptions reading;
   laser::LaserOptions laser;
+  VisualOptions visual;
   fusion::FusionOptions fusion;
   fusion::ComposeOptions compose;
   OutputOptions output;
@@ -65,8 +81,16 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
+    v.choice("sensor", sensor,
+             {{"auto", SensorChoice::automatic},
+              {"laser", SensorChoice::laser},
+              {"mono", SensorChoice::mono},
+              {"stereo", SensorChoice::stereo},
+              {"rgbd", SensorChoice::rgbd}},
+             "what robots map with; auto: the laser where a log has one, else its cameras with all that they give");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
+    v.section("visual", visual, "one camera's SLAM");
     v.section("fusion", fusion, "how maps are joined");
     v.section("compose", compose, "how grids are drawn");
     v.section("output", output, "what is written beside each map.mwdb");
@@ -96,6 +120,9 @@ RunConfiguration effective(RunConfiguration, const RunPlan&);
 
 // What a map's folder holds beside map.mwdb. `title` stands above the picture where the options have none.
 exporters::MapFolderOptions folder_options(const OutputOptions&, const std::string& title);
+
+// Letters that names cannot have become '-'; shortened; may be empty.
+std::string made_valid(std::string name);
 
 // "office east.rawlog.gz" -> "office-east": a name made of what a file is called.
 std::string name_of_file(const std::filesystem::path&);

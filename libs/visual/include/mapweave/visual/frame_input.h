@@ -14,6 +14,9 @@ namespace mapweave::visual {
 
 enum class CameraKind { automatic, mono, stereo, rgbd };
 
+// The most that the observation of a camera gives; nullopt for what is no camera's.
+std::optional<CameraKind> camera_kind(const mrpt::obs::CObservation&);
+
 struct FrameInputOptions {
   std::string label;
   CameraKind kind = CameraKind::automatic;

@@ -34,6 +34,13 @@ struct MappedLandmark {
   int sightings = 0;  // keyframes that see it
 };
 
+// In the frame that was tracked last.
+struct SeenLandmark {
+  int landmark = 0;  // the same number in every frame
+  Eigen::Vector2d pixel;
+  double depth_m = 0.0;
+};
+
 // Not thread-safe; without threads or clocks of its own. The map's frame is the camera's at the first keyframe.
 class VisualClient {
  public:
@@ -45,10 +52,11 @@ class VisualClient {
   // In the order of stamps, pictures of the camera's size (contract).
   Tracked add(const Frame& frame);
 
+  std::vector<SeenLandmark> seen() const;
   std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now
   std::vector<PlacedFrame> keyframes() const;
   std::vector<MappedLandmark> landmarks() const;
-  int loops() const;  // closed
+  int loops() const;           // closed
   SensorFlaws sensor() const;  // as learnt so far
 
  private:
