@@ -103,6 +103,81 @@ class RandomMaps {
     return map;
   }
 
+  std::shared_ptr<const CameraGeometry> camera() {
+    CameraGeometry camera;
+    camera.width = 640, camera.height = 480;
+    camera.fx = camera.fy = uniform(400, 600);
+    camera.cx = uniform(300, 340), camera.cy = uniform(220, 260);
+    camera.baseline_m = 0.075;
+    camera.robot_from_camera = pose();
+    return std::make_shared<const CameraGeometry>(camera);
+  }
+
+  std::shared_ptr<const Payload> keyframe(const std::shared_ptr<const CameraGeometry>& camera, std::uint32_t feature_count) {
+    KeyframeFeatures keyframe{camera, {}, {}};
+    for (std::uint32_t i = 0; i < feature_count; ++i) {
+      const LandmarkSighting place = sighting({});
+      keyframe.points.push_back({place.u, place.v, place.inverse_depth, place.level, static_cast<std::uint8_t>(below(256))});
+      keyframe.descriptors.push_back({engine_(), engine_(), engine_(), engine_()});
+    }
+    return std::make_shared<const Payload>(std::move(keyframe));
+  }
+
+  LandmarkSighting sighting(const NodeId& node) {
+    LandmarkSighting sighting;
+    sighting.node = node;
+    sighting.u = static_cast<std::uint16_t>(below(16 * 640)), sighting.v = static_cast<std::uint16_t>(below(16 * 480));
+    sighting.inverse_depth = static_cast<std::uint16_t>(below(3) == 0 ? 0 : below(65536));
+    sighting.level = static_cast<std::uint8_t>(below(8));
+    return sighting;
+  }
+
+  // One session of keyframes, each fourth a pose only, with a submap of every ten and three landmarks a keyframe, seen by it and
+  // some of the next ones.
+  Map keyframe_map(const std::string& name, std::uint32_t node_count, std::uint32_t feature_count = 9) {
+    Map map;
+    map.id = MapId(name);
+    const SessionId session{{RobotId(name), SensorId("camera")},
+                            static_cast<std::int64_t>(1'000'000'000'000'000'000 + below(1'000'000'000))};
+    const auto first = camera(), second = camera();
+    std::vector<NodeId> keyframes;
+    for (std::uint32_t i = 0; i < node_count; ++i) {
+      const NodeId id{session, i};
+      const bool is_bare = i % 4 == 3;
+      map.nodes.set(
+          id,
+          {id, {session.run + std::int64_t{i} * 33'000'000}, pose(), is_bare ? nullptr : keyframe(i < 8 ? first : second, feature_count)});
+      if (!is_bare) keyframes.push_back(id);
+      if (i == 0) continue;
+      Constraint constraint;
+      constraint.id = {ConstraintKind::odometry, {session, i - 1}, id, 0};
+      constraint.from_from_to.pose = pose();
+      constraint.information = symmetric();
+      map.constraints.set(constraint.id, constraint);
+    }
+    for (std::size_t k = 0; k < keyframes.size(); ++k)
+      for (int i = 0; i < 3; ++i) {
+        Landmark landmark;
+        landmark.id = {session, static_cast<std::uint32_t>(map.landmarks.size())};
+        landmark.anchor = keyframes[k];
+        landmark.point_units = landmark_units({uniform(-20, 20), uniform(-20, 20), uniform(-3, 3)});
+        for (std::uint8_t& part : landmark.colour) part = static_cast<std::uint8_t>(below(256));
+        for (std::size_t at = k; at < std::min(k + 5, keyframes.size()); ++at)
+          if (at == k || below(3) > 0) landmark.seen.push_back(sighting(keyframes[at]));
+        map.landmarks.set(landmark.id, landmark);
+      }
+    for (std::size_t begin = 0; begin < keyframes.size(); begin += 10) {
+      Submap submap;
+      submap.id = {session, static_cast<std::uint32_t>(begin / 10)};
+      for (std::size_t k = begin; k < std::min(begin + 10, keyframes.size()); ++k)
+        submap.submap_from_node.emplace_back(keyframes[k], k == begin ? Pose3{} : pose());
+      submap.frozen = begin + 10 < keyframes.size();
+      if (submap.frozen) submap.content = content_hash(submap, map.nodes);
+      map.submaps.set(submap.id, submap);
+    }
+    return map;
+  }
+
   Hash hash() { return hash_of_bytes(std::to_string(engine_())); }
 
   Alignment alignment() { return {{pose(), uniform(0.5, 2)}, symmetric()}; }

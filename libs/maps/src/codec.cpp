@@ -8,16 +8,31 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;                          // of updates: 1 knows no keyframes and landmarks
+constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
 
 // Fields of form::MapUpdate, written and read one by one.
-enum Field : int { kHeader = 1, kNodes, kMoved, kSubmaps, kConstraints, kJudgements, kRemovedNodes, kRemovedSubmaps, kRemovedConstraints };
+enum Field : int {
+  kHeader = 1,
+  kNodes,
+  kMoved,
+  kSubmaps,
+  kConstraints,
+  kJudgements,
+  kRemovedNodes,
+  kRemovedSubmaps,
+  kRemovedConstraints,
+  kLandmarks,
+  kChangedLandmarks,
+  kRemovedLandmarks
+};
 
 const NodeId& id_of(const NodeId& id) { return id; }
 const SubmapId& id_of(const SubmapId& id) { return id; }
 const ConstraintId& id_of(const ConstraintId& id) { return id; }
+const LandmarkId& id_of(const LandmarkId& id) { return id; }
 template <class Element>
 const auto& id_of(const Element& element) {
   return element.id;
@@ -30,6 +45,7 @@ void expect_sound(const Value& value) {
 }
 void expect_sound(const NodeId&) {}  // their sessions are checked
 void expect_sound(const SubmapId&) {}
+void expect_sound(const LandmarkId&) {}
 
 void append_varint(std::string& bytes, std::uint64_t number) {
   for (; number >= 0x80; number >>= 7) bytes.push_back(static_cast<char>(number | 0x80));
@@ -47,6 +63,7 @@ void append_field(std::string& bytes, Field field, const MessageLite& message) {
 
 void collect(SessionTable& sessions, const NodeId& id) { sessions.add(id.session); }
 void collect(SessionTable& sessions, const SubmapId& id) { sessions.add(id.session); }
+void collect(SessionTable& sessions, const LandmarkId& id) { sessions.add(id.session); }
 void collect(SessionTable& sessions, const Node& node) { sessions.add(node.id.session); }
 void collect(SessionTable& sessions, const MovedNode& moved) { sessions.add(moved.id.session); }
 void collect(SessionTable& sessions, const Submap& submap) {
@@ -63,6 +80,22 @@ void collect(SessionTable& sessions, const Judgement& judgement) {
   sessions.add(judgement.b.session);
 }
 
+template <class AnyLandmark>
+void collect_sightings(SessionTable& sessions, const AnyLandmark& landmark) {
+  sessions.add(landmark.id.session);
+  for (const LandmarkSighting& sighting : landmark.seen) sessions.add(sighting.node.session);
+}
+void collect(SessionTable& sessions, const Landmark& landmark) { collect_sightings(sessions, landmark); }
+void collect(SessionTable& sessions, const LandmarkChange& change) { collect_sightings(sessions, change); }
+
+// The oldest that says it all: what older programs can read, they may.
+std::uint32_t version_of(const MapUpdate& update) {
+  const bool has_keyframes = std::any_of(update.nodes.begin(), update.nodes.end(),
+                                         [](const Node& node) { return std::get_if<KeyframeFeatures>(node.payload.get()) != nullptr; });
+  const bool has_landmarks = !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
+  return has_keyframes || has_landmarks ? 2 : 1;
+}
+
 // Calls action(field, list) for every list of an update, in the order of their fields.
 template <class Update, class Action>
 void for_each_list(Update& update, const Action& action) {
@@ -74,6 +107,9 @@ void for_each_list(Update& update, const Action& action) {
   action(kRemovedNodes, update.removed_nodes);
   action(kRemovedSubmaps, update.removed_submaps);
   action(kRemovedConstraints, update.removed_constraints);
+  action(kLandmarks, update.landmarks);
+  action(kChangedLandmarks, update.changed_landmarks);
+  action(kRemovedLandmarks, update.removed_landmarks);
 }
 
 template <class Form>
@@ -83,22 +119,23 @@ Form parsed(std::string_view bytes, const FormReader& reader) {
   return form;
 }
 
-void check_version(std::uint32_t version, const FormReader& reader, const std::string& where) {
-  if (version > kVersion)
+void check_version(std::uint32_t version, std::uint32_t newest, const FormReader& reader, const std::string& where) {
+  if (version > newest)
     throw Error(ErrorCode::kUnsupported,
-                "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(kVersion), where,
+                "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(newest), where,
                 "read it with a newer mapweave");
   if (version == 0) reader.corrupt("no version stands where it should");
 }
 
 void take_header(const form::Header& header, FormReader& reader, const std::string& where, MapUpdate& update) {
-  check_version(header.version(), reader, where);
+  check_version(header.version(), kVersion, reader, where);
   update.origin.tier = TierId(reader.name_or_nothing(header.tier(), "tier"));
   update.origin.map = MapId(reader.name_or_nothing(header.map(), "map"));
   update.sequence = header.sequence();
   update.base = header.base();
   for (const auto& session : header.sessions()) reader.take_session(session);
   for (const auto& geometry : header.geometries()) reader.take_geometry(geometry);
+  for (const auto& camera : header.cameras()) reader.take_camera(camera);
 }
 
 template <class Element>
@@ -118,6 +155,10 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
     case kRemovedSubmaps: return append(update.removed_submaps, reader.submap_id(parsed<form::Id>(bytes, reader)), reader);
     case kRemovedConstraints:
       return append(update.removed_constraints, reader.constraint_id(parsed<form::ConstraintId>(bytes, reader)), reader);
+    case kLandmarks: return append(update.landmarks, reader.landmark(parsed<form::Landmark>(bytes, reader)), reader);
+    case kChangedLandmarks:
+      return append(update.changed_landmarks, reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader)), reader);
+    case kRemovedLandmarks: return append(update.removed_landmarks, reader.landmark_id(parsed<form::Id>(bytes, reader)), reader);
     default: reader.corrupt("field " + std::to_string(field) + " is unknown");
   }
 }
@@ -127,7 +168,7 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
 std::string encode(const MapUpdate& update) {
   expect_sound(update.origin);
   SessionTable sessions;
-  GeometryTable geometries;
+  Geometries geometries;
   form::Header header;
   std::uint64_t elements = 0;
   for_each_list(update, [&](Field, const auto& list) {
@@ -143,13 +184,19 @@ std::string encode(const MapUpdate& update) {
     expect_sound(session);
     *header.add_sessions() = form_of(session);
   }
-  for (const Node& node : update.nodes)
-    if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) geometries.add(scan->geometry);
-  for (const auto& geometry : geometries.geometries()) {
-    expect_sound(*geometry);
-    *header.add_geometries() = form_of(*geometry);
+  for (const Node& node : update.nodes) {
+    if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) geometries.lasers.add(scan->geometry);
+    if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) geometries.cameras.add(keyframe->geometry);
   }
-  header.set_version(kVersion);
+  for (const auto& laser : geometries.lasers.geometries()) {
+    expect_sound(*laser);
+    *header.add_geometries() = form_of(*laser);
+  }
+  for (const auto& camera : geometries.cameras.geometries()) {
+    expect_sound(*camera);
+    *header.add_cameras() = form_of(*camera);
+  }
+  header.set_version(version_of(update));
   header.set_elements(elements);
   header.set_tier(update.origin.tier.str());
   header.set_map(update.origin.map.str());
@@ -216,7 +263,7 @@ std::string encode(const Judgement& judgement) {
   collect(sessions, judgement);
   sessions.sort();
   form::LoneJudgement form;
-  form.set_version(kVersion);
+  form.set_version(kJudgementVersion);
   for (const SessionId& session : sessions.sessions()) {
     expect_sound(session);
     *form.add_sessions() = form_of(session);
@@ -231,7 +278,7 @@ Judgement decode_judgement(std::string_view bytes, const std::string& where) {
     reader.corrupt("a judgement of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) +
                    " are expected");
   const auto form = parsed<form::LoneJudgement>(bytes, reader);
-  check_version(form.version(), reader, where);
+  check_version(form.version(), kJudgementVersion, reader, where);
   for (const auto& session : form.sessions()) reader.take_session(session);
   return reader.judgement(form.judgement());
 }
@@ -239,7 +286,7 @@ Judgement decode_judgement(std::string_view bytes, const std::string& where) {
 std::string encode(const Verdict& verdict) {
   expect_sound(verdict);
   form::Verdict form = form_of(verdict);
-  form.set_version(kVersion);
+  form.set_version(kJudgementVersion);
   return form.SerializeAsString();
 }
 
@@ -248,7 +295,7 @@ Verdict decode_verdict(std::string_view bytes, const std::string& where) {
   if (bytes.size() > kMostFieldBytes)
     reader.corrupt("a verdict of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
   const auto form = parsed<form::Verdict>(bytes, reader);
-  check_version(form.version(), reader, where);
+  check_version(form.version(), kJudgementVersion, reader, where);
   return reader.verdict(form);
 }
 

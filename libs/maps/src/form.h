@@ -23,30 +23,47 @@ class SessionTable {
   std::vector<SessionId> sessions_;
 };
 
-// The geometries that the scans of a message share, in order of first use; alike ones (bit for bit) are one.
+form::Session form_of(const SessionId&);
+form::ScanGeometry form_of(const ScanGeometry&);
+form::CameraGeometry form_of(const CameraGeometry&);
+
+// The geometries that the scans, or the keyframes, of a message share, in order of first use; alike ones (bit for bit) are one.
+template <class Geometry>
 class GeometryTable {
  public:
-  std::uint32_t add(const std::shared_ptr<const ScanGeometry>&);
-  std::uint32_t place(const ScanGeometry* geometry) const { return places_.at(geometry); }
-  const std::vector<std::shared_ptr<const ScanGeometry>>& geometries() const { return geometries_; }
+  void add(const std::shared_ptr<const Geometry>& geometry) {
+    if (places_.count(geometry.get()) > 0) return;
+    const auto [entry, is_new] =
+        place_by_bytes_.emplace(form_of(*geometry).SerializeAsString(), static_cast<std::uint32_t>(geometries_.size()));
+    if (is_new) geometries_.push_back(geometry);
+    places_.emplace(geometry.get(), entry->second);
+  }
+  std::uint32_t place(const std::shared_ptr<const Geometry>& geometry) const { return places_.at(geometry.get()); }
+  const std::vector<std::shared_ptr<const Geometry>>& geometries() const { return geometries_; }
 
  private:
-  std::vector<std::shared_ptr<const ScanGeometry>> geometries_;
-  std::map<const ScanGeometry*, std::uint32_t> places_;  // never walked: the order of pointers stays inside
+  std::vector<std::shared_ptr<const Geometry>> geometries_;
+  std::map<const Geometry*, std::uint32_t> places_;  // never walked: the order of pointers stays inside
   std::map<std::string, std::uint32_t> place_by_bytes_;
 };
 
-form::Session form_of(const SessionId&);
-form::ScanGeometry form_of(const ScanGeometry&);
+struct Geometries {
+  GeometryTable<ScanGeometry> lasers;
+  GeometryTable<CameraGeometry> cameras;
+};
+
 form::Id form_of(const NodeId&, const SessionTable&);
 form::Id form_of(const SubmapId&, const SessionTable&);
-form::Node form_of(const Node&, const SessionTable&, const GeometryTable&);
+form::Id form_of(const LandmarkId&, const SessionTable&);
+form::Node form_of(const Node&, const SessionTable&, const Geometries&);
 form::MovedNode form_of(const MovedNode&, const SessionTable&);
 form::Submap form_of(const Submap&, const SessionTable&);
 form::ConstraintId form_of(const ConstraintId&, const SessionTable&);
 form::Constraint form_of(const Constraint&, const SessionTable&);
 form::Judgement form_of(const Judgement&, const SessionTable&);
 form::Verdict form_of(const Verdict&);
+form::Landmark form_of(const Landmark&, const SessionTable&);
+form::LandmarkChange form_of(const LandmarkChange&, const SessionTable&);
 
 // Reads what was parsed from bytes that nobody vouches for. Everything it returns is sound (soundness.h).
 class FormReader {
@@ -55,11 +72,13 @@ class FormReader {
 
   void take_session(const form::Session&);  // in the order of the table
   void take_geometry(const form::ScanGeometry&);
+  void take_camera(const form::CameraGeometry&);
   void locate(std::string place) { place_ = std::move(place); }  // what follows stands there, for messages
   [[noreturn]] void corrupt(const std::string& what) const;
 
   NodeId node_id(const form::Id&) const;
   SubmapId submap_id(const form::Id&) const;
+  LandmarkId landmark_id(const form::Id&) const;
   ConstraintId constraint_id(const form::ConstraintId&) const;
   Node node(const form::Node&) const;
   MovedNode moved(const form::MovedNode&) const;
@@ -67,6 +86,8 @@ class FormReader {
   Constraint constraint(const form::Constraint&) const;
   Judgement judgement(const form::Judgement&) const;
   Verdict verdict(const form::Verdict&) const;
+  Landmark landmark(const form::Landmark&) const;
+  LandmarkChange landmark_change(const form::LandmarkChange&) const;
   std::string name_or_nothing(const std::string& text, const char* of_what) const;
 
  private:
@@ -79,11 +100,19 @@ class FormReader {
   Eigen::Matrix<double, 6, 6> matrix(const form::Matrix6&) const;
   Alignment alignment(const form::Alignment&) const;
   std::shared_ptr<const Payload> payload(const form::Node&) const;
+  PackedScan scan(const form::Scan&) const;
+  OccupancyGrid grid(const form::Grid&) const;
+  KeyframeFeatures keyframe(const form::Keyframe&) const;
+  template <class Form>
+  std::vector<LandmarkSighting> sightings(const Form&, const SessionId& own) const;
+  template <class Form>
+  Eigen::Vector3i point(const Form&) const;
 
   const std::string& where_;
   std::string place_;
   std::vector<SessionId> sessions_;
   std::vector<std::shared_ptr<const ScanGeometry>> geometries_;
+  std::vector<std::shared_ptr<const CameraGeometry>> cameras_;
 };
 
 }  // namespace mapweave

@@ -28,6 +28,14 @@ void add_payload(Hasher& hasher, const OccupancyGrid& grid) {
   hasher.add(std::int64_t{grid.columns}).add(std::int64_t{grid.rows}).add(packed(grid.log_odds));
 }
 
+void add_payload(Hasher& hasher, const KeyframeFeatures& keyframe) {
+  const CameraGeometry& camera = *keyframe.geometry;
+  hasher.add("keyframe").add(std::int64_t{camera.width}).add(std::int64_t{camera.height});
+  hasher.add(camera.fx).add(camera.fy).add(camera.cx).add(camera.cy).add(camera.baseline_m).add(camera.level_scale);
+  add_pose(hasher, camera.robot_from_camera);
+  hasher.add(packed(keyframe.points)).add(packed(keyframe.descriptors));
+}
+
 void add_payload(Hasher& hasher, const std::shared_ptr<const Payload>& payload) {
   if (payload)
     std::visit([&](const auto& content) { add_payload(hasher, content); }, *payload);
@@ -36,6 +44,14 @@ void add_payload(Hasher& hasher, const std::shared_ptr<const Payload>& payload) 
 }
 
 }  // namespace
+
+bool operator==(const CameraGeometry& a, const CameraGeometry& b) {
+  return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
+         a.baseline_m == b.baseline_m && a.level_scale == b.level_scale && a.robot_from_camera.t == b.robot_from_camera.t &&
+         a.robot_from_camera.q.coeffs() == b.robot_from_camera.q.coeffs();
+}
+
+std::string to_string(const LandmarkId& id) { return to_string(id.session) + "/landmark " + std::to_string(id.index); }
 
 Constraint planar_constraint(ConstraintId id, const Pose2& from_from_to, const Eigen::Matrix3d& information) {
   Constraint constraint;

@@ -2,6 +2,7 @@
 #include <mapweave/maps/map_update.h>
 
 #include "sameness.h"
+#include "soundness.h"
 
 namespace mapweave {
 namespace {
@@ -70,6 +71,80 @@ void expect_nodes_of(const Constraint& constraint, const Map& map, const MapUpda
     if (!map.nodes.contains(end)) does_not_fit(update, named(constraint.id) + " ends at an unknown node, " + to_string(end));
 }
 
+// What leads from one state of a landmark to the next once `gone` nodes (ascending) took their sightings along; nothing where only the
+// whole landmark does.
+std::optional<LandmarkChange> change_between(const Landmark& before, const Landmark& after, const std::vector<NodeId>& gone) {
+  if (before.anchor != after.anchor || before.colour != after.colour) return std::nullopt;
+  LandmarkChange change;
+  change.id = after.id;
+  if (before.point_units != after.point_units) change.point_units = after.point_units;
+  auto old = before.seen.begin();
+  const auto pass_gone_before = [&](const NodeId* next) {
+    for (; old != before.seen.end() && (next == nullptr || old->node < *next); ++old)
+      if (!std::binary_search(gone.begin(), gone.end(), old->node)) return false;
+    return true;
+  };
+  for (const LandmarkSighting& sighting : after.seen) {
+    if (!pass_gone_before(&sighting.node)) return std::nullopt;
+    const bool known = old != before.seen.end() && old->node == sighting.node;
+    if (!known || !same(*old, sighting)) change.seen.push_back(sighting);
+    if (known) ++old;
+  }
+  if (!pass_gone_before(nullptr)) return std::nullopt;
+  return change;
+}
+
+void change_landmark(Landmark& landmark, const LandmarkChange& change) {
+  if (change.point_units) landmark.point_units = *change.point_units;
+  for (const LandmarkSighting& sighting : change.seen) {
+    const auto place = std::lower_bound(landmark.seen.begin(), landmark.seen.end(), sighting.node,
+                                        [](const LandmarkSighting& seen, const NodeId& node) { return seen.node < node; });
+    if (place != landmark.seen.end() && place->node == sighting.node)
+      *place = sighting;
+    else
+      landmark.seen.insert(place, sighting);
+  }
+}
+
+const CameraGeometry& camera_at(const NodeId& id, const Map& map, const LandmarkId& landmark, const MapUpdate& update) {
+  const Node* node = map.nodes.find(id);
+  if (node == nullptr) does_not_fit(update, to_string(landmark) + " hangs on an unknown node, " + to_string(id));
+  const auto* keyframe = std::get_if<KeyframeFeatures>(node->payload.get());
+  if (keyframe == nullptr) does_not_fit(update, to_string(landmark) + " hangs on a node without keyframe, " + to_string(id));
+  return *keyframe->geometry;
+}
+
+// Of a Landmark or LandmarkChange.
+template <class AnyLandmark>
+void expect_fitting(const AnyLandmark& landmark, const Map& map, const MapUpdate& update) {
+  if (const std::string problem = flaw(landmark); !problem.empty()) does_not_fit(update, to_string(landmark.id) + ": " + problem);
+  for (const LandmarkSighting& sighting : landmark.seen)
+    if (!is_inside(sighting, camera_at(sighting.node, map, landmark.id, update)))
+      does_not_fit(update, to_string(landmark.id) + " is seen outside of the picture of " + to_string(sighting.node));
+}
+
+void update_landmarks(Map& map, const MapUpdate& update) {
+  for (const Landmark& landmark : update.landmarks) {
+    expect_fitting(landmark, map, update);
+    camera_at(landmark.anchor, map, landmark.id, update);
+  }
+  set_all(map.landmarks, update.landmarks);
+  for (const LandmarkChange& change : update.changed_landmarks) {
+    Landmark* landmark = map.landmarks.find(change.id);
+    if (landmark == nullptr) does_not_fit(update, "it changes an unknown landmark, " + to_string(change.id));
+    expect_fitting(change, map, update);
+    change_landmark(*landmark, change);
+  }
+}
+
+void forget_sightings(Table<LandmarkId, Landmark>& landmarks, std::vector<NodeId> gone) {
+  if (gone.empty()) return;
+  std::sort(gone.begin(), gone.end());
+  const auto is_gone = [&](const LandmarkSighting& sighting) { return std::binary_search(gone.begin(), gone.end(), sighting.node); };
+  for (auto& [id, landmark] : landmarks)
+    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), is_gone), landmark.seen.end());
+}
+
 }  // namespace
 
 MapUpdate difference(const Map& older, const Map& newer) {
@@ -98,6 +173,15 @@ MapUpdate difference(const Map& older, const Map& newer) {
   update.removed_nodes = keys_missing_from(newer.nodes, older.nodes);
   update.removed_submaps = keys_missing_from(newer.submaps, older.submaps);
   update.removed_constraints = keys_missing_from(newer.constraints, older.constraints);
+  for (const auto& [id, landmark] : newer.landmarks) {
+    const Landmark* before = older.landmarks.find(id);
+    const auto change = before == nullptr ? std::nullopt : change_between(*before, landmark, update.removed_nodes);
+    if (!change)
+      update.landmarks.push_back(landmark);
+    else if (change->point_units || !change->seen.empty())
+      update.changed_landmarks.push_back(*change);
+  }
+  update.removed_landmarks = keys_missing_from(newer.landmarks, older.landmarks);
   return update;
 }
 
@@ -106,9 +190,11 @@ Map updated(Map older, const MapUpdate& update) {
   if (map.id.empty()) map.id = update.origin.map;
   if (map.id != update.origin.map) does_not_fit(update, "it is applied to map '" + map.id.str() + "'");
 
+  remove_all(map.landmarks, update.removed_landmarks, update);
   remove_all(map.constraints, update.removed_constraints, update);
   remove_all(map.submaps, update.removed_submaps, update);
   remove_all(map.nodes, update.removed_nodes, update);
+  forget_sightings(map.landmarks, update.removed_nodes);
 
   for (const Node& node : update.nodes) {
     const Node* before = map.nodes.find(node.id);
@@ -134,10 +220,12 @@ Map updated(Map older, const MapUpdate& update) {
   set_all(map.submaps, update.submaps);
   for (const Constraint& constraint : update.constraints) expect_nodes_of(constraint, map, update);
   set_all(map.constraints, update.constraints);
+  update_landmarks(map, update);
 
   if (!update.removed_nodes.empty()) {  // nothing may still name them
     for (const auto& [id, submap] : map.submaps) expect_nodes_of(submap, map, update);
     for (const auto& [id, constraint] : map.constraints) expect_nodes_of(constraint, map, update);
+    for (const auto& [id, landmark] : map.landmarks) camera_at(landmark.anchor, map, id, update);
   }
   return map;
 }

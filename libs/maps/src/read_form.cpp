@@ -54,6 +54,21 @@ void FormReader::take_geometry(const form::ScanGeometry& form) {
   geometries_.push_back(std::make_shared<const ScanGeometry>(geometry));
 }
 
+void FormReader::take_camera(const form::CameraGeometry& form) {
+  CameraGeometry camera;
+  camera.width = static_cast<std::int32_t>(std::min<std::uint32_t>(form.width(), kMostPictureSide + 1));
+  camera.height = static_cast<std::int32_t>(std::min<std::uint32_t>(form.height(), kMostPictureSide + 1));
+  camera.fx = form.fx();
+  camera.fy = form.fy();
+  camera.cx = form.cx();
+  camera.cy = form.cy();
+  camera.baseline_m = form.baseline_m();
+  camera.level_scale = form.level_scale();
+  camera.robot_from_camera = pose(form.robot_from_camera());
+  require_sound(camera);
+  cameras_.push_back(std::make_shared<const CameraGeometry>(camera));
+}
+
 SessionId FormReader::session(std::uint32_t place) const {
   if (place >= sessions_.size()) corrupt("session " + std::to_string(place) + " of a table of " + std::to_string(sessions_.size()));
   return sessions_[place];
@@ -104,37 +119,54 @@ NodeId FormReader::node_id(const form::Id& form) const { return {session(form.se
 
 SubmapId FormReader::submap_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
 
+LandmarkId FormReader::landmark_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
+
 ConstraintId FormReader::constraint_id(const form::ConstraintId& form) const {
   const ConstraintId id{enumerated<ConstraintKind>(form.kind()), node_id(form.from()), node_id(form.to()), form.index()};
   require_sound(id);
   return id;
 }
 
+PackedScan FormReader::scan(const form::Scan& form) const {
+  if (form.geometry() >= geometries_.size())
+    corrupt("geometry " + std::to_string(form.geometry()) + " of a table of " + std::to_string(geometries_.size()));
+  const auto& geometry = geometries_[form.geometry()];
+  if (form.ranges().size() != std::size_t{2} * geometry->ray_count)
+    corrupt("a scan of " + std::to_string(form.ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) +
+            " rays need twice as many");
+  return {geometry, unpacked<std::uint16_t>(form.ranges())};
+}
+
+OccupancyGrid FormReader::grid(const form::Grid& form) const {
+  if (form.columns() > static_cast<std::uint32_t>(kMostGridSide) || form.rows() > static_cast<std::uint32_t>(kMostGridSide) ||
+      form.log_odds().size() != std::uint64_t{2} * form.columns() * form.rows())
+    corrupt("a grid of " + std::to_string(form.log_odds().size()) + " bytes for " + std::to_string(form.columns()) + " x " +
+            std::to_string(form.rows()) + " cells; twice as many are expected, and at most " + std::to_string(kMostGridSide) + " a side");
+  OccupancyGrid grid;
+  grid.resolution_m = form.resolution_m();
+  grid.origin_x_m = form.origin_x_m();
+  grid.origin_y_m = form.origin_y_m();
+  grid.columns = static_cast<std::int32_t>(form.columns());
+  grid.rows = static_cast<std::int32_t>(form.rows());
+  grid.log_odds = unpacked<std::int16_t>(form.log_odds());
+  return grid;
+}
+
+KeyframeFeatures FormReader::keyframe(const form::Keyframe& form) const {
+  if (form.geometry() >= cameras_.size())
+    corrupt("camera " + std::to_string(form.geometry()) + " of a table of " + std::to_string(cameras_.size()));
+  const std::size_t count = form.points().size() / kPointBytes;
+  if (count > kMostFeatures || form.points().size() != count * kPointBytes || form.descriptors().size() != count * kDescriptorBytes)
+    corrupt("a keyframe of " + std::to_string(form.points().size()) + " bytes of points and " + std::to_string(form.descriptors().size()) +
+            " of descriptors; " + std::to_string(kPointBytes) + " and " + std::to_string(kDescriptorBytes) +
+            " for each feature are expected, of at most " + std::to_string(kMostFeatures));
+  return {cameras_[form.geometry()], unpacked_points(form.points()), unpacked_descriptors(form.descriptors())};
+}
+
 std::shared_ptr<const Payload> FormReader::payload(const form::Node& form) const {
-  if (form.has_scan()) {
-    if (form.scan().geometry() >= geometries_.size())
-      corrupt("geometry " + std::to_string(form.scan().geometry()) + " of a table of " + std::to_string(geometries_.size()));
-    const auto& geometry = geometries_[form.scan().geometry()];
-    if (form.scan().ranges().size() != std::size_t{2} * geometry->ray_count)
-      corrupt("a scan of " + std::to_string(form.scan().ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) +
-              " rays need twice as many");
-    return std::make_shared<const Payload>(PackedScan{geometry, unpacked<std::uint16_t>(form.scan().ranges())});
-  }
-  if (form.has_grid()) {
-    const auto& from = form.grid();
-    if (from.columns() > static_cast<std::uint32_t>(kMostGridSide) || from.rows() > static_cast<std::uint32_t>(kMostGridSide) ||
-        from.log_odds().size() != std::uint64_t{2} * from.columns() * from.rows())
-      corrupt("a grid of " + std::to_string(from.log_odds().size()) + " bytes for " + std::to_string(from.columns()) + " x " +
-              std::to_string(from.rows()) + " cells; twice as many are expected, and at most " + std::to_string(kMostGridSide) + " a side");
-    OccupancyGrid grid;
-    grid.resolution_m = from.resolution_m();
-    grid.origin_x_m = from.origin_x_m();
-    grid.origin_y_m = from.origin_y_m();
-    grid.columns = static_cast<std::int32_t>(from.columns());
-    grid.rows = static_cast<std::int32_t>(from.rows());
-    grid.log_odds = unpacked<std::int16_t>(from.log_odds());
-    return std::make_shared<const Payload>(std::move(grid));
-  }
+  if (form.has_scan()) return std::make_shared<const Payload>(scan(form.scan()));
+  if (form.has_grid()) return std::make_shared<const Payload>(grid(form.grid()));
+  if (form.has_keyframe()) return std::make_shared<const Payload>(keyframe(form.keyframe()));
   return nullptr;
 }
 
@@ -216,6 +248,52 @@ Verdict FormReader::verdict(const form::Verdict& form) const {
   for (const auto& id : form.contradicted()) verdict.contradicted.push_back(hash(id));
   require_sound(verdict);
   return verdict;
+}
+
+template <class Form>
+Eigen::Vector3i FormReader::point(const Form& form) const {
+  if (form.point_size() != 3) corrupt("a landmark's point of " + std::to_string(form.point_size()) + " numbers; 3 are expected");
+  return {form.point(0), form.point(1), form.point(2)};
+}
+
+template <class Form>
+std::vector<LandmarkSighting> FormReader::sightings(const Form& form, const SessionId& own) const {
+  const auto count = static_cast<std::size_t>(form.nodes_size());
+  const bool all_own = form.sessions_size() == 0;
+  if (form.places().size() != kPictureBytes * count || !(all_own || form.sessions_size() == form.nodes_size()))
+    corrupt("a landmark seen by " + std::to_string(count) + " nodes of " + std::to_string(form.sessions_size()) +
+            " sessions, at places of " + std::to_string(form.places().size()) + " bytes; " + std::to_string(kPictureBytes) +
+            " for each node are expected");
+  const std::string_view places = form.places();
+  std::vector<LandmarkSighting> seen(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const int at = static_cast<int>(i);
+    seen[i].node = {all_own ? own : session(form.sessions(at)), form.nodes(at)};
+    take_picture_point(seen[i], places.substr(kPictureBytes * i, kPictureBytes));
+  }
+  return seen;
+}
+
+Landmark FormReader::landmark(const form::Landmark& form) const {
+  Landmark landmark;
+  landmark.id = landmark_id(form.id());
+  landmark.anchor = {landmark.id.session, form.anchor()};
+  landmark.point_units = point(form);
+  if (form.colour() > 0xffffff) corrupt("a landmark's colour is " + std::to_string(form.colour()) + "; at most 16777215 is expected");
+  landmark.colour = {static_cast<std::uint8_t>(form.colour() >> 16), static_cast<std::uint8_t>(form.colour() >> 8 & 0xff),
+                     static_cast<std::uint8_t>(form.colour() & 0xff)};
+  landmark.seen = sightings(form, landmark.id.session);
+  require_sound(landmark);
+  return landmark;
+}
+
+LandmarkChange FormReader::landmark_change(const form::LandmarkChange& form) const {
+  LandmarkChange change;
+  change.id = landmark_id(form.id());
+  if (form.point_size() > 0) change.point_units = point(form);
+  change.seen = sightings(form, change.id.session);
+  require_sound(change);
+  return change;
 }
 
 }  // namespace mapweave

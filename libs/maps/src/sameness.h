@@ -27,6 +27,19 @@ inline bool same(const OccupancyGrid& a, const OccupancyGrid& b) {
   return same(a.resolution_m, b.resolution_m) && same(a.origin_x_m, b.origin_x_m) && same(a.origin_y_m, b.origin_y_m) &&
          a.columns == b.columns && a.rows == b.rows && a.log_odds == b.log_odds;
 }
+inline bool same(const CameraGeometry& a, const CameraGeometry& b) {
+  return a.width == b.width && a.height == b.height && same(a.fx, b.fx) && same(a.fy, b.fy) && same(a.cx, b.cx) && same(a.cy, b.cy) &&
+         same(a.baseline_m, b.baseline_m) && same(a.level_scale, b.level_scale) && same(a.robot_from_camera, b.robot_from_camera);
+}
+inline bool same(const KeyframePoint& a, const KeyframePoint& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+inline bool same(const KeyframeFeatures& a, const KeyframeFeatures& b) {
+  return (a.geometry == b.geometry || same(*a.geometry, *b.geometry)) && a.descriptors == b.descriptors &&
+         std::equal(a.points.begin(), a.points.end(), b.points.begin(), b.points.end(),
+                    [](const KeyframePoint& left, const KeyframePoint& right) { return same(left, right); });
+}
+inline bool same(const LandmarkSighting& a, const LandmarkSighting& b) {
+  return a.node == b.node && a.u == b.u && a.v == b.v && a.inverse_depth == b.inverse_depth && a.level == b.level;
+}
 inline bool same(const std::shared_ptr<const Payload>& a, const std::shared_ptr<const Payload>& b) {
   if (a == b) return true;
   if (!a || !b || a->index() != b->index()) return false;

@@ -37,6 +37,29 @@ std::string flaw(const OccupancyGrid& grid) {
   return {};
 }
 
+std::string flaw(const KeyframeFeatures& keyframe) {
+  if (keyframe.geometry == nullptr) return "a keyframe has no camera";
+  if (keyframe.points.size() > kMostFeatures)
+    return "a keyframe has " + std::to_string(keyframe.points.size()) + " features; at most " + std::to_string(kMostFeatures) +
+           " are expected";
+  if (keyframe.points.size() != keyframe.descriptors.size())
+    return "a keyframe has " + std::to_string(keyframe.descriptors.size()) + " descriptors of " + std::to_string(keyframe.points.size()) +
+           " features";
+  for (const KeyframePoint& point : keyframe.points) {
+    if (!is_inside(point, *keyframe.geometry)) return "a keyframe has a feature outside of its picture";
+    if (point.level > kMostLevel) return "a keyframe has a feature on level " + std::to_string(point.level) + " of its pyramid";
+  }
+  return {};
+}
+
+std::string flaw(const std::vector<LandmarkSighting>& seen) {
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (i > 0 && !(seen[i - 1].node < seen[i].node)) return "a landmark's sightings are not in ascending order of nodes";
+    if (seen[i].level > kMostLevel) return "a landmark is seen on level " + std::to_string(seen[i].level) + " of a pyramid";
+  }
+  return {};
+}
+
 std::string flaw(const Alignment& alignment) {
   auto problem = flaw(alignment.a_from_b);
   return problem.empty() ? flaw(alignment.covariance) : problem;
@@ -75,6 +98,18 @@ std::string flaw(const ScanGeometry& geometry) {
   if (!(std::isfinite(geometry.max_range_m) && geometry.max_range_m > 0.0)) return "a laser's largest range is not a positive number";
   if (!(std::isfinite(geometry.range_unit_m) && geometry.range_unit_m > 0.0)) return "a laser's unit of range is not a positive number";
   return flaw(geometry.robot_from_laser);
+}
+
+std::string flaw(const CameraGeometry& camera) {
+  if (camera.width < 1 || camera.height < 1 || camera.width > kMostPictureSide || camera.height > kMostPictureSide)
+    return "a camera has pictures of " + std::to_string(camera.width) + " x " + std::to_string(camera.height) + " pixels; 1 to " +
+           std::to_string(kMostPictureSide) + " a side are expected";
+  for (const double focal_px : {camera.fx, camera.fy})
+    if (!(std::isfinite(focal_px) && focal_px > 0.0)) return "a camera's focal length is not a positive number";
+  if (!(std::isfinite(camera.cx) && std::isfinite(camera.cy))) return "a camera's centre is not finite";
+  if (!(std::isfinite(camera.baseline_m) && camera.baseline_m >= 0.0)) return "a camera's baseline is not a number from 0";
+  if (!(std::isfinite(camera.level_scale) && camera.level_scale >= 1.0)) return "the levels of a camera's pyramid do not grow";
+  return flaw(camera.robot_from_camera);
 }
 
 std::string flaw(const Node& node) {
@@ -149,5 +184,12 @@ std::string flaw(const Origin& origin) {
   if (!origin.map.empty() && !is_valid_name(origin.map.str())) return "the origin has no valid name of a map";
   return {};
 }
+
+std::string flaw(const Landmark& landmark) {
+  if (landmark.anchor.session != landmark.id.session) return "a landmark is anchored in another session than its own";
+  return flaw(landmark.seen);
+}
+
+std::string flaw(const LandmarkChange& change) { return flaw(change.seen); }
 
 }  // namespace mapweave

@@ -10,12 +10,16 @@ inline constexpr std::uint32_t kMostRays = 100000;
 inline constexpr std::int32_t kMostGridSide = 100000;
 inline constexpr std::int64_t kMostGridCells = std::int64_t{1} << 27;
 inline constexpr std::size_t kMostHypotheses = 1000;
-inline constexpr double kUnitTolerance = 1e-6;  // of a quaternion's norm
+inline constexpr std::int32_t kMostPictureSide = 4096;  // what sixteenths of a pixel in 16 bits reach
+inline constexpr std::size_t kMostFeatures = 100000;    // of a keyframe
+inline constexpr int kMostLevel = 31;                   // of a pyramid
+inline constexpr double kUnitTolerance = 1e-6;          // of a quaternion's norm
 
 // Each says what is wrong, with what was expected; empty for a sound value.
 std::string flaw(const SessionId&);
 std::string flaw(const Pose3&);
 std::string flaw(const ScanGeometry&);
+std::string flaw(const CameraGeometry&);
 std::string flaw(const Node&);
 std::string flaw(const MovedNode&);
 std::string flaw(const Submap&);
@@ -24,5 +28,13 @@ std::string flaw(const Constraint&);
 std::string flaw(const Judgement&);
 std::string flaw(const Verdict&);
 std::string flaw(const Origin&);
+std::string flaw(const Landmark&);
+std::string flaw(const LandmarkChange&);
+
+// Whether a point with fields u and v lies in the picture.
+template <class Point>
+bool is_inside(const Point& point, const CameraGeometry& camera) {
+  return point.u < 16 * camera.width && point.v < 16 * camera.height;
+}
 
 }  // namespace mapweave

@@ -72,6 +72,44 @@ void fill(form::ConstraintId& form, const ConstraintId& id, const SessionTable& 
   form.set_index(id.index);
 }
 
+void fill(form::Scan& form, const PackedScan& scan, const Geometries& geometries) {
+  form.set_geometry(geometries.lasers.place(scan.geometry));
+  form.set_ranges(packed(scan.ranges));
+}
+
+void fill(form::Grid& form, const OccupancyGrid& grid) {
+  form.set_resolution_m(grid.resolution_m);
+  form.set_origin_x_m(grid.origin_x_m);
+  form.set_origin_y_m(grid.origin_y_m);
+  form.set_columns(static_cast<std::uint32_t>(grid.columns));
+  form.set_rows(static_cast<std::uint32_t>(grid.rows));
+  form.set_log_odds(packed(grid.log_odds));
+}
+
+void fill(form::Keyframe& form, const KeyframeFeatures& keyframe, const Geometries& geometries) {
+  form.set_geometry(geometries.cameras.place(keyframe.geometry));
+  form.set_points(packed(keyframe.points));
+  form.set_descriptors(packed(keyframe.descriptors));
+}
+
+template <class Form>
+void fill_point(Form& form, const Eigen::Vector3i& point_units) {
+  for (int axis = 0; axis < 3; ++axis) form.add_point(point_units(axis));
+}
+
+template <class Form>
+void fill_sightings(Form& form, const std::vector<LandmarkSighting>& seen, const SessionId& own, const SessionTable& sessions) {
+  const bool all_own = std::all_of(seen.begin(), seen.end(), [&](const LandmarkSighting& s) { return s.node.session == own; });
+  std::string places;
+  places.reserve(kPictureBytes * seen.size());
+  for (const LandmarkSighting& sighting : seen) {
+    if (!all_own) form.add_sessions(sessions.place(sighting.node.session));
+    form.add_nodes(sighting.node.index);
+    append_picture_point(places, sighting);
+  }
+  form.set_places(std::move(places));
+}
+
 }  // namespace
 
 void SessionTable::sort() {
@@ -83,15 +121,6 @@ std::uint32_t SessionTable::place(const SessionId& session) const {
   const auto found = std::lower_bound(sessions_.begin(), sessions_.end(), session);
   MAPWEAVE_EXPECT(found != sessions_.end() && *found == session, "every session was collected: " + to_string(session));
   return static_cast<std::uint32_t>(found - sessions_.begin());
-}
-
-std::uint32_t GeometryTable::add(const std::shared_ptr<const ScanGeometry>& geometry) {
-  if (const auto known = places_.find(geometry.get()); known != places_.end()) return known->second;
-  const auto [entry, is_new] =
-      place_by_bytes_.emplace(form_of(*geometry).SerializeAsString(), static_cast<std::uint32_t>(geometries_.size()));
-  if (is_new) geometries_.push_back(geometry);
-  places_.emplace(geometry.get(), entry->second);
-  return entry->second;
 }
 
 form::Session form_of(const SessionId& session) {
@@ -113,6 +142,20 @@ form::ScanGeometry form_of(const ScanGeometry& geometry) {
   return form;
 }
 
+form::CameraGeometry form_of(const CameraGeometry& camera) {
+  form::CameraGeometry form;
+  form.set_width(static_cast<std::uint32_t>(camera.width));
+  form.set_height(static_cast<std::uint32_t>(camera.height));
+  form.set_fx(camera.fx);
+  form.set_fy(camera.fy);
+  form.set_cx(camera.cx);
+  form.set_cy(camera.cy);
+  form.set_baseline_m(camera.baseline_m);
+  form.set_level_scale(camera.level_scale);
+  fill(*form.mutable_robot_from_camera(), camera.robot_from_camera);
+  return form;
+}
+
 form::Id form_of(const NodeId& id, const SessionTable& sessions) {
   form::Id form;
   fill(form, id, sessions);
@@ -125,25 +168,22 @@ form::Id form_of(const SubmapId& id, const SessionTable& sessions) {
   return form;
 }
 
-form::Node form_of(const Node& node, const SessionTable& sessions, const GeometryTable& geometries) {
+form::Id form_of(const LandmarkId& id, const SessionTable& sessions) {
+  form::Id form;
+  fill(form, id, sessions);
+  return form;
+}
+
+form::Node form_of(const Node& node, const SessionTable& sessions, const Geometries& geometries) {
   form::Node form;
   fill(*form.mutable_id(), node.id, sessions);
   const auto after_run = static_cast<std::uint64_t>(node.stamp.ns) - static_cast<std::uint64_t>(node.id.session.run);
   form.set_stamp_after_run_ns(static_cast<std::int64_t>(after_run));
   fill(*form.mutable_map_from_node(), node.map_from_node);
   if (node.payload == nullptr) return form;
-  if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) {
-    form.mutable_scan()->set_geometry(geometries.place(scan->geometry.get()));
-    form.mutable_scan()->set_ranges(packed(scan->ranges));
-  } else {
-    const auto& grid = std::get<OccupancyGrid>(*node.payload);
-    form.mutable_grid()->set_resolution_m(grid.resolution_m);
-    form.mutable_grid()->set_origin_x_m(grid.origin_x_m);
-    form.mutable_grid()->set_origin_y_m(grid.origin_y_m);
-    form.mutable_grid()->set_columns(static_cast<std::uint32_t>(grid.columns));
-    form.mutable_grid()->set_rows(static_cast<std::uint32_t>(grid.rows));
-    form.mutable_grid()->set_log_odds(packed(grid.log_odds));
-  }
+  if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) fill(*form.mutable_scan(), *scan, geometries);
+  if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) fill(*form.mutable_grid(), *grid);
+  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) fill(*form.mutable_keyframe(), *keyframe, geometries);
   return form;
 }
 
@@ -194,6 +234,25 @@ form::Judgement form_of(const Judgement& judgement, const SessionTable& sessions
   fill(*form.mutable_evidence(), judgement.evidence);
   form.set_probability(judgement.probability);
   form.set_doubt(static_cast<std::uint32_t>(judgement.doubt));
+  return form;
+}
+
+form::Landmark form_of(const Landmark& landmark, const SessionTable& sessions) {
+  form::Landmark form;
+  fill(*form.mutable_id(), landmark.id, sessions);
+  form.set_anchor(landmark.anchor.index);
+  fill_point(form, landmark.point_units);
+  const auto& [red, green, blue] = landmark.colour;
+  form.set_colour(static_cast<std::uint32_t>(red << 16 | green << 8 | blue));
+  fill_sightings(form, landmark.seen, landmark.id.session, sessions);
+  return form;
+}
+
+form::LandmarkChange form_of(const LandmarkChange& change, const SessionTable& sessions) {
+  form::LandmarkChange form;
+  fill(*form.mutable_id(), change.id, sessions);
+  if (change.point_units) fill_point(form, *change.point_units);
+  fill_sightings(form, change.seen, change.id.session, sessions);
   return form;
 }
 

@@ -1,11 +1,13 @@
 #pragma once
-// The nouns of a map. Content (scans, frozen submaps) never changes once frozen; belief (poses, constraints) is
+// The nouns of a map. Content (scans, keyframes, frozen submaps) never changes once frozen; belief (poses, constraints, landmarks) is
 // recomputed. Grids, pyramids, clouds and pictures are caches of content under a belief.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/hash.h>
 #include <mapweave/core/ids.h>
 #include <mapweave/core/stamp.h>
+#include <mapweave/maps/keyframe.h>
+#include <mapweave/maps/landmark.h>
 #include <mapweave/maps/occupancy_grid.h>
 #include <mapweave/maps/scan.h>
 #include <mapweave/maps/table.h>
@@ -17,9 +19,8 @@
 
 namespace mapweave {
 
-// What was sensed at a node. A planned third kind is a keyframe's features. The grid of a map_server file is in the node's
-// frame.
-using Payload = std::variant<PackedScan, OccupancyGrid>;
+// What was sensed at a node. The grid of a map_server file is in the node's frame.
+using Payload = std::variant<PackedScan, OccupancyGrid, KeyframeFeatures>;
 
 struct Node {
   NodeId id;
@@ -65,6 +66,7 @@ struct Map {
   Table<NodeId, Node> nodes;
   Table<SubmapId, Submap> submaps;
   Table<ConstraintId, Constraint> constraints;
+  Table<LandmarkId, Landmark> landmarks;  // anchored in and seen by keyframes among the nodes
 
   bool empty() const { return nodes.empty(); }
   std::vector<SessionId> sessions() const;  // sorted

@@ -1,5 +1,5 @@
 #pragma once
-// The one message that tiers exchange and the store keeps (CVS III-A): new content once, moved poses
+// The one message that tiers exchange and the store keeps (CVS III-A): new content and landmarks once, moved poses and new sightings
 // after.
 
 #include <mapweave/maps/judgement.h>
@@ -20,7 +20,8 @@ struct MovedNode {
   Pose3 map_from_node;
 };
 
-// Every list is in ascending order of ids, no id twice.
+// Every list is in ascending order of ids, no id twice. Removals come first when an update is applied; a removed node takes its sightings
+// of landmarks along, so that a keyframe can go without a word on each landmark that it saw.
 struct MapUpdate {
   Origin origin;
   std::uint64_t sequence = 0;           // counts from 1 per origin
@@ -32,21 +33,25 @@ struct MapUpdate {
   std::vector<Judgement> judgements;    // new; not part of the Map
   std::vector<NodeId> removed_nodes;
   std::vector<SubmapId> removed_submaps;
-  std::vector<ConstraintId> removed_constraints;  // removals come first when an update is applied
+  std::vector<ConstraintId> removed_constraints;
+  std::vector<Landmark> landmarks;                // new, or changed beyond what a LandmarkChange says
+  std::vector<LandmarkChange> changed_landmarks;  // known ones that moved or were seen again
+  std::vector<LandmarkId> removed_landmarks;
 };
 
 // newer = updated(older, difference(older, newer)), bit for bit; difference(Map{}, map) is the whole map. Origin's tier, sequence and base
 // are the caller's to fill in. Contract: two states of one map; payloads and frozen submaps that both hold are the same.
 MapUpdate difference(const Map& older, const Map& newer);
 // Throws Error(kBadInput) on what does not fit: another map's update, unknown ids, a changed payload or frozen submap, a frozen submap
-// whose content is not what its hash says. A node sent again with its own content is moved. Whether `base` fits is the caller's to know.
+// whose content is not what its hash says, landmarks anchored in or seen by what is no keyframe, or outside of its picture. A node sent
+// again with its own content is moved, a landmark sent again is replaced. Whether `base` fits is the caller's to know.
 Map updated(Map older, const MapUpdate&);
 
-// The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans share
-// their geometry again. encode throws ContractViolation for what decode would refuse (numbers that are not finite, quaternions that are not
-// unit, names that are not valid, lists out of order), so what was written can be read. decode takes bytes that nobody vouches for: it
-// checks all of that, and sizes before it allocates, and throws Error(kCorrupt), or kUnsupported for a newer form; whether ids are known is
-// for updated() to say.
+// The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans and
+// keyframes share their geometry again. encode throws ContractViolation for what decode would refuse (numbers that are not finite,
+// quaternions that are not unit, names that are not valid, lists out of order), so what was written can be read. decode takes bytes that
+// nobody vouches for: it checks all of that, and sizes before it allocates, and throws Error(kCorrupt), or kUnsupported for a newer form;
+// whether ids are known is for updated() to say.
 std::string encode(const MapUpdate&);
 MapUpdate decode_map_update(std::string_view bytes, const std::string& where);
 
