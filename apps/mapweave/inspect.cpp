@@ -83,6 +83,8 @@ Json of_store(const std::filesystem::path& path) {
     maps.push_back({{"id", map.id.str()},
                     {"nodes", map.nodes},
                     {"contents", map.contents},
+                    {"keyframes", map.keyframes},
+                    {"landmarks", map.landmarks},
                     {"submaps", map.submaps},
                     {"constraints", map.constraints},
                     {"first", map.first.seconds()},

@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <mapweave/maps/map_update.h>
+#include <sqlite3.h>
 
 #include "stored.h"
 
@@ -10,6 +11,13 @@ using test::RandomMaps;
 using test::TemporaryFolder;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+
+void make_from_sql(const std::filesystem::path& path, const std::string& sql) {
+  sqlite3* database = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(database);
+  sqlite3_close(database);
+}
 
 std::string bytes_of(const Map& map) { return encode(difference({}, map)); }
 
@@ -97,6 +105,82 @@ TEST(MapStore, leaves_one_file_that_any_sqlite_opens_without_writing) {
   summarize_store(folder / "map.mwdb");
   EXPECT_EQ(count_files(folder.path()), 1U);
   EXPECT_TRUE(read_file(folder / "map.mwdb") == bytes);
+}
+
+TEST(MapStore, keeps_keyframes_and_landmarks) {
+  const TemporaryFolder folder;
+  StoredMaps stored;
+  RandomMaps random(5);
+  stored.maps = {random.keyframe_map("alpha", 40), random.map("beta", 12)};
+  write_store(folder / "map.mwdb", stored);
+  const StoredMaps again = read_store(folder / "map.mwdb");
+  ASSERT_EQ(again.maps.size(), 2U);
+  EXPECT_EQ(bytes_of(again.maps[0]), bytes_of(stored.maps[0]));
+  EXPECT_EQ(again.maps[0].landmarks.size(), 90U);
+  const StoreSummary summary = summarize_store(folder / "map.mwdb");
+  EXPECT_EQ(summary.maps[0].contents, 30U);
+  EXPECT_EQ(summary.maps[0].keyframes, 30U);
+  EXPECT_EQ(summary.maps[0].landmarks, 90U);
+  EXPECT_EQ(summary.maps[1].keyframes, 0U);
+  EXPECT_EQ(summary.maps[1].landmarks, 0U);
+}
+
+TEST(MapStore, keeps_keyframes_of_more_bytes_than_one_update_holds) {
+  const TemporaryFolder folder;
+  StoredMaps stored;
+  stored.maps = {RandomMaps(2).keyframe_map("alpha", 150, 2000)};
+  write_store(folder / "map.mwdb", stored);
+  EXPECT_EQ(bytes_of(read_store(folder / "map.mwdb").maps.at(0)), bytes_of(stored.maps[0]));
+}
+
+TEST(MapStore, has_another_identity_when_landmarks_move_or_are_seen_elsewhere) {
+  StoredMaps stored;
+  stored.maps = {RandomMaps(5).keyframe_map("alpha", 8)};
+  std::set<Hash> identities = {identity(stored)};
+  Landmark& landmark = stored.maps[0].landmarks.begin()->second;
+  landmark.point_units.z() += 1;
+  identities.insert(identity(stored));
+  landmark.seen[0].v ^= 1;
+  identities.insert(identity(stored));
+  stored.maps[0].landmarks.erase(landmark.id);
+  identities.insert(identity(stored));
+  EXPECT_EQ(identities.size(), 4U);
+}
+
+// Written before there were keyframes: identity and bytes of what it holds are as they were.
+TEST(MapStore, of_schema_1_is_read_and_rewritten) {
+  const TemporaryFolder folder;
+  const auto path = folder / "old.mwdb";
+  make_from_sql(path, read_file(MAPWEAVE_TEST_DATA "/store_of_schema_1.sql"));
+  const StoreSummary summary = summarize_store(path);
+  EXPECT_EQ(summary.schema, 1);
+  ASSERT_EQ(summary.maps.size(), 1U);
+  EXPECT_EQ(summary.maps[0].nodes, 6U);
+  EXPECT_EQ(summary.maps[0].contents, 4U);
+  EXPECT_EQ(summary.maps[0].keyframes, 0U);
+  EXPECT_EQ(summary.maps[0].landmarks, 0U);
+  const StoredMaps stored = read_store(path);
+  EXPECT_EQ(identity(stored), summary.identity);
+  EXPECT_EQ(stored.maps[0].nodes.size(), 6U);
+  EXPECT_EQ(stored.judgements.size(), 1U);
+  EXPECT_EQ(stored.verdicts.size(), 1U);
+  EXPECT_EQ(stored.metadata.at("program"), "mapweave 0.1.0");
+  write_store(path, stored);
+  EXPECT_EQ(summarize_store(path).schema, 2);
+  EXPECT_EQ(summarize_store(path).identity, summary.identity);
+}
+
+TEST(MapStore, of_schema_1_is_believed_no_more_than_others) {
+  const TemporaryFolder folder;
+  const auto path = folder / "old.mwdb";
+  const std::string sql = read_file(MAPWEAVE_TEST_DATA "/store_of_schema_1.sql");
+  for (const char* change : {"UPDATE maps SET nodes = 7", "PRAGMA user_version = 2", "ALTER TABLE maps ADD COLUMN keyframes INTEGER"}) {
+    std::filesystem::remove(path);
+    make_from_sql(path, sql + change);
+    const auto error = error_of([&] { summarize_store(path); });
+    ASSERT_TRUE(error) << change;
+    EXPECT_EQ(error->code(), ErrorCode::kCorrupt) << error->what();
+  }
 }
 
 TEST(MapStore, takes_any_file_name) {

@@ -26,6 +26,7 @@ constexpr std::size_t kMostJudgements = 2000;
 std::size_t size_of(const Node& node) {
   if (node.payload == nullptr) return 64;
   if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) return 64 + 2 * scan->ranges.size();
+  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) return 64 + 40 * keyframe->points.size();
   return 128 + 2 * std::get<OccupancyGrid>(*node.payload).log_odds.size();
 }
 
@@ -59,6 +60,10 @@ void for_each_update(const Map& map, const Take& take) {
     make_room(192);
     update.constraints.push_back(constraint);
   }
+  for (const auto& [id, landmark] : map.landmarks) {
+    make_room(32 + 12 * landmark.seen.size());
+    update.landmarks.push_back(landmark);
+  }
   if (bytes > 0) finish();
 }
 
@@ -69,6 +74,7 @@ MapUpdate belief_of(const Map& map) {
   for (const auto& [id, node] : map.nodes) belief.moved.push_back({id, node.map_from_node});
   for (const auto& [id, submap] : map.submaps) belief.submaps.push_back(submap);
   for (const auto& [id, constraint] : map.constraints) belief.constraints.push_back(constraint);
+  for (const auto& [id, landmark] : map.landmarks) belief.landmarks.push_back(landmark);
   return belief;
 }
 
@@ -204,8 +210,7 @@ void expect_store(const fs::path& path) {
 
 StoreIndex open_index(Database& database, const fs::path& path) {
   database.run("PRAGMA cell_size_check = ON");
-  expect_tables(database);
-  StoreIndex index = read_index(database);
+  StoreIndex index = read_index(database, expect_tables(database));
   index.summary.file_bytes = fs::file_size(path);
   return index;
 }

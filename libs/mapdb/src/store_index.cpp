@@ -8,12 +8,18 @@ namespace {
 
 constexpr std::int64_t kApplicationId = 0x4d574442;  // "MWDB"
 
-// Schema 1. WITHOUT ROWID where rows are small and found by their key.
+constexpr const char* kMapsOfSchema1 =
+    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
+    "NOT NULL, "
+    "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
+    "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL) STRICT";
+
+// Schema 2; in schema 1 the first was without keyframes and landmarks. WITHOUT ROWID where rows are small and found by their key.
 constexpr const char* kTables[] = {
     "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
     "NOT NULL, "
     "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
-    "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL) STRICT",
+    "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL, keyframes INTEGER NOT NULL, landmarks INTEGER NOT NULL) STRICT",
     "CREATE TABLE sessions (map INTEGER NOT NULL, robot TEXT NOT NULL, sensor TEXT NOT NULL, run_ns INTEGER NOT NULL, nodes INTEGER NOT "
     "NULL, "
     "PRIMARY KEY (map, robot, sensor, run_ns)) STRICT, WITHOUT ROWID",
@@ -83,6 +89,7 @@ Hash seal_of(const StoreIndex& index) {
   hasher.add(number(summary.maps.size()));
   for (const MapSummary& map : summary.maps) {
     hasher.add(map.id.str()).add(number(map.nodes)).add(number(map.contents)).add(number(map.submaps)).add(number(map.constraints));
+    if (summary.schema > 1) hasher.add(number(map.keyframes)).add(number(map.landmarks));
     hasher.add(map.first.ns).add(map.last.ns).add(map.min_x_m).add(map.min_y_m).add(map.max_x_m).add(map.max_y_m).add(map.content);
     hasher.add(number(map.sessions.size()));
     for (const SessionSummary& session : map.sessions)
@@ -120,6 +127,7 @@ MapSummary summary_of(const Map& map) {
   summary.nodes = map.nodes.size();
   summary.submaps = map.submaps.size();
   summary.constraints = map.constraints.size();
+  summary.landmarks = map.landmarks.size();
   summary.content = content_hash(map);
   if (map.empty()) return summary;
   summary.first = summary.last = map.nodes.front().second.stamp;
@@ -129,6 +137,7 @@ MapSummary summary_of(const Map& map) {
     if (summary.sessions.empty() || summary.sessions.back().id != id.session) summary.sessions.push_back({id.session, 0});
     ++summary.sessions.back().nodes;
     if (node.payload != nullptr) ++summary.contents;
+    if (std::get_if<KeyframeFeatures>(node.payload.get()) != nullptr) ++summary.keyframes;
     summary.first = std::min(summary.first, node.stamp);
     summary.last = std::max(summary.last, node.stamp);
     summary.min_x_m = std::min(summary.min_x_m, node.map_from_node.t.x());
@@ -146,7 +155,7 @@ void create_tables(Database& database) {
   for (const char* table : kTables) database.run(table);
 }
 
-void expect_tables(Database& database) {
+int expect_tables(Database& database) {
   if (database.number("PRAGMA application_id") != kApplicationId) database.corrupt("it is an SQLite file of another program");
   const std::int64_t version = database.number("PRAGMA user_version");
   if (version > kSchemaVersion)
@@ -157,8 +166,10 @@ void expect_tables(Database& database) {
   if (version < 1) database.corrupt("its schema is " + std::to_string(version));
   Statement rows(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid");
   for (const char* table : kTables)
-    if (!rows.step() || rows.text(0) != table) database.corrupt("its tables are not those of schema " + std::to_string(version));
+    if (!rows.step() || rows.text(0) != (version == 1 && table == kTables[0] ? kMapsOfSchema1 : table))
+      database.corrupt("its tables are not those of schema " + std::to_string(version));
   if (rows.step()) database.corrupt("it holds more tables than those of schema " + std::to_string(version));
+  return static_cast<int>(version);
 }
 
 void insert_blob(Database& database, StoreIndex& index, BlobKind kind, std::int64_t owner, std::string_view plain) {
@@ -179,7 +190,7 @@ void insert_blob(Database& database, StoreIndex& index, BlobKind kind, std::int6
 
 void write_index(Database& database, const StoreIndex& index) {
   const StoreSummary& summary = index.summary;
-  Statement insert_map(database, "INSERT INTO maps VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
+  Statement insert_map(database, "INSERT INTO maps VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Statement insert_session(database, "INSERT INTO sessions VALUES (?, ?, ?, ?, ?)");
   for (std::size_t place = 0; place < summary.maps.size(); ++place) {
     const MapSummary& map = summary.maps[place];
@@ -191,7 +202,7 @@ void write_index(Database& database, const StoreIndex& index) {
         .bind(map.min_y_m)
         .bind(map.max_x_m)
         .bind(map.max_y_m);
-    insert_map.bind_bytes(bytes_of(map.content)).run();
+    insert_map.bind_bytes(bytes_of(map.content)).bind(number(map.keyframes)).bind(number(map.landmarks)).run();
     for (const SessionSummary& session : map.sessions) {
       insert_session.bind(number(place)).bind_text(session.id.client.robot.str()).bind_text(session.id.client.sensor.str());
       insert_session.bind(session.id.run).bind(number(session.nodes)).run();
@@ -211,10 +222,10 @@ void write_index(Database& database, const StoreIndex& index) {
       .run();
 }
 
-StoreIndex read_index(Database& database) {
+StoreIndex read_index(Database& database, int schema) {
   StoreIndex index;
   StoreSummary& summary = index.summary;
-  summary.schema = kSchemaVersion;
+  summary.schema = schema;
   Statement maps(database, "SELECT * FROM maps ORDER BY place");
   while (maps.step()) {
     if (maps.integer(0) != number(summary.maps.size())) database.corrupt("a map is missing");
@@ -231,6 +242,10 @@ StoreIndex read_index(Database& database) {
     map.max_x_m = maps.real(10);
     map.max_y_m = maps.real(11);
     map.content = hash_from(maps.bytes(12), database);
+    if (schema > 1) {
+      map.keyframes = count_from(maps.integer(13), database);
+      map.landmarks = count_from(maps.integer(14), database);
+    }
     if (!summary.maps.empty() && !(summary.maps.back().id < map.id)) database.corrupt("the maps are not in order");
     summary.maps.push_back(std::move(map));
   }

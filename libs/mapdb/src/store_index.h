@@ -26,8 +26,8 @@ struct StoreIndex {
 MapSummary summary_of(const Map&);
 
 void create_tables(Database&);
-// Throws unless the tables are those of this schema: kUnsupported where the schema is newer.
-void expect_tables(Database&);
+// The schema. Throws unless the tables are those of it: kUnsupported where it is newer than this program's.
+int expect_tables(Database&);
 
 // Writes one blob and notes it in the index.
 void insert_blob(Database&, StoreIndex&, BlobKind, std::int64_t owner, std::string_view plain);
@@ -37,6 +37,6 @@ std::string read_blob(Database&, BlobKind, const BlobEntry&);
 // The rest, once all blobs are written.
 void write_index(Database&, const StoreIndex&);
 // Throws Error(kCorrupt) where it is not what its seal says. Every name in it is valid, every blob's owner is a map.
-StoreIndex read_index(Database&);
+StoreIndex read_index(Database&, int schema);
 
 }  // namespace mapweave::mapdb

@@ -12,7 +12,7 @@
 
 namespace mapweave::mapdb {
 
-inline constexpr int kSchemaVersion = 1;  // PRAGMA user_version
+inline constexpr int kSchemaVersion = 2;  // PRAGMA user_version; what is written. Schema 1, which knew no keyframes, is read too
 
 struct StoredMaps {
   std::vector<Map> maps;                        // ids differ
@@ -41,7 +41,8 @@ struct SessionSummary {
 
 struct MapSummary {
   MapId id;
-  std::uint64_t nodes = 0, contents = 0;  // contents: nodes that hold a scan or grid
+  std::uint64_t nodes = 0, contents = 0;       // contents: nodes that hold a scan, grid or keyframe
+  std::uint64_t keyframes = 0, landmarks = 0;  // keyframes: nodes that hold one
   std::uint64_t submaps = 0, constraints = 0;
   Stamp first, last;                                          // of the nodes; zero where there are none, as the following
   double min_x_m = 0, min_y_m = 0, max_x_m = 0, max_y_m = 0;  // of the nodes' poses, in the map's frame
