@@ -94,6 +94,39 @@ TEST(PcdBytes, take_the_wall_cells_of_a_served_grid) {
   EXPECT_FLOAT_EQ(points[1].y, 2.25f);
 }
 
+TEST(PcdBytes, hold_landmarks_after_walls_in_their_own_colours) {
+  Map map;
+  const Pose3 map_from_keyframe{{10.0, 5.0, 0.5}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()))};
+  auto camera = std::make_shared<CameraGeometry>();
+  camera->width = 640, camera->height = 480, camera->fx = camera->fy = 500.0;
+  add_pose(map, node_id("alpha", 0), 1, map_from_keyframe, std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    Landmark landmark;
+    landmark.id = {node_id("alpha", 0).session, i};
+    landmark.anchor = node_id("alpha", 0);
+    landmark.point_units = landmark_units({2.0, 0.01 * i, 1.25});
+    landmark.colour = {0x12, static_cast<std::uint8_t>(i), 0xf0};
+    map.landmarks.set(landmark.id, landmark);
+  }
+  const auto landmarks = points_of(pcd_bytes(landmark_cloud(map)));
+  ASSERT_EQ(landmarks.size(), 2u) << "landmarks are not thinned";
+  EXPECT_FLOAT_EQ(landmarks[0].x, 10.0f);
+  EXPECT_FLOAT_EQ(landmarks[0].y, 7.0f);
+  EXPECT_FLOAT_EQ(landmarks[0].z, 1.75f);
+  EXPECT_EQ(landmarks[0].rgb, 0x1200f0u);
+  EXPECT_FLOAT_EQ(landmarks[1].x, 9.99f);
+  EXPECT_EQ(landmarks[1].rgb, 0x1201f0u);
+
+  add_pose(map, node_id("beta", 0), 2, {}, cross_scan({2.0, 0.0, 0.0, 0.0}));
+  const auto points = points_of(pcd_bytes(map));
+  ASSERT_EQ(points.size(), 3u);
+  EXPECT_FLOAT_EQ(points[0].x, 2.0f);
+  EXPECT_EQ(points[2].rgb, 0x1201f0u);
+
+  map.nodes.erase(node_id("alpha", 0));
+  EXPECT_THROW(landmark_cloud(map), ContractViolation);
+}
+
 TEST(PcdBytes, of_an_empty_map_are_a_cloud_without_points) { EXPECT_TRUE(points_of(pcd_bytes(Map{})).empty()); }
 
 TEST(PcdBytes, are_the_same_each_time) {

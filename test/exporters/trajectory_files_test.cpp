@@ -49,6 +49,14 @@ TEST(TumText, joins_a_robots_sessions_and_leaves_out_served_grids) {
   EXPECT_EQ(session_trajectories(map).size(), 2u);
 }
 
+TEST(TumText, holds_the_robots_poses_at_keyframes) {
+  Map map;
+  auto camera = std::make_shared<CameraGeometry>();
+  camera->robot_from_camera.t = {5.0, 5.0, 5.0};
+  add_pose(map, node_id("alpha", 0), 1000000000, spatial(Pose2(1.0, 2.0, 0.0)), std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
+  EXPECT_EQ(tum_text(map), "1.000000 1.000000 2.000000 0.000000 0.000000 0.000000 0.000000 1.000000\n");
+}
+
 TEST(TumText, writes_stamps_before_the_epoch_and_rounds_them) {
   Map map;
   add_pose(map, node_id("alpha", 0), -1500000600, {});

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/fusion/compose_grid.h>
+#include <support/random_map.h>
 #include <support/simulated_maps.h>
 
 #include <set>
@@ -69,6 +70,18 @@ TEST(ComposeGrid, draws_the_walls_of_the_plan) {
   std::size_t driven = 0;
   for (const auto& [id, node] : map.nodes) driven += value_at(grid, node.map_from_node.t.x(), node.map_from_node.t.y()) < 0;
   EXPECT_GT(static_cast<double>(driven), 0.97 * static_cast<double>(map.nodes.size()));
+}
+
+TEST(ComposeGrid, is_drawn_around_keyframes_as_if_they_were_not_there) {
+  WorkerPool pool(1);
+  Map map = one_ray({});
+  const OccupancyGrid without = compose_grid(map, {}, pool);
+  const Map keyframes = test::RandomMaps(1).keyframe_map("alpha", 12);
+  for (const auto& [id, node] : keyframes.nodes) map.nodes.set(id, node);
+  const OccupancyGrid with = compose_grid(map, {}, pool);
+  EXPECT_EQ(with.log_odds, without.log_odds);
+  EXPECT_EQ(with.columns, without.columns);
+  EXPECT_TRUE(compose_grid(keyframes, {}, pool).empty());
 }
 
 TEST(ComposeGrid, is_empty_for_nothing_and_refuses_a_runaway) {

@@ -4,6 +4,7 @@
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/map_update.h>
 #include <support/pose_matchers.h>
+#include <support/random_map.h>
 #include <support/simulated_maps.h>
 
 namespace mapweave::fusion {
@@ -68,6 +69,13 @@ TEST(Fuse, leaves_strangers_apart_and_says_why) {
   EXPECT_NE(result.verdicts[0].decision, Decision::accepted);
   EXPECT_NE(result.verdicts[0].reason, Reason::none);
   EXPECT_EQ(result.components.size(), 2U);
+}
+
+TEST(Fuse, leaves_maps_of_keyframes_alone_apart_and_whole) {
+  std::vector<Map> maps = {test::RandomMaps(1).keyframe_map("alpha", 30), test::RandomMaps(1).keyframe_map("beta", 30)};
+  const auto result = fused(maps);
+  ASSERT_EQ(result.components.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_EQ(bytes_of(result.components[i]), bytes_of({{}, maps[i], {}}));
 }
 
 TEST(Fuse, gives_the_same_bytes_for_any_order_threads_and_memo) {

@@ -4,6 +4,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/maps/map_update.h>
 #include <support/fake_mapper.h>
+#include <support/random_map.h>
 
 namespace mapweave::runtime {
 namespace {
@@ -49,6 +50,15 @@ TEST(Rekeyed, keeps_content_and_belief) {
     EXPECT_EQ(a->second.payload, b->second.payload);
     EXPECT_EQ(a->second.map_from_node.t, b->second.map_from_node.t);
   }
+  const Map back = rekeyed(other, map.id, [](RobotId) { return RobotId("alpha"); });
+  EXPECT_EQ(encode(difference(Map{}, back)), encode(difference(Map{}, map)));
+}
+
+TEST(Rekeyed, renames_landmarks_and_who_saw_them) {
+  const Map map = test::RandomMaps(1).keyframe_map("alpha", 10);
+  const Map other = rekeyed(map, MapId("hall"), [](RobotId) { return RobotId("gamma"); });
+  ASSERT_EQ(other.landmarks.size(), map.landmarks.size());
+  EXPECT_EQ(other.landmarks.front().second.seen.front().node.session.client.robot, RobotId("gamma"));
   const Map back = rekeyed(other, map.id, [](RobotId) { return RobotId("alpha"); });
   EXPECT_EQ(encode(difference(Map{}, back)), encode(difference(Map{}, map)));
 }

@@ -90,9 +90,25 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
   std::vector<ColouredPoint> points;
   for (const auto& [voxel, gathered] : thinning.sorted()) {
     const Colour colour = robot_colour(gathered.robot);
-    points.push_back({gathered.sum / gathered.count, {colour.red, colour.green, colour.blue}});
+    points.push_back({(gathered.sum / gathered.count).cast<float>(),
+                      static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
   }
+  const auto landmarks = landmark_cloud(map);
+  points.insert(points.end(), landmarks.begin(), landmarks.end());
   return pcd_bytes(points);
+}
+
+std::vector<ColouredPoint> landmark_cloud(const Map& map) {
+  std::vector<ColouredPoint> points;
+  points.reserve(map.landmarks.size());
+  for (const auto& [id, landmark] : map.landmarks) {
+    const Node* anchor = map.nodes.find(landmark.anchor);
+    MAPWEAVE_EXPECT(anchor != nullptr && is_finite(anchor->map_from_node), "a landmark hangs on a keyframe of the map: " + to_string(id));
+    const auto& [red, green, blue] = landmark.colour;
+    points.push_back({transformed(landmark.point_in_anchor(), anchor->map_from_node).cast<float>(),
+                      static_cast<std::uint32_t>(red << 16 | green << 8 | blue)});
+  }
+  return points;
 }
 
 std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
@@ -101,9 +117,9 @@ std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
       "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH " +
       count + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n";
   bytes.reserve(bytes.size() + 16 * points.size());
-  for (const auto& [point_in_map, rgb] : points) {
-    for (int axis = 0; axis < 3; ++axis) append_little_endian(bytes, static_cast<float>(point_in_map(axis)));
-    append_little_endian(bytes, static_cast<std::uint32_t>(rgb[0] << 16 | rgb[1] << 8 | rgb[2]));  // the bits of PCL's rgb
+  for (const auto& [point, rgb] : points) {
+    for (int axis = 0; axis < 3; ++axis) append_little_endian(bytes, point(axis));
+    append_little_endian(bytes, rgb);  // the bits of PCL's rgb
   }
   return bytes;
 }

@@ -62,8 +62,9 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
         }
       continue;
     }
-    const auto& scan = std::get<PackedScan>(*node.payload);
-    const auto& mount = scan.geometry->robot_from_laser.t;
+    const auto* scan = std::get_if<PackedScan>(node.payload.get());
+    if (scan == nullptr) continue;  // keyframes show no walls
+    const auto& mount = scan->geometry->robot_from_laser.t;
     DrawnScan drawn{static_cast<float>(pose.x + c * mount.x() - s * mount.y()),
                     static_cast<float>(pose.y + s * mount.x() + c * mount.y()),
                     0,
@@ -72,7 +73,7 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
                     0};
     drawn.low_y = drawn.high_y = drawn.eye_y;
     extent.add(drawn.eye_x, drawn.eye_y);
-    for (const auto& p : points_in_robot(scan, 0.0, options.max_range_m)) {
+    for (const auto& p : points_in_robot(*scan, 0.0, options.max_range_m)) {
       const Ray ray{static_cast<float>(pose.x + c * p.x - s * p.y), static_cast<float>(pose.y + s * p.x + c * p.y)};
       extent.add(ray.x, ray.y);
       drawn.low_y = std::min(drawn.low_y, ray.y), drawn.high_y = std::max(drawn.high_y, ray.y);

@@ -221,6 +221,7 @@ class Fusing {
         nodes.emplace_back(id, std::move(moved));
       }
       for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
+      for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
       for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
     }
     std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });

@@ -118,7 +118,8 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
   PreparedMap prepared;
   prepared.map = &map;
   for (const auto& [id, submap] : map.submaps)
-    if (submap.frozen) prepared.submaps.push_back(&submap);
+    if (submap.frozen && !std::holds_alternative<KeyframeFeatures>(*map.nodes.find(submap.anchor())->payload))
+      prepared.submaps.push_back(&submap);  // what is judged here is walls
   struct Facts {
     matching::Point2f centre;
     std::vector<matching::RingKey> keys;

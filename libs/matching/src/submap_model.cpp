@@ -141,7 +141,9 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
       add_raster(*grid, submap_from_node);
       continue;
     }
-    const auto& scan = std::get<PackedScan>(*node->payload);
+    const auto* packed_scan = std::get_if<PackedScan>(node->payload.get());
+    if (packed_scan == nullptr) continue;  // keyframes show no walls
+    const PackedScan& scan = *packed_scan;
     path_.push_back(submap_from_node);
     const auto points = placed(submap_from_node, wall_points(scan, 0.0, kFarthestWall_m));
     field_.add(points);

@@ -84,6 +84,15 @@ Map rekeyed(const Map& map, MapId id, const std::function<RobotId(RobotId)>& ren
     const ConstraintId constraint_id = constraint.id;
     result.constraints.set(constraint_id, std::move(constraint));
   }
+  for (const auto& [old_id, old_landmark] : map.landmarks) {
+    Landmark landmark = old_landmark;
+    landmark.id.session = session_of(old_id.session);
+    landmark.anchor = node_of(old_landmark.anchor);
+    for (LandmarkSighting& sighting : landmark.seen) sighting.node = node_of(sighting.node);
+    std::sort(landmark.seen.begin(), landmark.seen.end(), [](const auto& a, const auto& b) { return a.node < b.node; });
+    const LandmarkId landmark_id = landmark.id;
+    result.landmarks.set(landmark_id, std::move(landmark));
+  }
   return result;
 }
 

@@ -1,9 +1,8 @@
 #pragma once
-// The walls of a map as points, in PCL's format (PCD v0.7, binary).
+// The walls and landmarks of a map as points, in PCL's format (PCD v0.7, binary).
 
 #include <mapweave/maps/map.h>
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -22,15 +21,16 @@ struct PointCloudOptions {
 
 // Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from above) and rgb: the
 // colour of the robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall
-// cells.
+// cells. After the walls come all of landmark_cloud().
 std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
 
 struct ColouredPoint {
-  Eigen::Vector3d point_in_map;
-  std::array<std::uint8_t, 3> red_green_blue;
+  Eigen::Vector3f point;  // metres
+  std::uint32_t rgb = 0;  // red << 16 | green << 8 | blue
 };
 
-// The same fields, of points as they come.
+// The landmarks of a map, in its frame and their own colours, in the order of their ids.
+std::vector<ColouredPoint> landmark_cloud(const Map&);
 std::string pcd_bytes(const std::vector<ColouredPoint>&);
 
 }  // namespace mapweave::exporters
