@@ -53,7 +53,8 @@ TEST(TumText, holds_the_robots_poses_at_keyframes) {
   Map map;
   auto camera = std::make_shared<CameraGeometry>();
   camera->robot_from_camera.t = {5.0, 5.0, 5.0};
-  add_pose(map, node_id("alpha", 0), 1000000000, spatial(Pose2(1.0, 2.0, 0.0)), std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
+  add_pose(map, node_id("alpha", 0), 1000000000, spatial(Pose2(1.0, 2.0, 0.0)),
+           std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
   EXPECT_EQ(tum_text(map), "1.000000 1.000000 2.000000 0.000000 0.000000 0.000000 0.000000 1.000000\n");
 }
 

@@ -90,8 +90,8 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
   std::vector<ColouredPoint> points;
   for (const auto& [voxel, gathered] : thinning.sorted()) {
     const Colour colour = robot_colour(gathered.robot);
-    points.push_back({(gathered.sum / gathered.count).cast<float>(),
-                      static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
+    points.push_back(
+        {(gathered.sum / gathered.count).cast<float>(), static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
   }
   const auto landmarks = landmark_cloud(map);
   points.insert(points.end(), landmarks.begin(), landmarks.end());
