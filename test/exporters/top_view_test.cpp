@@ -21,9 +21,9 @@ std::size_t count_like(const cv::Mat& picture, const cv::Vec3b& colour) {
   return count;
 }
 
-std::vector<ColouredPoint> wall(double z, std::array<std::uint8_t, 3> colour) {
+std::vector<ColouredPoint> wall(float z, std::uint32_t rgb) {
   std::vector<ColouredPoint> points;
-  for (int i = 0; i < 100; ++i) points.push_back({{0.05 * i, 2.0, z}, colour});
+  for (int i = 0; i < 100; ++i) points.push_back({{0.05F * static_cast<float>(i), 2.0F, z}, rgb});
   return points;
 }
 
@@ -35,25 +35,25 @@ SessionTrajectory way() {
 }
 
 TEST(TopView, shows_landmarks_in_their_colours_the_higher_ones_above) {
-  auto points = wall(0.6, {200, 0, 0});
-  for (const auto& point : wall(0.1, {0, 200, 0})) points.push_back(point);
+  auto points = wall(0.6F, 200 << 16);
+  for (const auto& point : wall(0.1F, 200 << 8)) points.push_back(point);
   const cv::Mat picture = decoded(top_view_png(points, {way()}));
   EXPECT_GE(count_like(picture, {0, 0, 170}), 500U);
   EXPECT_EQ(count_like(picture, {0, 170, 0}), 0U);
 }
 
 TEST(TopView, leaves_ceilings_and_what_is_far_off_out) {
-  auto points = wall(0.5, {0, 0, 200});
-  for (const auto& point : wall(2.4, {200, 0, 0})) points.push_back(point);
+  auto points = wall(0.5F, 200);
+  for (const auto& point : wall(2.4F, 200 << 16)) points.push_back(point);
   const cv::Mat near = decoded(top_view_png(points, {way()}));
   EXPECT_EQ(count_like(near, {0, 0, 170}), 0U) << "no ceiling";
-  points.push_back({{1e6, -1e6, 0.0}, {9, 9, 9}});
+  points.push_back({{1e6F, -1e6F, 0.0F}, 9});
   EXPECT_NEAR(decoded(top_view_png(points, {way()})).cols, near.cols, 30);
 }
 
 TEST(TopView, needs_something_finite_to_show) {
   EXPECT_THROW(top_view_png({}, {}), ContractViolation);
-  EXPECT_THROW(top_view_png({{{0.0, std::nan(""), 0.0}, {0, 0, 0}}}, {way()}), ContractViolation);
+  EXPECT_THROW(top_view_png({{{0.0F, std::nanf(""), 0.0F}, 0}}, {way()}), ContractViolation);
   EXPECT_FALSE(decoded(top_view_png({}, {way()})).empty()) << "a way alone is shown";
 }
 

@@ -48,14 +48,14 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
     }
   std::vector<const ColouredPoint*> shown;
   for (const ColouredPoint& point : points) {
-    MAPWEAVE_EXPECT(point.point_in_map.allFinite(), "a point is finite");
-    if (robot_x.empty() || point.point_in_map.z() < highest + kAboveRobots_m) shown.push_back(&point);
+    MAPWEAVE_EXPECT(point.point.allFinite(), "a point is finite");
+    if (robot_x.empty() || point.point.z() < static_cast<float>(highest + kAboveRobots_m)) shown.push_back(&point);
   }
   MAPWEAVE_EXPECT(!shown.empty() || !robot_x.empty(), "a top view shows points or ways");
-  std::stable_sort(shown.begin(), shown.end(), [](const auto* a, const auto* b) { return a->point_in_map.z() < b->point_in_map.z(); });
+  std::stable_sort(shown.begin(), shown.end(), [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
 
   std::vector<double> x, y;
-  for (const ColouredPoint* point : shown) x.push_back(point->point_in_map.x()), y.push_back(point->point_in_map.y());
+  for (const ColouredPoint* point : shown) x.push_back(static_cast<double>(point->point.x())), y.push_back(static_cast<double>(point->point.y()));
   const Extent across = extent_of(std::move(x), robot_x), along = extent_of(std::move(y), robot_y);
   MapRaster raster;
   raster.pixels_per_m = options.common_side_px / std::max(across.length(), along.length());
@@ -64,14 +64,12 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
             rows = std::max(1, static_cast<int>(std::lround(along.length() * raster.pixels_per_m)));
   raster.pixels = cv::Mat(rows, columns, CV_8UC3, kPaper);
   for (const ColouredPoint* point : shown) {
-    const double column = (point->point_in_map.x() - across.low) * raster.pixels_per_m,
-                 row = rows - (point->point_in_map.y() - along.low) * raster.pixels_per_m;
+    const double column = (static_cast<double>(point->point.x()) - across.low) * raster.pixels_per_m,
+                 row = rows - (static_cast<double>(point->point.y()) - along.low) * raster.pixels_per_m;
     if (!(column >= 0 && row >= 0 && column < columns && row < rows)) continue;
-    const auto& [red, green, blue] = point->red_green_blue;
     // On white paper bright dots would not be seen.
-    const auto darker = [](std::uint8_t shade) { return 0.85 * shade; };
-    cv::circle(raster.pixels, {static_cast<int>(column), static_cast<int>(row)}, 1, cv::Scalar(darker(blue), darker(green), darker(red)),
-               cv::FILLED);
+    const auto shade = [&](int shift) { return 0.85 * (point->rgb >> shift & 0xff); };
+    cv::circle(raster.pixels, {static_cast<int>(column), static_cast<int>(row)}, 1, cv::Scalar(shade(0), shade(8), shade(16)), cv::FILLED);
   }
   raster.size = metres(across.length(), 1);
   raster.size = raster.size.substr(0, raster.size.size() - 2) + " x " + metres(along.length(), 1) + ", " + std::to_string(points.size()) +

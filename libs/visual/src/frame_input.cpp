@@ -19,7 +19,7 @@ using mrpt::obs::CObservation3DRangeScan;
 using mrpt::obs::CObservationImage;
 using mrpt::obs::CObservationStereoImages;
 
-constexpr int kLeastSide = 64, kMostSide = 16384;
+constexpr int kLeastSide = 64, kMostSide = 4096;
 
 Pose3 pose_of(const mrpt::poses::CPose3D& pose) {
   const mrpt::math::CQuaternionDouble q = [&] {
