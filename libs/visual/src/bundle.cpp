@@ -1,9 +1,11 @@
 #include "bundle.h"
 
+#include "reduced_system.h"
+
 #include <mapweave/core/error.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 
 namespace mapweave::visual {
 namespace {
@@ -40,6 +42,27 @@ double cost_of(const Bundle& bundle, const SensorFlaws& flaws, const std::vector
   return sum;
 }
 
+// Of free views that see a common point.
+std::vector<std::pair<int, int>> pairs_of(const Bundle& bundle, const std::vector<int>& column) {
+  std::vector<std::vector<int>> columns(bundle.views.size());
+  for (std::size_t first = 0, last = 0; first < bundle.observations.size(); first = last) {
+    while (last < bundle.observations.size() && bundle.observations[last].point == bundle.observations[first].point) ++last;
+    for (std::size_t i = first; i < last; ++i)
+      for (std::size_t j = first; j < last; ++j) {
+        const int row = column[static_cast<std::size_t>(bundle.observations[i].view)],
+                  other = column[static_cast<std::size_t>(bundle.observations[j].view)];
+        if (other >= 0 && row > other) columns[static_cast<std::size_t>(row)].push_back(other);
+      }
+  }
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t row = 0; row < columns.size(); ++row) {
+    std::sort(columns[row].begin(), columns[row].end());
+    columns[row].erase(std::unique(columns[row].begin(), columns[row].end()), columns[row].end());
+    for (int other : columns[row]) pairs.emplace_back(static_cast<int>(row), other);
+  }
+  return pairs;
+}
+
 }  // namespace
 
 void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& options) {
@@ -67,17 +90,23 @@ void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& op
   std::vector<Eigen::Matrix3d> point_hessian(count);
   std::vector<Eigen::Vector3d> point_gradient(count);
   std::vector<Eigen::Matrix<double, 2, 3>> flaws_by_point(count);
-  Eigen::MatrixXd views_hessian(size, size), reduced(size, size);
+  const auto free = static_cast<std::size_t>(free_views);
+  std::vector<ReducedSystem::Block> view_hessian(free);
+  std::vector<ReducedSystem::Border> view_border(free);
+  Eigen::Matrix2d flaws_hessian;
+  ReducedSystem reduced(free_views, ReducedSystem::is_sparse(free_views) ? pairs_of(bundle, column) : std::vector<std::pair<int, int>>());
   Eigen::VectorXd views_gradient(size), right(size);
   Residual r;
   bool build = true;
   for (int step = 0; step < options.most_steps; ++step) {
     if (build) {
       links.clear();
-      views_hessian.setZero(), views_gradient.setZero();
+      std::fill(view_hessian.begin(), view_hessian.end(), ReducedSystem::Block::Zero());
+      std::fill(view_border.begin(), view_border.end(), ReducedSystem::Border::Zero());
+      flaws_hessian.setZero(), views_gradient.setZero();
       for (int i = 0; i < 2; ++i) {
         // What is not learnt is held fast.
-        views_hessian(flaws_at + i, flaws_at + i) = step_information[i] > 0 ? step_information[i] + own_information[i] : 1e30;
+        flaws_hessian(i, i) = step_information[i] > 0 ? step_information[i] + own_information[i] : 1e30;
         const Vector2 now = values_of(bundle.flaws);
         views_gradient[flaws_at + i] =
             step_information[i] > 0 ? step_information[i] * (now[i] - before[i]) + own_information[i] * now[i] : 0.0;
@@ -105,21 +134,29 @@ void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& op
           if (seen.sighting.inverse_depth_sigma > 0) by_flaws(2, 1) = 1.0 / seen.sighting.inverse_depth_sigma;
           const Eigen::Matrix<double, 2, 3> flaws_weighted = by_flaws.transpose() * weights.asDiagonal();
           flaws_by_point[point].noalias() += flaws_weighted * by_point;
-          views_hessian.block<2, 2>(flaws_at, flaws_at).noalias() += flaws_weighted * by_flaws;
+          flaws_hessian.noalias() += flaws_weighted * by_flaws;
           views_gradient.segment<2>(flaws_at).noalias() += flaws_weighted * r.value;
           const int c = column[static_cast<std::size_t>(seen.view)];
           if (c < 0) continue;
-          views_hessian.block<6, 6>(6 * c, 6 * c).noalias() += r.by_motion.transpose() * weights.asDiagonal() * r.by_motion;
+          view_hessian[static_cast<std::size_t>(c)].noalias() += r.by_motion.transpose() * weights.asDiagonal() * r.by_motion;
           views_gradient.segment<6>(6 * c).noalias() += r.by_motion.transpose() * weighted_value;
-          views_hessian.block<2, 6>(flaws_at, 6 * c).noalias() += flaws_weighted * r.by_motion;
+          view_border[static_cast<std::size_t>(c)].noalias() += flaws_weighted * r.by_motion;
           links.push_back({c, r.by_motion.transpose() * weighted});
         }
       }
       first_link[count] = links.size();
     }
-    reduced = views_hessian;
-    reduced.diagonal() *= 1.0 + lambda;
-    reduced.diagonal().array() += 1e-9;
+    reduced.set_zero();
+    for (int i = 0; i < free_views; ++i) {
+      ReducedSystem::Block& block = reduced.diagonal(i);
+      block = view_hessian[static_cast<std::size_t>(i)];
+      block.diagonal() *= 1.0 + lambda;
+      block.diagonal().array() += 1e-9;
+      reduced.border(i) = view_border[static_cast<std::size_t>(i)];
+    }
+    reduced.corner() = flaws_hessian;
+    reduced.corner().diagonal() *= 1.0 + lambda;
+    reduced.corner().diagonal().array() += 1e-9;
     right = -views_gradient;
     std::vector<Eigen::Matrix3d> inverse(count);
     for (std::size_t point = 0; point < count; ++point) {
@@ -129,18 +166,19 @@ void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& op
       inverse[point] = damped.inverse();
       const Eigen::Matrix<double, 2, 3> flaws_left = flaws_by_point[point] * inverse[point];
       right.segment<2>(flaws_at).noalias() += flaws_left * point_gradient[point];
-      reduced.block<2, 2>(flaws_at, flaws_at).noalias() -= flaws_left * flaws_by_point[point].transpose();
+      reduced.corner().noalias() -= flaws_left * flaws_by_point[point].transpose();
       for (std::size_t i = first_link[point]; i < first_link[point + 1]; ++i) {
-        reduced.block<2, 6>(flaws_at, 6 * links[i].column).noalias() -= flaws_left * links[i].cross.transpose();
+        const int row = links[i].column;
+        reduced.border(row).noalias() -= flaws_left * links[i].cross.transpose();
         const Matrix63 left = links[i].cross * inverse[point];
-        right.segment<6>(6 * links[i].column).noalias() += left * point_gradient[point];
+        right.segment<6>(6 * row).noalias() += left * point_gradient[point];
+        reduced.diagonal(row).noalias() -= left * links[i].cross.transpose();
         for (std::size_t j = first_link[point]; j < first_link[point + 1]; ++j)
-          if (links[j].column <= links[i].column)
-            reduced.block<6, 6>(6 * links[i].column, 6 * links[j].column).noalias() -= left * links[j].cross.transpose();
+          if (links[j].column < row) reduced.below(row, links[j].column).noalias() -= left * links[j].cross.transpose();
       }
     }
-    Eigen::VectorXd change = Eigen::VectorXd::Zero(size);
-    if (size > 0) change = reduced.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+    const Eigen::VectorXd change = reduced.solved(right);
+    if (change.size() != size) break;
     if (!change.allFinite()) break;
     std::vector<View> views = bundle.views;
     for (std::size_t i = 0; i < views.size(); ++i)

@@ -46,7 +46,7 @@ std::optional<MeasuredDepth> DepthMeter::reading(const Eigen::Vector2d& pixel) c
   const double depth_m = middle * depth_.metres_per_unit;
   if (depth_m < options_.depth.min_depth_m || depth_m > options_.depth.max_depth_m) return std::nullopt;
   const bool smooth = missing <= kMostMissing && high - low < kEdge * middle;
-  return MeasuredDepth{1.0 / depth_m, options_.depth.inverse_depth_sigma * (smooth ? 1.0 : kSigmasAtEdge)};
+  return MeasuredDepth{1.0 / depth_m, options_.depth.inverse_depth_sigma * (smooth ? 1.0 : kSigmasAtEdge), !smooth};
 }
 
 std::optional<MeasuredDepth> DepthMeter::disparity(const Eigen::Vector2d& pixel, int level, double expected_m) const {
@@ -60,7 +60,7 @@ std::optional<MeasuredDepth> DepthMeter::disparity(const Eigen::Vector2d& pixel,
   }
   const auto found = find_disparity(*patch, pixel, right_, low, high);
   if (!found) return std::nullopt;
-  return MeasuredDepth{*found / focal_baseline, options_.tracking.sigma_px * (1 << level) / focal_baseline};
+  return MeasuredDepth{*found / focal_baseline, options_.tracking.sigma_px * (1 << level) / focal_baseline, false};
 }
 
 }  // namespace mapweave::visual

@@ -1,6 +1,7 @@
 #include "keyframe_maker.h"
 
 #include "detector.h"
+#include "landmark_finder.h"
 #include "place_finder.h"
 
 #include <cmath>
@@ -8,19 +9,18 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kMostAppearances = 4;
 constexpr double kSameDirection = 0.94, kSameRange = 1.55;
 
 // Keeps how the landmark looks from here where it has not been seen from about here.
 void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& picture, const Match& match, const View& view, int keyframe) {
   const Eigen::Vector3d ray = landmark.point - view.centre();
   for (const Appearance& appearance : landmark.appearances) {
-    const Eigen::Vector3d other = landmark.point - map.keyframe(appearance.keyframe).view.centre();
+    const Eigen::Vector3d other = landmark.point - map.view_of(appearance).centre();
     const double ratio = other.norm() / ray.norm();
     if (ray.dot(other) > kSameDirection * ray.norm() * other.norm() && ratio < kSameRange && ratio > 1.0 / kSameRange) return;
   }
   if (landmark.appearances.size() >= kMostAppearances) return;
-  if (const auto patch = cut_patch(picture, match.pixel, match.level)) landmark.appearances.push_back({*patch, match.pixel, keyframe});
+  if (const auto patch = cut_patch(picture, match.pixel, match.level)) landmark.appearances.push_back({*patch, match.pixel, keyframe, View()});
 }
 
 Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level, const std::optional<MeasuredDepth>& depth,
@@ -55,45 +55,44 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
 
 }  // namespace
 
-void add_keyframe(LandmarkMap& map, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                  std::vector<Match>& matches, const ClientOptions& options) {
-  const int number = static_cast<int>(map.keyframes.size());
+int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
+                 std::vector<Match>& matches, const ClientOptions& options) {
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
-  Keyframe keyframe;
-  keyframe.stamp = frame.stamp, keyframe.view = view;
+  Keyframe made;
+  made.stamp = frame.stamp, made.view = view, made.session = session;
+  const int number = map.add(std::move(made));
   std::vector<Eigen::Vector2d> occupied;
   for (const Match& match : matches) {
     Landmark& landmark = map.landmark(match.landmark);
     const auto depth = meter.at(match.pixel, match.level, (view * landmark.point).z());
-    landmark.seen.push_back({number, sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px)});
-    keyframe.landmarks.push_back(match.landmark);
+    map.see(match.landmark, {number, sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px)});
     occupied.push_back(match.pixel);
     keep_appearance(map, landmark, picture, match, view, number);
   }
   const View map_from_camera = view.inverse();
   DetectorOptions detector;
-  detector.cell_px = options.tracking.cell_px;
+  detector.cell_px = cell_of_scene(matches.size(), options.tracking);
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
     if (!patch) continue;
     const auto depth = meter.at(corner.pixel, corner.level);
-    if (!depth) continue;
+    if (!depth || depth->at_edge) continue;
     const double inverse_depth = depth->inverse_depth - map.flaws.inverse_depth_offset;
     if (inverse_depth < 1e-3) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, corner.pixel, 1.0 / inverse_depth);
     Landmark landmark;
     landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.flaws.readout_s * flow) / inverse_depth);
-    landmark.seen.push_back({number, sighting_of(corner.pixel, flow, corner.level, depth, sigma_px)});
-    landmark.appearances.push_back({*patch, corner.pixel, number});
-    const int id = static_cast<int>(map.landmarks.size());
-    map.landmarks.push_back(std::move(landmark));
-    keyframe.landmarks.push_back(id);
+    landmark.appearances.push_back({*patch, corner.pixel, number, View()});
+    const int id = map.add(std::move(landmark));
+    map.see(id, {number, sighting_of(corner.pixel, flow, corner.level, depth, sigma_px)});
+    map.young.emplace_back(id, map.keyframe(number).serial);
     matches.push_back({id, corner.pixel, flow, corner.level});
   }
+  Keyframe& keyframe = map.keyframe(number);
   keyframe.features = features_of(picture[0], options.tracking.features);
   keyframe.depths = depths_of(map, keyframe.features, frame, meter, view, matches);
-  map.keyframes.push_back(std::move(keyframe));
+  return number;
 }
 
 }  // namespace mapweave::visual

@@ -5,8 +5,8 @@
 
 namespace mapweave::visual {
 
-// Adds a keyframe at `view` to the map, and new landmarks to `matches`.
-void add_keyframe(LandmarkMap& map, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                  std::vector<Match>& matches, const ClientOptions& options);
+// Adds a keyframe at `view` to the map, and new landmarks to `matches`. Its number is answered.
+int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
+                 std::vector<Match>& matches, const ClientOptions& options);
 
 }  // namespace mapweave::visual

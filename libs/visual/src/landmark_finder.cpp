@@ -1,7 +1,6 @@
 #include "landmark_finder.h"
 
 #include <algorithm>
-#include <map>
 
 namespace mapweave::visual {
 namespace {
@@ -17,7 +16,7 @@ const Appearance* best_appearance(const LandmarkMap& map, const Landmark& landma
   const Eigen::Vector3d ray = landmark.point - centre;
   const double range = ray.norm();
   for (const Appearance& appearance : landmark.appearances) {
-    const Eigen::Vector3d other = landmark.point - map.keyframe(appearance.keyframe).view.centre();
+    const Eigen::Vector3d other = landmark.point - map.view_of(appearance).centre();
     const double merit = ray.dot(other) / (range * other.norm()) - 0.2 * std::abs(std::log(other.norm() / range));
     if (merit > best_merit) best_merit = merit, best = &appearance;
   }
@@ -37,9 +36,26 @@ Eigen::Matrix2d warp_of(const PinholeCamera& camera, const Appearance& appearanc
   return warp;
 }
 
+std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark& landmark, const View& view) {
+  const Appearance* appearance = best_appearance(map, landmark, view.centre());
+  if (appearance == nullptr) return std::nullopt;
+  const View old = map.view_of(*appearance);
+  return warp_patch(appearance->patch, warp_of(map.camera, *appearance, view * old.inverse(), (old * landmark.point).z()));
+}
+
 }  // namespace
 
-std::vector<int> near_keyframes(const LandmarkMap& map, const std::vector<Match>& matches, const View& view, int most) {
+std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture, const View& view,
+                                           const Eigen::Vector2d& start) {
+  const auto warped = expected_look(map, landmark, view);
+  if (!warped) return std::nullopt;
+  constexpr float kReach = 2.0F, kAlike = 0.85F;
+  const auto match = align_patch(*warped, picture[warped->level], start, kReach);
+  if (!match || match->correlation < kAlike) return std::nullopt;
+  return FoundLandmark{match->pixel, warped->level, match->correlation};
+}
+
+std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::vector<Match>& matches, const View& view, int most) {
   std::vector<int> shared(map.keyframes.size(), 0);
   for (const Match& match : matches)
     for (const Observation& o : map.landmark(match.landmark).seen) ++shared[static_cast<std::size_t>(o.keyframe)];
@@ -48,6 +64,7 @@ std::vector<int> near_keyframes(const LandmarkMap& map, const std::vector<Match>
   std::vector<std::pair<double, int>> order;
   const Eigen::Vector3d centre = view.centre(), ahead = view.rotation.row(2);
   for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
+    if (map.keyframes[k].gone || map.keyframes[k].session != session) continue;
     const View& other = map.keyframes[k].view;
     const double cosine = ahead.dot(other.rotation.row(2)), distance = (centre - other.centre()).norm();
     const bool looks_there = cosine > kSameDirection && distance < kSamePlace_m;
@@ -59,6 +76,11 @@ std::vector<int> near_keyframes(const LandmarkMap& map, const std::vector<Match>
   std::vector<int> result;
   for (std::size_t i = 0; i < order.size() && static_cast<int>(i) < most; ++i) result.push_back(order[i].second);
   return result;
+}
+
+int cell_of_scene(std::size_t landmarks, const TrackingOptions& options) {
+  constexpr std::size_t kFew = 120;
+  return landmarks < kFew ? std::max(8, options.cell_px / 2) : options.cell_px;
 }
 
 std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>& keyframes, const Pyramid& picture, const View& guess,
@@ -91,7 +113,6 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       cells[static_cast<std::size_t>(cell)].push_back({merit, id, pixel, p.z()});
     }
   std::vector<Match> result;
-  const Eigen::Vector3d centre = guess.centre();
   for (auto& cell : cells) {
     std::sort(cell.begin(), cell.end(),
               [](const Candidate& a, const Candidate& b) { return a.merit != b.merit ? a.merit > b.merit : a.landmark < b.landmark; });
@@ -99,10 +120,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
     for (const Candidate& candidate : cell) {
       if (++tries > kTriesPerCell) break;
       Landmark& landmark = map.landmark(candidate.landmark);
-      const Appearance* appearance = best_appearance(map, landmark, centre);
-      if (appearance == nullptr) continue;
-      const View& old = map.keyframe(appearance->keyframe).view;
-      const auto warped = warp_patch(appearance->patch, warp_of(camera, *appearance, guess * old.inverse(), (old * landmark.point).z()));
+      const auto warped = expected_look(map, landmark, guess);
       if (!warped) continue;
       ++landmark.tried;
       const Eigen::Vector2d start = candidate.pixel + map.flaws.readout_s * row_flow(camera, motion, candidate.pixel, candidate.depth);

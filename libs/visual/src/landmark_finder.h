@@ -4,11 +4,25 @@
 #include "landmark_map.h"
 #include "motion.h"
 
+#include <optional>
+
 namespace mapweave::visual {
 
-// Keyframes that see what the camera sees: those that share `matches` with it, and those that look from about the same place in about the
+// Keyframes of a session that see what the camera sees: those that share `matches` with it, and those that look from about the same place in about the
 // same direction. Most promising first.
-std::vector<int> near_keyframes(const LandmarkMap& map, const std::vector<Match>& matches, const View& view, int most);
+std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::vector<Match>& matches, const View& view, int most);
+
+// One landmark around `start`, as it looks best from there. nullopt where it does not look like that.
+struct FoundLandmark {
+  Eigen::Vector2d pixel;
+  int level = 0;
+  float correlation = 0;
+};
+std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture, const View& view,
+                                           const Eigen::Vector2d& start);
+
+// Side of the cells that hold one landmark each: half as long where a frame shows few landmarks.
+int cell_of_scene(std::size_t landmarks, const TrackingOptions& options);
 
 class LandmarkFinder {
  public:

@@ -1,5 +1,6 @@
 #pragma once
-// What a client has mapped so far: keyframes, and the landmarks that they see.
+// What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used again once empty, so
+// that memory stays bounded; serial numbers are never used again.
 
 #include "patch.h"
 #include "pose_from_points.h"
@@ -7,6 +8,8 @@
 #include <mapweave/core/stamp.h>
 #include <mapweave/matching/orb_features.h>
 #include <mapweave/visual/client_options.h>
+
+#include <utility>
 
 namespace mapweave::visual {
 
@@ -16,28 +19,43 @@ struct Observation {
   Sighting sighting;  // its point is the landmark's
 };
 
-// How a landmark looked in a keyframe.
+// How a landmark looked from somewhere: from a keyframe, or near one (whose own keyframe is gone).
 struct Appearance {
   Patch patch;
   Eigen::Vector2d pixel;
   int keyframe = 0;
+  View from_keyframe;  // of the camera that saw it
 };
 
 struct Landmark {
-  Eigen::Vector3d point;  // in the map
+  Eigen::Vector3d point = Eigen::Vector3d::Zero();  // in the map
   std::vector<Observation> seen;
   std::vector<Appearance> appearances;
   int tried = 0, found = 0;  // looked for in frames
+  std::uint32_t serial = 0;
   bool gone = false;
 };
+
+// A frame, and where it is seen from a keyframe: it moves with it. Small, since every frame has one for ever.
+struct AnchoredFrame {
+  Stamp stamp;
+  Eigen::Vector3f centre;  // of the camera, in the keyframe's
+  Eigen::Vector4f turn;    // keyframe_from_frame, a quaternion x, y, z, w
+};
+AnchoredFrame anchored(Stamp stamp, const View& frame_from_keyframe);
+View frame_from_keyframe(const AnchoredFrame& frame);
 
 struct Keyframe {
   Stamp stamp;
   View view;
+  std::uint32_t serial = 0;
+  int session = 0;
+  bool gone = false;
   std::vector<int> landmarks;
   // What it is known again by, and how deep that lies (metres along the optical axis; 0 unknown).
   matching::OrbFeatures features;
   std::vector<float> depths;
+  std::vector<AnchoredFrame> frames;
 };
 
 // A landmark found in a frame.
@@ -54,17 +72,45 @@ struct LandmarkMap {
   SensorFlaws flaws;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
+  std::vector<int> free_keyframes, free_landmarks;
+  std::uint32_t keyframes_made = 0, landmarks_made = 0;
+  std::vector<std::pair<int, std::uint32_t>> young;  // landmarks on probation, and the keyframe (its serial number) that made them
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
+  int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
+  View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
   Sighting sighting_of(const Match& match, double sigma_px) const {
     Sighting sighting;
     sighting.point_in_map = landmark(match.landmark).point;
     sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
     return sighting;
   }
+
+  int add(Keyframe keyframe);  // its serial number is set here
+  int add(Landmark landmark);
+  void see(int landmark, const Observation& observation);
+  void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
+  void remove_landmark(int landmark);
+  // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session.
+  void remove_keyframe(int keyframe, int heir);
+  // `other` is the same as `kept`, and is gone.
+  void fuse(int kept, int other);
+  // A keyframe that nothing depends on yet, with the landmarks that only it sees.
+  void discard(int keyframe);
 };
+
+// How many landmarks each other keyframe shares with this one.
+struct Shared {
+  int keyframe = 0, landmarks = 0;
+};
+std::vector<Shared> covisible(const LandmarkMap& map, int keyframe);  // by keyframe
+std::vector<Shared> most_first(std::vector<Shared> shared);           // of equals, the one in the later slot
+int first_of(const LandmarkMap& map, int session);                    // the earliest keyframe; -1 without any
+int newest_of(const LandmarkMap& map, int session);
+
+inline constexpr std::size_t kMostAppearances = 4;
 
 }  // namespace mapweave::visual

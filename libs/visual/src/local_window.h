@@ -6,6 +6,6 @@
 namespace mapweave::visual {
 
 // Work bounded by the window's size. Sightings that do not fit are forgotten, landmarks that nobody sees are gone.
-void adjust_window(LandmarkMap& map, const WindowOptions& options);
+void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options);
 
 }  // namespace mapweave::visual

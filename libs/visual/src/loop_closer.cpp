@@ -1,95 +1,202 @@
 #include "loop_closer.h"
 
-#include <mapweave/graph/spatial_graph.h>
+#include <mapweave/matching/visual_judge.h>
 
 #include <algorithm>
-#include <map>
+#include <functional>
+#include <queue>
 
 namespace mapweave::visual {
 namespace {
 
-constexpr int kSharedInGraph = 60;      // landmarks that tie two keyframes in the essential graph
+constexpr std::uint32_t kLatest = 10;  // keyframes that are no loop
+constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
+constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
-
-std::map<int, int> covisible(const LandmarkMap& map, int number) {
-  std::map<int, int> shared;
-  for (int id : map.keyframe(number).landmarks)
-    for (const Observation& o : map.landmark(id).seen) ++shared[o.keyframe];
-  shared.erase(number);
-  return shared;
-}
+constexpr double kTurnApart = 0.05;
+constexpr int kTied = 15;
 
 std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t most) {
-  std::vector<std::pair<int, int>> order;
-  for (const auto& [other, count] : covisible(map, number)) order.emplace_back(-count, other);
-  std::sort(order.begin(), order.end());
   std::vector<int> result{number};
-  for (const auto& [count, other] : order)
-    if (result.size() <= most) result.push_back(other);
+  for (const Shared& shared : most_first(covisible(map, number)))
+    if (result.size() <= most) result.push_back(shared.keyframe);
   return result;
 }
 
+// What the judge looks at; the side's frame is the first keyframe's camera.
+struct Place {
+  std::vector<std::vector<std::int32_t>> landmark_of_feature;
+  matching::PlaceView view;
+
+  Place(const LandmarkMap& map, const std::vector<int>& keyframes) {
+    const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
+    const View side_from_map = map.keyframe(keyframes.front()).view;
+    view.id.index = map.keyframe(keyframes.front()).serial;
+    landmark_of_feature.reserve(keyframes.size());
+    for (int number : keyframes) {
+      const Keyframe& keyframe = map.keyframe(number);
+      const View side_from_camera = side_from_map * keyframe.view.inverse();
+      auto& of_feature = landmark_of_feature.emplace_back(keyframe.features.points.size(), -1);
+      for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
+        if (!(keyframe.depths[i] > 0.0F)) continue;
+        const matching::FeaturePoint& point = keyframe.features.points[i];
+        const Eigen::Vector3d ray = map.camera.ray({static_cast<double>(point.u_px), static_cast<double>(point.v_px)});
+        of_feature[i] = static_cast<std::int32_t>(view.landmarks.size());
+        view.landmarks.push_back({side_from_camera * (ray * static_cast<double>(keyframe.depths[i])), keyframe.features.descriptors[i]});
+      }
+      matching::KeyframeView side;
+      side.id.index = keyframe.serial;
+      side.camera = pinhole;
+      side.side_from_camera = pose_of(side_from_camera.inverse());
+      side.features = matching::view_of(keyframe.features);
+      side.landmark_of_feature = of_feature.data();
+      view.keyframes.push_back(side);
+    }
+  }
+};
+
+NodeId id_of(int keyframe) {
+  NodeId id;
+  id.index = static_cast<std::uint32_t>(keyframe);
+  return id;
+}
+
+// Along ties, metres from one keyframe to another; infinite where nothing leads there.
+double way_between(const LandmarkMap& map, int from, int to) {
+  std::vector<std::vector<int>> neighbours(map.keyframes.size());
+  for (const Tie& tie : ties_of(map, map.keyframe(from).session, kTied)) {
+    neighbours[static_cast<std::size_t>(tie.from)].push_back(tie.to);
+    neighbours[static_cast<std::size_t>(tie.to)].push_back(tie.from);
+  }
+  std::vector<double> way(map.keyframes.size(), std::numeric_limits<double>::infinity());
+  using Entry = std::pair<double, int>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  open.emplace(way[static_cast<std::size_t>(from)] = 0.0, from);
+  while (!open.empty()) {
+    const auto [length, here] = open.top();
+    open.pop();
+    if (here == to) return length;
+    if (length > way[static_cast<std::size_t>(here)]) continue;
+    for (int next : neighbours[static_cast<std::size_t>(here)]) {
+      const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
+      if (longer < way[static_cast<std::size_t>(next)]) open.emplace(way[static_cast<std::size_t>(next)] = longer, next);
+    }
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
+
 }  // namespace
 
-std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike,
-                                   const Pyramid& picture, const ClientOptions& options) {
-  const int newest = static_cast<int>(map.keyframes.size()) - 1;
-  const matching::OrbFeatures& features = map.keyframe(newest).features;
-  const auto near = covisible(map, newest);
-  for (const matching::SimilarPlace& place : alike) {
-    const int earlier = static_cast<int>(place.id.index);
-    if (near.count(earlier) > 0) continue;
-    std::vector<int> among;
-    for (int number : with_companions(map, earlier, kCompanions))
-      if (near.count(number) == 0 && number != newest) among.push_back(number);
-    const auto view = find_place(map, among, features);
-    if (!view) continue;
-    const std::vector<Match> found = finder.find(map, among, picture, *view, Motion(), options.tracking);
-    std::vector<Sighting> sightings;
-    for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.tracking.sigma_px));
-    const PoseFromPoints pose = pose_from_points(sightings, map.camera, *view, map.flaws, options.tracking.gate_sigmas);
-    if (pose.count < options.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size())) continue;
-    FoundLoop loop;
-    loop.earlier = earlier, loop.view = pose.view;
-    for (std::size_t i = 0; i < found.size(); ++i)
-      if (pose.fits[i]) loop.matches.push_back(found[i]);
+std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmarks) {
+  std::vector<int> order;
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
+    if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  std::vector<Tie> ties;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    bool to_the_last = false;
+    for (const Shared& shared : covisible(map, order[i])) {
+      if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks) continue;
+      ties.push_back({shared.keyframe, order[i], shared.landmarks});
+      to_the_last = to_the_last || shared.keyframe == order[i - 1];
+    }
+    if (!to_the_last) ties.push_back({order[i - 1], order[i], 0});
+  }
+  return ties;
+}
+
+View correction_of(const LandmarkMap& map, const FoundLoop& loop) { return loop.view.inverse() * map.keyframe(loop.newest).view; }
+
+LoopCloser::LoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
+    : vocabulary_(vocabulary), options_(options), index_(vocabulary.words()) {}
+
+void LoopCloser::add(const LandmarkMap& map, int keyframe) {
+  index_.add(id_of(keyframe), vocabulary_.describe_picture(map.keyframe(keyframe).features.descriptors).bag);
+}
+void LoopCloser::remove(int keyframe) { index_.remove(id_of(keyframe)); }
+
+std::vector<int> LoopCloser::alike(const matching::OrbFeatures& features, std::size_t most) const {
+  std::vector<int> result;
+  for (const matching::SimilarPlace& place : index_.query(vocabulary_.describe_picture(features.descriptors).bag, most))
+    result.push_back(static_cast<int>(place.id.index));
+  return result;
+}
+
+std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
+                                          const Motion& motion) {
+  if (!options_.loops.enabled) return std::nullopt;
+  const Keyframe& keyframe = map.keyframe(newest);
+  const std::uint32_t now = keyframe.serial;
+  while (!claims_.empty() && claims_.front().serial + kMemory < now) claims_.pop_front();
+  std::vector<char> near(map.keyframes.size(), 0);
+  for (const Shared& shared : covisible(map, newest)) near[static_cast<std::size_t>(shared.keyframe)] = 1;
+  const auto is_no_loop = [&](const NodeId& id) {
+    const Keyframe& other = map.keyframe(static_cast<int>(id.index));
+    return near[id.index] != 0 || (other.session == keyframe.session && other.serial + kLatest > now);
+  };
+  const auto bag = vocabulary_.describe_picture(keyframe.features.descriptors).bag;
+  const auto groups = matching::best_of_groups(index_.query(bag, kLookedUp, is_no_loop), [&](const NodeId& id) {
+    std::vector<NodeId> result;
+    for (const Shared& shared : covisible(map, static_cast<int>(id.index))) result.push_back(id_of(shared.keyframe));
+    return result;
+  });
+  for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
+    auto loop = compare(map, finder, newest, static_cast<int>(groups[i].id.index), picture, motion);
+    if (!loop) continue;
+    Claim claim{now, keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre()};
+    int witnesses = 1;
+    for (const Claim& other : claims_) {
+      if (other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
+      const double apart = (other.correction * claim.centre - claim.correction * claim.centre).norm();
+      if (apart < options_.loops.drift_m && angle_of(other.correction * claim.correction.inverse()) < kTurnApart) ++witnesses;
+    }
+    claims_.push_back(claim);
+    if (witnesses < options_.loops.witnesses) return std::nullopt;
+    claims_.clear();
     return loop;
   }
   return std::nullopt;
 }
 
-void close_loop(LandmarkMap& map, const FoundLoop& loop) {
-  const auto newest = static_cast<std::uint32_t>(map.keyframes.size() - 1);
-  std::vector<Pose3> poses;
-  for (const Keyframe& keyframe : map.keyframes) poses.push_back(pose_of(keyframe.view));
-  std::vector<graph::SpatialEdge> edges;
-  const auto tie = [&](std::uint32_t from, std::uint32_t to, const Pose3& from_from_to, double landmarks) {
-    graph::SpatialEdge edge{from, to, from_from_to, landmarks * Eigen::Matrix<double, 6, 6>::Identity()};
-    edges.push_back(edge);
-  };
-  for (std::uint32_t number = 1; number < poses.size(); ++number) {
-    bool to_the_last = false;
-    for (const auto& [other, count] : covisible(map, static_cast<int>(number))) {
-      const auto from = static_cast<std::uint32_t>(other);
-      if (from > number || (count < kSharedInGraph && from + 1 != number)) continue;
-      tie(from, number, between(poses[from], poses[number]), count);
-      to_the_last = to_the_last || from + 1 == number;
-    }
-    if (!to_the_last) tie(number - 1, number, between(poses[number - 1], poses[number]), 10.0);
-  }
-  const Pose3 map_from_newest = pose_of(loop.view);
-  tie(static_cast<std::uint32_t>(loop.earlier), newest, between(poses[static_cast<std::size_t>(loop.earlier)], map_from_newest),
-      10.0 * static_cast<double>(loop.matches.size()));
-  const graph::SpatialSolution solution = graph::solve(poses, edges);
+std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
+                                             const Motion& motion) const {
+  std::vector<int> among = with_companions(map, earlier, kCompanions), here = with_companions(map, newest, 2);
+  const Place a(map, among), b(map, here);
+  matching::VisualJudgeOptions judge;
+  judge.neighbours = 1;
+  judge.alignment.seed = options_.seed;
+  const bool in_order = a.view.id < b.view.id;
+  const Judgement judgement = in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
+  if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
+  const Pose3& first_from_second = judgement.hypotheses.front().a_from_b.pose;
+  const Pose3 newest_from_earlier = in_order ? inverse(first_from_second) : first_from_second;
+  const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
+  FoundLoop loop;
+  loop.newest = newest, loop.earlier = earlier;
+  loop.view = view_of(compose(map_from_earlier, inverse(newest_from_earlier)));
+  const std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
+  std::vector<Sighting> sightings;
+  for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
+  const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.flaws, options_.tracking.gate_sigmas);
+  if (pose.count < options_.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size())) return std::nullopt;
+  loop.view = pose.view;
+  loop.serial = map.keyframe(newest).serial;
+  for (std::size_t i = 0; i < found.size(); ++i)
+    if (pose.fits[i]) loop.matches.push_back(found[i]), loop.serials.push_back(map.landmark(found[i].landmark).serial);
+  if (!is_plausible(map, loop)) return std::nullopt;
+  return loop;
+}
 
-  std::vector<View> before;
-  for (Keyframe& keyframe : map.keyframes) before.push_back(keyframe.view);
-  for (std::size_t i = 0; i < before.size(); ++i) map.keyframes[i].view = view_of(solution.poses[i]);
-  for (Landmark& landmark : map.landmarks) {
-    if (landmark.gone || landmark.seen.empty()) continue;
-    const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
-    landmark.point = map.keyframes[anchor].view.inverse() * (before[anchor] * landmark.point);
-  }
+bool LoopCloser::is_plausible(const LandmarkMap& map, const FoundLoop& loop) const {
+  if (map.keyframe(loop.newest).session != map.keyframe(loop.earlier).session) return true;  // nothing is known of the way
+  const View correction = correction_of(map, loop);
+  const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
+  const double moved = (correction * centre - centre).norm();
+  const double way = way_between(map, loop.newest, loop.earlier);
+  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01;
+  return moved < options_.loops.drift_m + options_.loops.drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
 }
 
 }  // namespace mapweave::visual

@@ -1,25 +1,58 @@
 #pragma once
-// The camera is back where it was long ago: keyframes that look alike are compared feature by feature, then landmark by landmark; what
-// agrees straightens the way between (CORB-SLAM 2.1: loop closing; the essential graph of ORB-SLAM, IEEE T-RO 31(5), 2015).
+// The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are judged (visual_judge.h),
+// then compared landmark by landmark. Believed is what several keyframes say alike and what the way between could have led to.
 
 #include "landmark_finder.h"
 #include "place_finder.h"
 
 #include <mapweave/matching/place_index.h>
 
+#include <deque>
+
 namespace mapweave::visual {
 
 struct FoundLoop {
-  int earlier = 0;             // keyframe
-  View view;                   // of the newest keyframe, as the earlier ones say
-  std::vector<Match> matches;  // landmarks of the earlier ones that the newest keyframe's picture shows
+  int newest = 0, earlier = 0;  // keyframes
+  View view;                    // of the newest keyframe, as the earlier one's map says
+  std::vector<Match> matches;   // landmarks of the earlier ones that the newest keyframe's picture shows
+  std::uint32_t serial = 0;     // of the newest keyframe
+  std::vector<std::uint32_t> serials;  // of the landmarks
 };
 
-// What keyframe is shown by the newest one's picture besides those that it shares landmarks with. nullopt where none is found beyond doubt.
-std::optional<FoundLoop> find_loop(LandmarkMap& map, LandmarkFinder& finder, const std::vector<matching::SimilarPlace>& alike,
-                                   const Pyramid& picture, const ClientOptions& options);
+// earlier's map from newest's map, where the two differ.
+View correction_of(const LandmarkMap& map, const FoundLoop& loop);
 
-// Moves keyframes and landmarks so that the newest keyframe stands where the loop says; what lies between gives way evenly.
-void close_loop(LandmarkMap& map, const FoundLoop& loop);
+class LoopCloser {
+ public:
+  LoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options);
+  void add(const LandmarkMap& map, int keyframe);
+  void remove(int keyframe);
+  // Keyframes that look most like these features.
+  std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
+  // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
+  std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture, const Motion& motion);
+  void forget_claims() { claims_.clear(); }
+
+ private:
+  struct Claim {
+    std::uint32_t serial;  // of the keyframe that makes it
+    int session, earlier_session;
+    View correction;
+    Eigen::Vector3d centre;  // of that keyframe
+  };
+  std::optional<FoundLoop> compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
+                                   const Motion& motion) const;
+  bool is_plausible(const LandmarkMap& map, const FoundLoop& loop) const;
+  matching::BinaryVocabulary vocabulary_;
+  ClientOptions options_;
+  matching::PlaceIndex index_;
+  std::deque<Claim> claims_;
+};
+
+// Keyframes of a session that are tied: by landmarks, or as neighbours in time where landmarks do not.
+struct Tie {
+  int from = 0, to = 0, landmarks = 0;  // from was made first
+};
+std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmarks);
 
 }  // namespace mapweave::visual

@@ -20,7 +20,8 @@ matching::OrbFeatures features_of(const GreyImage& picture, int most) {
   return matching::orb_features({picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
 }
 
-std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features) {
+std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,
+                               std::uint64_t seed) {
   matching::AlignmentProblem problem;
   const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
   problem.cameras_b.push_back({pinhole, Pose3()});
@@ -46,6 +47,7 @@ std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& k
   }
   matching::AlignmentOptions options;
   options.least_inliers = kLeastFeatures;
+  options.seed = seed;
   const auto fit = matching::search_alignment(problem, options);
   if (!fit) return std::nullopt;
   return view_of(fit->a_from_b.pose);

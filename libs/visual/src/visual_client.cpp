@@ -1,12 +1,11 @@
+#include "culling.h"
+#include "detector.h"
 #include "frame_alignment.h"
 #include "keyframe_maker.h"
-#include "landmark_finder.h"
 #include "local_window.h"
-#include "loop_closer.h"
+#include "map_correction.h"
 
 #include <mapweave/core/error.h>
-#include <mapweave/core/stamp.h>
-#include <mapweave/matching/place_index.h>
 #include <mapweave/visual/visual_client.h>
 
 #include <algorithm>
@@ -17,55 +16,66 @@ namespace {
 
 constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
 constexpr std::size_t kPlaces = 5;         // that a picture is compared with, of those that look most alike
-constexpr int kLatest = 10;                // keyframes that are no loop
-
-// A frame, and where it is seen from a keyframe: it moves with it.
-struct AnchoredFrame {
-  Stamp stamp;
-  int keyframe = 0;
-  View frame_from_keyframe;
-};
+constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
 
 struct Attempt {
   std::vector<Match> found;
   PoseFromPoints pose;
   Motion motion;
+  int session = 0;
+};
+
+// The straightening of a map, computed aside.
+struct Straightening {
+  Stamp due;
+  std::shared_ptr<MapCorrection> correction;
+  std::shared_ptr<BackgroundWork> work;
 };
 
 }  // namespace
 
+void BackgroundWork::run() {
+  std::call_once(once_, [this] { work_(), done_ = true; });
+}
+
 struct VisualClient::State {
   ClientOptions options;
-  std::optional<matching::BinaryVocabulary> vocabulary;
-  std::optional<matching::PlaceIndex> index;
+  std::optional<LoopCloser> closer;
   LandmarkMap map;
   LandmarkFinder finder;
-  std::vector<AnchoredFrame> frames;
+  std::vector<std::string> notes;
 
   // Of the last frame that was tracked.
   Pyramid last;
   Stamp last_stamp;
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
-  int reference = 0;  // the newest keyframe
+  int reference = -1;  // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
+  int session = 0, sessions_begun = 0;
+  double lost_s = 0.0;  // of seeing something since
+  Stamp lost_stamp;     // the last frame that was lost
+  std::optional<Straightening> straightening;
   int loops = 0;
 
-  Attempt locate(const Pyramid& picture, const View& start, const Motion& speed) {
+  Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed) {
     Attempt attempt;
-    attempt.motion = speed;
-    attempt.found =
-        finder.find(map, near_keyframes(map, matches, start, options.tracking.near_keyframes), picture, start, speed, options.tracking);
+    attempt.motion = speed, attempt.session = among;
+    const std::vector<Match> none;
+    const auto near = near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
+    TrackingOptions looking = options.tracking;
+    if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), looking);
+    attempt.found = finder.find(map, near, picture, start, speed, looking);
     std::vector<Sighting> sightings;
     for (const Match& match : attempt.found) sightings.push_back(map.sighting_of(match, options.tracking.sigma_px));
     attempt.pose = pose_from_points(sightings, map.camera, start, map.flaws, options.tracking.gate_sigmas);
     return attempt;
   }
 
-  bool is_good(const Attempt& attempt) const {
-    const int seen = attempt.pose.count, found = static_cast<int>(attempt.found.size());
-    if (seen >= options.tracking.least_landmarks) return 2 * seen >= found;
-    return 2 * seen >= options.tracking.least_landmarks && 4 * seen >= 3 * found;  // few, but of one mind
+  // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
+  bool is_good(const Attempt& attempt, bool followed = false) const {
+    const int least = followed ? options.tracking.least_landmarks / 2 : options.tracking.least_landmarks;
+    return attempt.pose.count >= least && 2 * attempt.pose.count >= static_cast<int>(attempt.found.size());
   }
 
   Attempt follow(const Pyramid& picture, double interval_s) {
@@ -77,28 +87,37 @@ struct VisualClient::State {
       pixels.push_back(map.camera.project(p)), points.push_back(p);
     }
     const View moved_by = align_frames(last, pixels, points, picture, map.camera, motion, kCoarsest, kFinest).to_from_from;
-    return locate(picture, moved_by * view, motion_of(moved_by, interval_s));
+    return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
   }
 
-  // By features: first around where it was, then wherever it looks alike.
+  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer.
   Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
     const matching::OrbFeatures features = features_of(picture[0], options.tracking.features);
-    const auto try_near = [&](std::vector<int> keyframes) {
-      const auto found = find_place(map, keyframes, features);
-      if (!found) return;
-      Attempt attempt = locate(picture, *found, motion_of(*found * view.inverse(), interval_s));
-      if (attempt.pose.count > best.pose.count) best = std::move(attempt);
+    const auto try_near = [&](const std::vector<int>& keyframes) {
+      const int among = map.keyframe(keyframes.front()).session;
+      const auto found = find_place(map, keyframes, features, options.seed);
+      if (!found) return Attempt();
+      const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
+      return locate(picture, among, *found, speed);
     };
-    std::vector<int> around = near_keyframes(map, matches, view, 4);
+    std::vector<int> around = near_keyframes(map, session, matches, view, 4);
     if (std::find(around.begin(), around.end(), reference) == around.end()) around.insert(around.begin(), reference);
-    try_near(around);
-    if (is_good(best) || !index) return best;
-    const auto bag = vocabulary->describe_picture(features.descriptors).bag;
-    for (const matching::SimilarPlace& place : index->query(bag, kPlaces)) {
-      try_near({static_cast<int>(place.id.index)});
-      if (is_good(best)) break;
+    if (Attempt attempt = try_near(around); attempt.pose.count > best.pose.count) best = std::move(attempt);
+    if (is_good(best) || !closer) return best;
+    std::optional<Attempt> answer;
+    for (int number : closer->alike(features, kPlaces)) {
+      Attempt attempt = try_near({number});
+      if (!is_good(attempt)) continue;
+      if (!answer) {
+        answer = std::move(attempt);
+      } else if (attempt.session == answer->session) {
+        constexpr double kApart_m = 0.5, kApart_rad = 0.3;
+        const View apart = attempt.pose.view * answer->pose.view.inverse();
+        if (apart.centre().norm() > kApart_m || Eigen::AngleAxisd(apart.rotation).angle() > kApart_rad) return best;
+        if (attempt.pose.count > answer->pose.count) answer = std::move(attempt);
+      }
     }
-    return best;
+    return answer ? *answer : best;
   }
 
   bool keyframe_is_due() const {
@@ -112,81 +131,135 @@ struct VisualClient::State {
            since.centre().norm() > options.keyframe.parallax * *middle;
   }
 
+  void drop_what_is_gone() {
+    matches.erase(std::remove_if(matches.begin(), matches.end(), [&](const Match& match) { return map.landmark(match.landmark).gone; }),
+                  matches.end());
+  }
+
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
-    add_keyframe(map, frame, picture, view, speed, matches, options);
-    reference = static_cast<int>(map.keyframes.size()) - 1;
+    reference = add_keyframe(map, session, frame, picture, view, speed, matches, options);
     reference_landmarks = matches.size();
-    if (reference > 0) adjust_window(map, options.window);
-    look_for_loop(picture);
+    adjust_window(map, reference, options.window);
+    fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches, picture,
+                    map.keyframe(reference).view);
+    cull_landmarks(map, reference, options.memory);
+    drop_what_is_gone();
+    cull_keyframes();
+    look_for_loop(frame.stamp, picture, speed);
     view = map.keyframe(reference).view;
   }
 
-  void look_for_loop(const Pyramid& picture) {
-    if (!index) return;
-    const auto bag = vocabulary->describe_picture(map.keyframe(reference).features.descriptors).bag;
-    const auto alike = index->query(bag, kPlaces, [&](const NodeId& id) { return static_cast<int>(id.index) > reference - kLatest; });
-    NodeId id;
-    id.index = static_cast<std::uint32_t>(reference);
-    index->add(id, bag);
-    const auto loop = find_loop(map, finder, alike, picture, options);
+  void cull_keyframes() {
+    for (int count = 0; count < kCulledAtOnce || map.keyframe_count() > options.memory.keyframes; ++count) {
+      const int number = keyframe_to_cull(map, reference, options.memory);
+      const int heir = number < 0 ? -1 : heir_of(map, number);
+      if (heir < 0) break;
+      if (closer) closer->remove(number);
+      map.remove_keyframe(number, heir);
+    }
+    drop_what_is_gone();
+  }
+
+  void look_for_loop(Stamp stamp, const Pyramid& picture, const Motion& speed) {
+    if (!closer) return;
+    closer->add(map, reference);
+    if (straightening) return;
+    const auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
     ++loops;
-    close_loop(map, *loop);
-    // The keyframe sees the earlier landmarks too.
-    for (const Match& match : loop->matches) {
-      Landmark& landmark = map.landmark(match.landmark);
-      landmark.seen.push_back({reference, map.sighting_of(match, options.tracking.sigma_px)});
-      map.keyframe(reference).landmarks.push_back(match.landmark);
-      matches.push_back(match);
+    if (map.keyframe(loop->earlier).session != session) {
+      join_sessions(map, *loop);
+      session = map.keyframe(reference).session;
     }
-    adjust_window(map, options.window);
+    const auto correction = std::make_shared<MapCorrection>(map, *loop, options.tracking.sigma_px);
+    const auto delay = static_cast<std::int64_t>(options.loops.delay_s * 1e9);
+    straightening = Straightening{{stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
-  Tracked begin(const Frame& frame, Pyramid picture) {
+  void straighten() {
+    straightening->work->run();
+    const View view_from_reference = view * map.keyframe(reference).view.inverse();
+    straightening->correction->apply(map);
+    see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
+    view = view_from_reference * map.keyframe(reference).view;
+    straightening.reset();
+  }
+
+  // The session's first keyframe. False where it would have nothing to hold on to.
+  bool begin(const Frame& frame, Pyramid picture, int number) {
+    std::vector<Match> none;
+    std::swap(matches, none);
+    const View before = std::exchange(view, View());
+    const int made = add_keyframe(map, number, frame, picture, view, Motion(), matches, options);
+    if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {
+      map.discard(made);
+      std::swap(matches, none), view = before;
+      return false;
+    }
+    reference = made, reference_landmarks = matches.size();
+    session = number, sessions_begun = number + 1;
+    if (closer) closer->add(map, reference);
+    motion = View();
+    last = std::move(picture);
+    return true;
+  }
+
+  Tracked kept(Stamp stamp, bool keyframe) {
+    last_stamp = stamp, lost_s = 0.0, lost_stamp = stamp;
+    map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
+    return {TrackState::tracked, pose_of(view), static_cast<int>(matches.size()), keyframe, session};
+  }
+
+  bool shows_something(const Pyramid& picture) const {
+    DetectorOptions detector;
+    detector.cell_px = options.tracking.cell_px;
+    return static_cast<int>(detect_corners(picture, {}, detector).size()) >= options.session.least_corners;
+  }
+
+  Tracked lost(const Frame& frame, Pyramid picture) {
+    motion = View();
+    if (shows_something(picture)) lost_s += std::max(1e-3, seconds_between(lost_stamp, frame.stamp));
+    lost_stamp = frame.stamp;
+    if (lost_s >= options.session.patience_s && begin(frame, std::move(picture), sessions_begun)) return kept(frame.stamp, true);
     Tracked tracked;
-    make_keyframe(frame, picture, Motion());
-    if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {  // nothing to hold on to yet
-      map.keyframes.clear(), map.landmarks.clear(), matches.clear();
-      if (index) index.emplace(vocabulary->words());
-      return tracked;
-    }
-    tracked.keyframe = true;
-    keep(frame, std::move(picture), tracked);
+    tracked.state = TrackState::lost, tracked.session = session;
     return tracked;
-  }
-
-  void keep(const Frame& frame, Pyramid picture, Tracked& tracked) {
-    last = std::move(picture), last_stamp = frame.stamp;
-    frames.push_back({frame.stamp, reference, view * map.keyframe(reference).view.inverse()});
-    tracked.state = TrackState::tracked;
-    tracked.map_from_camera = pose_of(view);
-    tracked.landmarks = static_cast<int>(matches.size());
   }
 
   Tracked add(const Frame& frame) {
     Pyramid picture = make_pyramid(frame.grey);
-    if (map.keyframes.empty()) return begin(frame, std::move(picture));
+    if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
+    if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
     const double interval_s = seconds_between(last_stamp, frame.stamp);
     Attempt attempt = follow(picture, interval_s);
-    if (!is_good(attempt)) attempt = find_again(picture, interval_s, std::move(attempt));
-    Tracked tracked;
-    if (!is_good(attempt)) {
-      tracked.state = TrackState::lost;
-      motion = View();
-      return tracked;
-    }
+    const bool followed = lost_s == 0.0 && is_good(attempt, true);
+    if (!followed) attempt = find_again(picture, interval_s, std::move(attempt));
+    if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
     matches.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
       if (!attempt.pose.fits[i]) continue;
       matches.push_back(attempt.found[i]);
       ++map.landmark(attempt.found[i].landmark).found;
     }
-    motion = attempt.pose.view * view.inverse();
+    if (attempt.session != session) {
+      session = attempt.session, motion = View();
+      reference = most_seen(), reference_landmarks = matches.size();
+    } else {
+      motion = attempt.pose.view * view.inverse();
+    }
     view = attempt.pose.view;
-    tracked.keyframe = keyframe_is_due();
-    if (tracked.keyframe) make_keyframe(frame, picture, attempt.motion);
-    keep(frame, std::move(picture), tracked);
-    return tracked;
+    const bool keyframe = keyframe_is_due();
+    if (keyframe) make_keyframe(frame, picture, attempt.motion);
+    last = std::move(picture);
+    return kept(frame.stamp, keyframe);
+  }
+
+  // The keyframe that shows most of what is seen now.
+  int most_seen() const {
+    std::vector<int> counts(map.keyframes.size(), 0);
+    for (const Match& match : matches)
+      for (const Observation& o : map.landmark(match.landmark).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
+    return static_cast<int>(std::max_element(counts.begin(), counts.end()) - counts.begin());
   }
 };
 
@@ -196,8 +269,7 @@ VisualClient::VisualClient(PinholeCamera camera, double baseline_m, ClientOption
   MAPWEAVE_EXPECT(camera.width >= 64 && camera.height >= 64 && camera.fx > 0 && camera.fy > 0, "a camera of at least 64 x 64 pixels");
   state_->options = options;
   state_->map.camera = camera, state_->map.baseline_m = baseline_m;
-  if (vocabulary) state_->index.emplace(vocabulary->words());
-  state_->vocabulary = std::move(vocabulary);
+  if (vocabulary) state_->closer.emplace(*vocabulary, options);
 }
 VisualClient::~VisualClient() = default;
 
@@ -205,6 +277,12 @@ Tracked VisualClient::add(const Frame& frame) {
   MAPWEAVE_EXPECT(frame.grey.width == state_->map.camera.width && frame.grey.height == state_->map.camera.height,
                   "pictures of the camera's size");
   return state_->add(frame);
+}
+
+std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->straightening ? state_->straightening->work : nullptr; }
+
+void VisualClient::finish() {
+  if (state_->straightening) state_->straighten();
 }
 
 std::vector<SeenLandmark> VisualClient::seen() const {
@@ -216,25 +294,40 @@ std::vector<SeenLandmark> VisualClient::seen() const {
 
 std::vector<PlacedFrame> VisualClient::trajectory() const {
   std::vector<PlacedFrame> result;
-  for (const AnchoredFrame& frame : state_->frames)
-    result.push_back({frame.stamp, pose_of(frame.frame_from_keyframe * state_->map.keyframe(frame.keyframe).view)});
+  for (const Keyframe& keyframe : state_->map.keyframes)
+    for (const AnchoredFrame& frame : keyframe.frames)
+      result.push_back({frame.stamp, pose_of(frame_from_keyframe(frame) * keyframe.view), keyframe.session});
+  std::sort(result.begin(), result.end(), [](const PlacedFrame& a, const PlacedFrame& b) { return a.stamp < b.stamp; });
   return result;
 }
 
 std::vector<PlacedFrame> VisualClient::keyframes() const {
   std::vector<PlacedFrame> result;
-  for (const Keyframe& keyframe : state_->map.keyframes) result.push_back({keyframe.stamp, pose_of(keyframe.view)});
+  for (const Keyframe& keyframe : state_->map.keyframes)
+    if (!keyframe.gone) result.push_back({keyframe.stamp, pose_of(keyframe.view), keyframe.session});
+  std::sort(result.begin(), result.end(), [](const PlacedFrame& a, const PlacedFrame& b) { return a.stamp < b.stamp; });
   return result;
 }
 
 std::vector<MappedLandmark> VisualClient::landmarks() const {
   std::vector<MappedLandmark> result;
   for (const Landmark& landmark : state_->map.landmarks)
-    if (!landmark.gone) result.push_back({landmark.point, static_cast<int>(landmark.seen.size())});
+    if (!landmark.gone)
+      result.push_back({landmark.point, static_cast<int>(landmark.seen.size()), state_->map.keyframe(landmark.seen.front().keyframe).session});
+  return result;
+}
+
+std::vector<int> VisualClient::sessions() const {
+  std::vector<int> result;
+  for (const Keyframe& keyframe : state_->map.keyframes)
+    if (!keyframe.gone) result.push_back(keyframe.session);
+  std::sort(result.begin(), result.end());
+  result.erase(std::unique(result.begin(), result.end()), result.end());
   return result;
 }
 
 int VisualClient::loops() const { return state_->loops; }
 SensorFlaws VisualClient::sensor() const { return state_->map.flaws; }
+std::vector<std::string> VisualClient::notes() const { return state_->notes; }
 
 }  // namespace mapweave::visual

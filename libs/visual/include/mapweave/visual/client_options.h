@@ -71,17 +71,70 @@ struct WindowOptions {
   }
 };
 
+// What keeps the map, and the work for each frame, from growing for ever.
+struct MemoryOptions {
+  int keyframes = 500;
+  double redundant_share = 0.9;
+  int redundant_views = 3;
+  double found_share = 0.25;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("keyframes", keyframes, 20, 100000, "kept at most: those go first whose landmarks others see too");
+    v.fraction("redundant_share", redundant_share, "a keyframe goes where others see so many of its landmarks");
+    v.integer("redundant_views", redundant_views, 1, 100, "so many others, as finely as it does");
+    v.fraction("found_share", found_share, "a landmark goes that is found less often than this where it is looked for");
+  }
+};
+
+struct LoopOptions {
+  bool enabled = true;
+  int witnesses = 3;
+  double least_probability = 0.7;
+  double drift = 0.03;
+  double drift_m = 0.3;
+  double delay_s = 0.5;
+  bool wait = true;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.flag("enabled", enabled, "look for places that were seen before");
+    v.integer("witnesses", witnesses, 1, 20, "keyframes that must say the same");
+    v.fraction("least_probability", least_probability, "of a judgement that two keyframes show one place");
+    v.positive("drift", drift, "share of the way from one to the other that they may be apart");
+    v.positive("drift_m", drift_m, "and this much besides");
+    v.number("delay_s", delay_s, 0.0, 60.0, "of data, from finding a loop until the map is straightened");
+    v.flag("wait", wait, "straighten it then, whether or not that is computed yet; off: when it is, as live cameras do");
+  }
+};
+
+struct SessionOptions {
+  double patience_s = 5.0;
+  int least_corners = 60;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.positive("patience_s", patience_s, "of seeing something, lost, before a new map is begun");
+    v.integer("least_corners", least_corners, 8, 10000, "a picture with fewer shows nothing");
+  }
+};
+
 struct ClientOptions {
   TrackingOptions tracking;
   KeyframeOptions keyframe;
   DepthOptions depth;
   WindowOptions window;
+  MemoryOptions memory;
+  LoopOptions loops;
+  SessionOptions session;
+  std::uint64_t seed = 1;
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("tracking", tracking, "where each frame was taken");
     v.section("keyframe", keyframe, "which frames are kept");
     v.section("depth", depth, "depth cameras and stereo pairs");
     v.section("window", window, "local bundle adjustment");
+    v.section("memory", memory, "what is kept of the map");
+    v.section("loops", loops, "places seen before");
+    v.section("session", session, "maps that begin anew where the camera is lost");
+    v.integer("seed", seed, 0, 4294967295, "of random choices");
   }
 };
 

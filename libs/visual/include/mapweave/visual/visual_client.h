@@ -9,8 +9,12 @@
 #include <mapweave/visual/client_options.h>
 #include <mapweave/visual/frame.h>
 
+#include <atomic>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace mapweave::visual {
@@ -22,16 +26,19 @@ struct Tracked {
   Pose3 map_from_camera;  // where tracked
   int landmarks = 0;      // seen
   bool keyframe = false;  // became one
+  int session = 0;        // whose map that is
 };
 
 struct PlacedFrame {
   Stamp stamp;
-  Pose3 map_from_camera;
+  Pose3 map_from_camera;  // the map of its session
+  int session = 0;
 };
 
 struct MappedLandmark {
   Eigen::Vector3d point_in_map;
   int sightings = 0;  // keyframes that see it
+  int session = 0;
 };
 
 // In the frame that was tracked last.
@@ -41,7 +48,22 @@ struct SeenLandmark {
   double depth_m = 0.0;
 };
 
-// Not thread-safe; without threads or clocks of its own. The map's frame is the camera's at the first keyframe.
+// What a client has to compute, but not at once: it may be run on any thread while the client goes on.
+class BackgroundWork {
+ public:
+  explicit BackgroundWork(std::function<void()> work) : work_(std::move(work)) {}
+  // Returns when it is done, whoever does it. Thread-safe.
+  void run();
+  bool is_done() const { return done_; }
+
+ private:
+  std::function<void()> work_;
+  std::once_flag once_;
+  std::atomic<bool> done_{false};
+};
+
+// Not thread-safe; without threads or clocks of its own. A map's frame is the camera's at its first keyframe. A camera that stays lost
+// begins another session, with a map of its own; when it comes to a place that an older session knows, the two become one.
 class VisualClient {
  public:
   // baseline_m: of the right camera, for frames that have a right picture. Without a vocabulary a lost camera looks for itself among the
@@ -52,12 +74,20 @@ class VisualClient {
   // In the order of stamps, pictures of the camera's size (contract).
   Tracked add(const Frame& frame);
 
+  // The map's straightening after a loop, until it is applied (LoopOptions::delay_s); null: nothing is to be done. add() does it itself
+  // where nobody did: the results are the same.
+  std::shared_ptr<BackgroundWork> pending() const;
+  // No more frames come: what is pending is done and applied.
+  void finish();
+
   std::vector<SeenLandmark> seen() const;
-  std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now
-  std::vector<PlacedFrame> keyframes() const;
+  std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now; by stamp
+  std::vector<PlacedFrame> keyframes() const;   // that are kept; by stamp
   std::vector<MappedLandmark> landmarks() const;
-  int loops() const;           // closed
-  SensorFlaws sensor() const;  // as learnt so far
+  std::vector<int> sessions() const;       // that are apart; the lowest number of those that became one stands for all
+  int loops() const;                       // closed
+  SensorFlaws sensor() const;              // as learnt so far
+  std::vector<std::string> notes() const;  // what seems wrong with the pictures, and what to do about it
 
  private:
   struct State;

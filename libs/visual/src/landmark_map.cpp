@@ -1,0 +1,143 @@
+#include "landmark_map.h"
+
+#include <mapweave/core/error.h>
+
+#include <algorithm>
+#include <functional>
+
+namespace mapweave::visual {
+namespace {
+
+template <class Thing>
+int put(std::vector<Thing>& things, std::vector<int>& free, Thing thing) {
+  if (free.empty()) {
+    things.push_back(std::move(thing));
+    return static_cast<int>(things.size()) - 1;
+  }
+  const int slot = free.back();
+  free.pop_back();
+  things[static_cast<std::size_t>(slot)] = std::move(thing);
+  return slot;
+}
+
+void strike(std::vector<int>& list, int id) { list.erase(std::remove(list.begin(), list.end(), id), list.end()); }
+
+}  // namespace
+
+AnchoredFrame anchored(Stamp stamp, const View& frame_from_keyframe) {
+  const Pose3 pose = pose_of(frame_from_keyframe);
+  return {stamp, pose.t.cast<float>(), pose.q.coeffs().cast<float>()};
+}
+
+View frame_from_keyframe(const AnchoredFrame& frame) {
+  Pose3 pose;
+  pose.t = frame.centre.cast<double>();
+  pose.q.coeffs() = frame.turn.cast<double>();
+  pose.q.normalize();
+  return view_of(pose);
+}
+
+int LandmarkMap::add(Keyframe keyframe) {
+  keyframe.serial = keyframes_made++;
+  return put(keyframes, free_keyframes, std::move(keyframe));
+}
+
+int LandmarkMap::add(Landmark landmark) {
+  landmark.serial = landmarks_made++;
+  return put(landmarks, free_landmarks, std::move(landmark));
+}
+
+void LandmarkMap::see(int id, const Observation& observation) {
+  landmark(id).seen.push_back(observation);
+  keyframe(observation.keyframe).landmarks.push_back(id);
+}
+
+void LandmarkMap::forget(int id, int number) {
+  auto& seen = landmark(id).seen;
+  seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
+  strike(keyframe(number).landmarks, id);
+  if (seen.empty()) remove_landmark(id);
+}
+
+void LandmarkMap::remove_landmark(int id) {
+  Landmark& removed = landmark(id);
+  if (removed.gone) return;
+  for (const Observation& o : removed.seen) strike(keyframe(o.keyframe).landmarks, id);
+  removed = Landmark();
+  removed.gone = true;
+  free_landmarks.push_back(id);
+}
+
+void LandmarkMap::remove_keyframe(int number, int heir) {
+  MAPWEAVE_EXPECT(number != heir && !keyframe(heir).gone, "another keyframe takes over");
+  const View heir_from_removed = keyframe(heir).view * keyframe(number).view.inverse(), removed_from_heir = heir_from_removed.inverse();
+  const std::vector<int> listed = keyframe(number).landmarks;
+  for (int id : listed) forget(id, number);
+  for (Landmark& other : landmarks)
+    for (Appearance& appearance : other.appearances)
+      if (appearance.keyframe == number) appearance.keyframe = heir, appearance.from_keyframe = appearance.from_keyframe * removed_from_heir;
+  for (const AnchoredFrame& frame : keyframe(number).frames)
+    keyframe(heir).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_heir));
+  keyframe(number) = Keyframe();
+  keyframe(number).gone = true;
+  free_keyframes.push_back(number);
+}
+
+void LandmarkMap::fuse(int kept, int other) {
+  Landmark& target = landmark(kept);
+  const Landmark source = landmark(other);
+  remove_landmark(other);
+  for (const Observation& o : source.seen) {
+    const auto sees = [&](const Observation& mine) { return mine.keyframe == o.keyframe; };
+    if (std::none_of(target.seen.begin(), target.seen.end(), sees)) see(kept, o);
+  }
+  for (const Appearance& appearance : source.appearances)
+    if (target.appearances.size() < kMostAppearances) target.appearances.push_back(appearance);
+  target.tried += source.tried, target.found += source.found;
+}
+
+void LandmarkMap::discard(int number) {
+  const std::vector<int> listed = keyframe(number).landmarks;
+  for (int id : listed) forget(id, number);
+  keyframe(number) = Keyframe();
+  keyframe(number).gone = true;
+  free_keyframes.push_back(number);
+}
+
+std::vector<Shared> covisible(const LandmarkMap& map, int keyframe) {
+  std::vector<int> counts(map.keyframes.size(), 0);
+  for (int id : map.keyframe(keyframe).landmarks)
+    for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
+  counts[static_cast<std::size_t>(keyframe)] = 0;
+  std::vector<Shared> result;
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    if (counts[i] > 0) result.push_back({static_cast<int>(i), counts[i]});
+  return result;
+}
+
+std::vector<Shared> most_first(std::vector<Shared> shared) {
+  std::sort(shared.begin(), shared.end(), [](const Shared& a, const Shared& b) {
+    return a.landmarks != b.landmarks ? a.landmarks > b.landmarks : a.keyframe > b.keyframe;
+  });
+  return shared;
+}
+
+namespace {
+
+template <class Better>
+int best_of(const LandmarkMap& map, int session, Better better) {
+  int best = -1;
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    const Keyframe& keyframe = map.keyframes[i];
+    if (!keyframe.gone && keyframe.session == session && (best < 0 || better(keyframe.serial, map.keyframe(best).serial)))
+      best = static_cast<int>(i);
+  }
+  return best;
+}
+
+}  // namespace
+
+int first_of(const LandmarkMap& map, int session) { return best_of(map, session, std::less<>()); }
+int newest_of(const LandmarkMap& map, int session) { return best_of(map, session, std::greater<>()); }
+
+}  // namespace mapweave::visual

@@ -1,0 +1,142 @@
+#include "map_correction.h"
+
+#include <mapweave/graph/spatial_graph.h>
+
+#include <algorithm>
+
+namespace mapweave::visual {
+namespace {
+
+constexpr int kSharedInGraph = 30;  // landmarks that tie two keyframes in the essential graph
+constexpr double kWeakTie = 10.0;   // landmarks that neighbours in time count as at least
+// A turn by this much moves what is seen as much as a step of a metre does.
+constexpr double kTurnPerMetre = 0.3;
+
+bool sees(const Landmark& landmark, int keyframe) {
+  return std::any_of(landmark.seen.begin(), landmark.seen.end(), [&](const Observation& o) { return o.keyframe == keyframe; });
+}
+
+}  // namespace
+
+MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px) : camera_(map.camera), loop_(std::move(loop)) {
+  const int session = map.keyframe(loop_.newest).session;
+  std::vector<int> view_of_keyframe(map.keyframes.size(), -1);
+  const int first = first_of(map, session);
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number) {
+    const Keyframe& keyframe = map.keyframe(number);
+    if (keyframe.gone || keyframe.session != session) continue;
+    view_of_keyframe[static_cast<std::size_t>(number)] = static_cast<int>(keyframes_.size());
+    keyframes_.push_back({number, keyframe.serial});
+    bundle_.views.push_back(keyframe.view);
+    bundle_.fixed.push_back(number == first ? 1 : 0);
+  }
+  const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
+  newest_ = static_cast<std::size_t>(view_number(loop_.newest)), earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
+  for (const Tie& tie : ties_of(map, session, kSharedInGraph))
+    ties_.push_back({view_number(tie.from), view_number(tie.to), tie.landmarks});
+  std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
+  for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
+  for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
+    const Landmark& landmark = map.landmark(id);
+    if (landmark.gone || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0) continue;
+    const auto point = static_cast<int>(landmarks_.size());
+    landmarks_.push_back({id, landmark.serial});
+    bundle_.points.push_back(landmark.point);
+    anchors_.push_back(view_number(landmark.seen.front().keyframe));
+    for (const Observation& o : landmark.seen) bundle_.observations.push_back({view_number(o.keyframe), point, o.sighting, true});
+    const Match* match = in_loop[static_cast<std::size_t>(id)];
+    if (match != nullptr && !sees(landmark, loop_.newest))
+      bundle_.observations.push_back({static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px), true});
+  }
+  bundle_.flaws = map.flaws;
+}
+
+void MapCorrection::run() {
+  std::vector<Pose3> poses;
+  std::uint32_t fixed = 0;
+  for (std::size_t i = 0; i < bundle_.views.size(); ++i) {
+    poses.push_back(pose_of(bundle_.views[i]));
+    if (bundle_.fixed[i]) fixed = static_cast<std::uint32_t>(i);
+  }
+  std::vector<graph::SpatialEdge> edges;
+  const auto tie = [&](std::size_t from, std::size_t to, const Pose3& from_from_to, double landmarks) {
+    graph::SpatialEdge edge{static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
+                            landmarks * Eigen::Matrix<double, 6, 6>::Identity()};
+    edge.information.bottomRightCorner<3, 3>() /= kTurnPerMetre * kTurnPerMetre;
+    edges.push_back(edge);
+  };
+  for (const Tie& known : ties_) {
+    const auto from = static_cast<std::size_t>(known.from), to = static_cast<std::size_t>(known.to);
+    tie(from, to, between(poses[from], poses[to]), std::max(kWeakTie, static_cast<double>(known.landmarks)));
+  }
+  tie(earlier_, newest_, between(poses[earlier_], pose_of(loop_.view)), 10.0 * static_cast<double>(loop_.matches.size()));
+  const graph::SpatialSolution solution = graph::solve(poses, edges, 50, fixed);
+
+  const std::vector<View> before = bundle_.views;
+  for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i] = view_of(solution.poses[i]);
+  for (std::size_t i = 0; i < bundle_.points.size(); ++i) {
+    const auto anchor = static_cast<std::size_t>(anchors_[i]);
+    bundle_.points[i] = bundle_.views[anchor].inverse() * (before[anchor] * bundle_.points[i]);
+  }
+  BundleOptions options;
+  options.most_steps = 8;
+  adjust(bundle_, camera_, options);
+}
+
+void MapCorrection::apply(LandmarkMap& map) const {
+  std::vector<View> before;
+  for (const Keyframe& keyframe : map.keyframes) before.push_back(keyframe.view);
+  std::vector<char> moved(map.keyframes.size(), 0);
+  const int session = map.keyframe(keyframes_.front().slot).session;
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
+    if (keyframe.gone || keyframe.serial != keyframes_[i].serial) continue;
+    keyframe.view = bundle_.views[i];
+    moved[static_cast<std::size_t>(keyframes_[i].slot)] = 1;
+  }
+  std::vector<int> order;
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
+    if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const auto here = static_cast<std::size_t>(order[i]), last = static_cast<std::size_t>(order[i - 1]);
+    if (!moved[here]) map.keyframes[here].view = before[here] * before[last].inverse() * map.keyframes[last].view;
+  }
+  std::vector<char> known(map.landmarks.size(), 0);
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    Landmark& landmark = map.landmark(landmarks_[i].slot);
+    if (landmark.gone || landmark.serial != landmarks_[i].serial) continue;
+    landmark.point = bundle_.points[i];
+    known[static_cast<std::size_t>(landmarks_[i].slot)] = 1;
+  }
+  for (std::size_t id = 0; id < map.landmarks.size(); ++id) {
+    Landmark& landmark = map.landmarks[id];
+    if (known[id] || landmark.gone || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
+    const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
+    landmark.point = map.keyframes[anchor].view.inverse() * (before[anchor] * landmark.point);
+  }
+}
+
+void see_matches(LandmarkMap& map, const FoundLoop& loop, double sigma_px) {
+  const Keyframe& newest = map.keyframe(loop.newest);
+  if (newest.gone || newest.serial != loop.serial) return;
+  for (std::size_t i = 0; i < loop.matches.size(); ++i) {
+    const Match& match = loop.matches[i];
+    const Landmark& landmark = map.landmark(match.landmark);
+    if (!landmark.gone && landmark.serial == loop.serials[i] && !sees(landmark, loop.newest))
+      map.see(match.landmark, {loop.newest, map.sighting_of(match, sigma_px)});
+  }
+}
+
+void join_sessions(LandmarkMap& map, const FoundLoop& loop) {
+  const View earlier_from_newest = correction_of(map, loop);
+  const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
+  const int kept = std::min(here, there), moved = std::max(here, there);
+  const View kept_from_moved = moved == here ? earlier_from_newest : earlier_from_newest.inverse(), moved_from_kept = kept_from_moved.inverse();
+  for (Landmark& landmark : map.landmarks)
+    if (!landmark.gone && map.keyframe(landmark.seen.front().keyframe).session == moved) landmark.point = kept_from_moved * landmark.point;
+  for (Keyframe& keyframe : map.keyframes)
+    if (!keyframe.gone && keyframe.session == moved) keyframe.view = keyframe.view * moved_from_kept, keyframe.session = kept;
+}
+
+}  // namespace mapweave::visual
