@@ -54,26 +54,29 @@ class Camera {
   const CameraReport& report() const { return report_; }
   double seconds() const { return report_.frames == 0 ? 0.0 : seconds_between(first_, last_); }
 
-  // Its nodes and landmarks go into the map, which both begin where the robot stood at the camera's first frame.
-  CameraResult finish(RobotId robot, Map& map, std::vector<exporters::ColouredPoint>& landmarks) {
+  // Its maps, one for each session that stayed apart; each begins where the robot stood then.
+  CameraResult finish(RobotId robot, std::vector<CameraMap>& maps) {
     CameraResult result;
+    client_->finish();
     const Pose3 robot_from_camera = packer_.rig()->robot_from_camera, camera_from_robot = inverse(robot_from_camera);
-    const auto map_from_robot = [&](const Pose3& first_from_camera) {
-      return compose(compose(robot_from_camera, first_from_camera), camera_from_robot);
-    };
-    for (const visual::PlacedFrame& frame : client_->trajectory())
-      result.frames.push_back({frame.stamp, map_from_robot(frame.map_from_camera)});
-    const std::string name = made_valid(report_.label);
-    const SessionId session{{robot, SensorId(name.empty() ? "camera" : name)}, first_.ns};
-    std::uint32_t index = 0;
-    for (const visual::PlacedFrame& keyframe : client_->keyframes()) {
-      result.keyframes.push_back({keyframe.stamp, map_from_robot(keyframe.map_from_camera)});
-      const NodeId id{session, index++};
-      map.nodes.set(id, {id, keyframe.stamp, result.keyframes.back().map_from_robot, nullptr});
+    const visual::ClientPlace place{{robot, SensorId(sensor_name(report_.label))}, robot_from_camera};
+    const std::vector<int> sessions = client_->sessions();
+    std::vector<MapUpdate> updates = client_->take_updates(place, visual::PublishedDetail::exact);
+    std::sort(updates.begin(), updates.end(), [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
+    std::vector<CameraMap> own(sessions.size());
+    for (const visual::PlacedFrame& frame : client_->trajectory()) {
+      CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
+      if (part.ways.empty()) part.ways.push_back({report_.label, {}});
+      part.ways.front().frames.push_back({frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
-    for (const visual::MappedLandmark& landmark : client_->landmarks())
-      landmarks.push_back({transformed(landmark.point_in_map, robot_from_camera), {90, 90, 90}});
-    report_.keyframes = result.keyframes.size(), report_.landmarks = client_->landmarks().size();
+    MAPWEAVE_EXPECT(updates.size() == own.size(), "each session has told of its map");
+    for (std::size_t i = 0; i < own.size(); ++i) {
+      own[i].map.id = updates[i].origin.map;
+      own[i].map = updated(std::move(own[i].map), updates[i]);
+      maps.push_back(std::move(own[i]));
+    }
+    report_.sessions = sessions.size();
+    report_.keyframes = client_->keyframes().size(), report_.landmarks = client_->landmarks().size();
     report_.loops = static_cast<std::uint64_t>(client_->loops());
     report_.readout_s = client_->sensor().readout_s, report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
     const auto mean_ms = [](const std::vector<double>& seconds) {
@@ -122,6 +125,56 @@ void replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, std::
   }
 }
 
+std::size_t frames_of(const CameraMap& map) {
+  std::size_t count = 0;
+  for (const CameraWay& way : map.ways) count += way.frames.size();
+  return count;
+}
+
+// Where the robot was by another camera's frames; nullopt where it was not seen about then.
+std::optional<Pose3> robot_at(const std::vector<exporters::StampedPose>& frames, Stamp stamp) {
+  constexpr double kSameTime_s = 0.25;
+  const auto later = std::lower_bound(frames.begin(), frames.end(), stamp,
+                                      [](const exporters::StampedPose& pose, Stamp when) { return pose.stamp < when; });
+  if (later == frames.end() || seconds_between(stamp, later->stamp) > kSameTime_s) return std::nullopt;
+  if (later == frames.begin()) return later->stamp == stamp ? std::optional(later->map_from_robot) : std::nullopt;
+  const auto earlier = later - 1;
+  const double span = seconds_between(earlier->stamp, later->stamp);
+  if (span > kSameTime_s) return std::nullopt;
+  const double share = seconds_between(earlier->stamp, stamp) / span;
+  return Pose3{earlier->map_from_robot.t + share * (later->map_from_robot.t - earlier->map_from_robot.t),
+               earlier->map_from_robot.q.slerp(share, later->map_from_robot.q)};
+}
+
+// Cameras of one robot see one world: what began while another camera was placed begins where that one says the robot was.
+std::vector<CameraMap> placed_together(std::vector<CameraMap> maps, RobotId robot) {
+  std::stable_sort(maps.begin(), maps.end(), [](const CameraMap& a, const CameraMap& b) { return frames_of(a) > frames_of(b); });
+  std::vector<CameraMap> result;
+  for (CameraMap& map : maps) {
+    const CameraWay& way = map.ways.front();
+    bool placed = false;
+    for (CameraMap& known : result) {
+      if (known.ways.front().label == way.label) continue;
+      const auto known_from_map = robot_at(known.ways.front().frames, way.frames.front().stamp);
+      if (!known_from_map) continue;
+      // The part's own map begins at the identity but for what its first frame was corrected by since.
+      const Pose3 motion = compose(*known_from_map, inverse(way.frames.front().map_from_robot));
+      for (auto [id, node] : map.map.nodes) {
+        node.map_from_node = compose(motion, node.map_from_node);
+        known.map.nodes.set(id, std::move(node));
+      }
+      for (const auto& [id, landmark] : map.map.landmarks) known.map.landmarks.set(id, landmark);
+      known.ways.push_back(way);
+      for (exporters::StampedPose& pose : known.ways.back().frames) pose.map_from_robot = compose(motion, pose.map_from_robot);
+      placed = true;
+      break;
+    }
+    if (!placed) result.push_back(std::move(map));
+  }
+  for (std::size_t i = 0; i < result.size(); ++i) result[i].map.id = MapId(i == 0 ? robot.str() : robot.str() + "." + std::to_string(i));
+  return result;
+}
+
 // Why nothing was mapped.
 Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& cameras) {
   for (const Camera& camera : cameras)
@@ -135,6 +188,11 @@ Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& camer
 
 }  // namespace
 
+std::string sensor_name(const std::string& label) {
+  const std::string name = made_valid(label);
+  return name.empty() ? "camera" : name;
+}
+
 CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
                            const std::atomic<bool>& give_up, Progress& progress) {
   CamerasOutcome outcome;
@@ -147,21 +205,18 @@ CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chose
     outcome.trouble = error;
     if (!keep_going) return outcome;
   }
-  Map map;
-  map.id = MapId(robot.id.str());
+  std::vector<CameraMap> maps;
   for (Camera& camera : cameras) {
     outcome.log_seconds = std::max(outcome.log_seconds, camera.seconds());
     if (camera.tracked_anything()) {
-      outcome.cameras.push_back(camera.finish(robot.id, map, outcome.landmarks));
+      outcome.cameras.push_back(camera.finish(robot.id, maps));
     } else if (camera.report().frames > 0) {
       log(LogLevel::warning, "robot " + robot.id.str() + ": none of the " + std::to_string(camera.report().frames) + " frames of camera '" +
                                  camera.report().label + "' could be placed");
     }
   }
-  if (!map.empty())
-    outcome.map = std::move(map);
-  else if (!outcome.trouble)
-    outcome.trouble = nothing_tracked(robot, cameras);
+  outcome.maps = placed_together(std::move(maps), robot.id);
+  if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(robot, cameras);
   return outcome;
 }
 

@@ -106,6 +106,7 @@ Json camera_json(const CameraReport& camera) {
           {"keyframes", camera.keyframes},
           {"landmarks", camera.landmarks},
           {"loops", camera.loops},
+          {"sessions", camera.sessions},
           {"tracking_mean_ms", camera.tracking_mean_ms},
           {"tracking_p99_ms", camera.tracking_p99_ms},
           {"keyframe_mean_ms", camera.keyframe_mean_ms},

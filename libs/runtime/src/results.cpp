@@ -3,6 +3,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/exporters/g2o_file.h>
 #include <mapweave/exporters/map_folder.h>
+#include <mapweave/exporters/top_view.h>
 #include <mapweave/exporters/trajectory_files.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/runtime/metrics.h>
@@ -75,35 +76,52 @@ void Results::store(const std::string& folder, const Map& map) {
   mapdb::write_store(folder_.staging() / folder / "map.mwdb", stored);
 }
 
-void Results::add_cameras(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
-  const Stopwatch watch;
+void Results::add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& part) {
   const OutputOptions& output = configuration_.output;
   const std::filesystem::path top = folder_.staging() / folder;
-  std::filesystem::create_directories(top);
-  bool first = true;
-  for (const CameraResult& camera : cameras.cameras) {
-    const std::filesystem::path place = first ? top : top / "cameras" / made_valid(camera.report.label);
+  std::vector<exporters::SessionTrajectory> ways;
+  for (const CameraWay& way : part.ways) {
+    const std::filesystem::path place = ways.empty() ? top : top / "cameras" / sensor_name(way.label);
     std::filesystem::create_directories(place);
     if (output.tum) {
-      write_file(place / "trajectory.tum", exporters::tum_text(camera.frames));
-      write_file(place / "keyframes.tum", exporters::tum_text(camera.keyframes));
+      write_file(place / "trajectory.tum", exporters::tum_text(way.frames));
+      for (const exporters::SessionTrajectory& keyframes : exporters::session_trajectories(part.map))
+        if (keyframes.session.client.sensor.str() == sensor_name(way.label))
+          write_file(place / "keyframes.tum", exporters::tum_text(keyframes.poses));
     }
-    exporters::ContactSheetOptions sheet;
-    sheet.title = title + ", camera " + camera.report.label;
-    if (output.png && !camera.sheet.empty()) write_file(place / "frames.png", exporters::contact_sheet_png(camera.sheet, sheet));
-    first = false;
+    ways.push_back({{{part.map.robots().front(), SensorId()}, static_cast<std::int64_t>(ways.size())}, way.frames});
   }
-  if (output.pcd) write_file(top / "map.pcd", exporters::pcd_bytes(cameras.landmarks));
-  if (output.g2o) write_file(top / "map.g2o", exporters::g2o_text(map));
+  const auto landmarks = exporters::landmark_cloud(part.map);
+  if (output.pcd) write_file(top / "map.pcd", exporters::pcd_bytes(landmarks));
+  if (output.g2o) write_file(top / "map.g2o", exporters::g2o_text(part.map));
   if (output.png) {
-    std::vector<exporters::SessionTrajectory> ways;
-    for (const CameraResult& camera : cameras.cameras)
-      ways.push_back({{{map.robots().front(), SensorId()}, static_cast<std::int64_t>(ways.size())}, camera.frames});
     exporters::PictureOptions picture = output.picture;
     if (picture.title.empty()) picture.title = title;
-    write_file(top / "map.png", exporters::top_view_png(cameras.landmarks, ways, picture));
+    write_file(top / "map.png", exporters::top_view_png(landmarks, ways, picture));
   }
-  store(folder, map);
+  store(folder.string(), part.map);
+}
+
+void Results::add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras) {
+  const Stopwatch watch;
+  for (std::size_t i = 0; i < cameras.maps.size(); ++i) {
+    const std::string apart = std::to_string(i);
+    add_camera_map(i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart),
+                   i == 0 ? title : title + ", apart " + apart, cameras.maps[i]);
+  }
+  if (cameras.maps.size() > 1)
+    notes_.push_back(title + ": its cameras left " + std::to_string(cameras.maps.size()) +
+                     " maps that stayed apart: one was lost, went on elsewhere and came to no place that it knew");
+  const std::string& first = cameras.maps.front().ways.front().label;
+  for (const CameraResult& camera : cameras.cameras) {
+    if (!configuration_.output.png || camera.sheet.empty()) continue;
+    exporters::ContactSheetOptions sheet;
+    sheet.title = title + ", camera " + camera.report.label;
+    const std::filesystem::path top = folder_.staging() / folder;
+    const std::filesystem::path place = camera.report.label == first ? top : top / "cameras" / sensor_name(camera.report.label);
+    std::filesystem::create_directories(place);
+    write_file(place / "frames.png", exporters::contact_sheet_png(camera.sheet, sheet));
+  }
   output_seconds_ += watch.seconds();
 }
 

@@ -22,8 +22,8 @@ class Results {
   // pictures, and a note says why; after an interruption no more are drawn.
   void add_map(const std::string& folder, const std::string& title, const Map& map);
   // The same of a robot that maps with cameras: landmarks from above, their cloud, frames' and keyframes' trajectories, a contact sheet;
-  // of further cameras in `folder`/cameras/LABEL.
-  void add_cameras(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
+  // of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2, ...
+  void add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras);
   // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
   // into the report.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
@@ -36,6 +36,7 @@ class Results {
 
  private:
   OccupancyGrid grid_of(const std::string& title, const Map& map);
+  void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map);
   void store(const std::string& folder, const Map& map);
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;

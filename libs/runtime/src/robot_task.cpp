@@ -7,8 +7,6 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 
-#include <utility>
-
 namespace mapweave::runtime {
 namespace {
 
@@ -80,7 +78,8 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
       map_by_laser(robot, configuration, keep_going, give_up, progress, result);
     } else {
       result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
-      result.outcome = {robot.id, std::exchange(result.cameras.map, std::nullopt), result.cameras.trouble};
+      result.outcome = {robot.id, std::nullopt, result.cameras.trouble};
+      if (!result.cameras.maps.empty()) result.outcome.map = result.cameras.maps.front().map;
       result.report.log_seconds = result.cameras.log_seconds;
       for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
     }

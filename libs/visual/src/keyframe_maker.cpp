@@ -53,6 +53,22 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
   return depths;
 }
 
+// Of the picture as it was before rectification; its grey where it has no colours.
+std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& camera, const Eigen::Vector2d& pixel) {
+  const ColourPicture& colour = frame.colour;
+  if (colour.blue_green_red) {
+    const Eigen::Vector3d ray = camera.ray(pixel);
+    const Eigen::Vector2d there = colour.distortion.distorted({ray.x(), ray.y()});
+    const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx), y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);
+    if (x >= 0 && y >= 0 && x < colour.width && y < colour.height) {
+      const std::uint8_t* at = colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes + 3 * static_cast<std::size_t>(x);
+      return {at[2], at[1], at[0]};
+    }
+  }
+  const std::uint8_t grey = frame.grey.row(static_cast<int>(std::lround(pixel.y())))[std::lround(pixel.x())];
+  return {grey, grey, grey};
+}
+
 }  // namespace
 
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
@@ -84,6 +100,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     Landmark landmark;
     landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.flaws.readout_s * flow) / inverse_depth);
     landmark.appearances.push_back({*patch, corner.pixel, number, View()});
+    landmark.colour = colour_at(frame, map.camera, corner.pixel);
     const int id = map.add(std::move(landmark));
     map.see(id, {number, sighting_of(corner.pixel, flow, corner.level, depth, sigma_px)});
     map.young.emplace_back(id, map.keyframe(number).serial);

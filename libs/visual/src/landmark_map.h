@@ -9,6 +9,7 @@
 #include <mapweave/matching/orb_features.h>
 #include <mapweave/visual/client_options.h>
 
+#include <array>
 #include <utility>
 
 namespace mapweave::visual {
@@ -33,6 +34,7 @@ struct Landmark {
   std::vector<Appearance> appearances;
   int tried = 0, found = 0;  // looked for in frames
   std::uint32_t serial = 0;
+  std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
 };
 

@@ -4,6 +4,7 @@
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
+#include "map_publisher.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/visual/visual_client.h>
@@ -56,6 +57,8 @@ struct VisualClient::State {
   double lost_s = 0.0;  // of seeing something since
   Stamp lost_stamp;     // the last frame that was lost
   std::optional<Straightening> straightening;
+  std::optional<MapPublisher> publisher;
+  std::optional<Stamp> begun;
   int loops = 0;
 
   Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed) {
@@ -227,6 +230,7 @@ struct VisualClient::State {
   }
 
   Tracked add(const Frame& frame) {
+    if (!begun) begun = frame.stamp;
     Pyramid picture = make_pyramid(frame.grey);
     if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
     if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
@@ -283,6 +287,13 @@ std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->s
 
 void VisualClient::finish() {
   if (state_->straightening) state_->straighten();
+}
+
+std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
+  if (!state_->begun) return {};
+  if (!state_->publisher)
+    state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, state_->options.tracking.sigma_px);
+  return state_->publisher->take(state_->map, detail);
 }
 
 std::vector<SeenLandmark> VisualClient::seen() const {

@@ -3,7 +3,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/exporters/contact_sheet.h>
-#include <mapweave/exporters/top_view.h>
+#include <mapweave/exporters/session_trajectories.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/runtime/sensor_choice.h>
@@ -16,14 +16,28 @@ namespace mapweave::runtime {
 
 struct CameraResult {
   CameraReport report;
-  std::vector<exporters::StampedPose> frames, keyframes;  // poses of the robot
-  std::vector<exporters::SheetFrame> sheet;               // a few frames, spread over the time
+  std::vector<exporters::SheetFrame> sheet;  // a few frames, spread over the time
+};
+
+// Poses of the robot by one camera's frames.
+struct CameraWay {
+  std::string label;
+  std::vector<exporters::StampedPose> frames;
+};
+
+// A camera's name among the robot's sensors, and of its folder.
+std::string sensor_name(const std::string& label);
+
+struct CameraMap {
+  Map map;                      // keyframes and landmarks
+  std::vector<CameraWay> ways;  // of its cameras, by label
 };
 
 struct CamerasOutcome {
-  std::vector<CameraResult> cameras;  // by label
-  std::optional<Map> map;             // keyframes and landmarks of all of them; none where nothing was tracked
-  std::vector<exporters::ColouredPoint> landmarks;
+  std::vector<CameraResult> cameras;  // by label; those that tracked anything
+  // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never came
+  // back to a place that it knew.
+  std::vector<CameraMap> maps;
   double log_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map
 };

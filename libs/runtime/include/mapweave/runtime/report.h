@@ -15,7 +15,7 @@ namespace mapweave::runtime {
 struct CameraReport {
   std::string label, kind;                          // "RGBD", "rgbd"
   std::uint64_t frames = 0, tracked = 0, lost = 0;  // tracked: placed in the map; lost: not, after a first one was
-  std::uint64_t keyframes = 0, landmarks = 0, loops = 0;
+  std::uint64_t keyframes = 0, landmarks = 0, loops = 0, sessions = 0;
   double longest_loss_s = 0.0;
   // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding and
   // rectifying.

@@ -16,7 +16,7 @@ namespace mapweave::runtime {
 
 struct RobotResult {
   tiers::RobotOutcome outcome;
-  CamerasOutcome cameras;  // its map is in `outcome`; empty where the laser maps
+  CamerasOutcome cameras;  // its first map is that of `outcome`; empty where the laser maps
   RobotReport report;
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };

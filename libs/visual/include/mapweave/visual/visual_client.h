@@ -5,6 +5,7 @@
 // disparities, is learnt on the way.
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/maps/map_update.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/visual/client_options.h>
 #include <mapweave/visual/frame.h>
@@ -62,6 +63,15 @@ class BackgroundWork {
   std::atomic<bool> done_{false};
 };
 
+// Whose camera it is, and where on the robot: what others are told hangs on the robot.
+struct ClientPlace {
+  ClientId client;
+  Pose3 robot_from_camera;
+};
+
+// light: small motions and landmarks that one keyframe alone saw are not told; exact: everything, for the end.
+enum class PublishedDetail { light, exact };
+
 // Not thread-safe; without threads or clocks of its own. A map's frame is the camera's at its first keyframe. A camera that stays lost
 // begins another session, with a map of its own; when it comes to a place that an older session knows, the two become one.
 class VisualClient {
@@ -79,6 +89,11 @@ class VisualClient {
   std::shared_ptr<BackgroundWork> pending() const;
   // No more frames come: what is pending is done and applied.
   void finish();
+
+  // What is new, changed and gone since the last call: keyframes with their features once, then their poses alone. One update for each map
+  // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and landmark ids name
+  // the client's one run and never change. `place` is the same at each call (contract).
+  std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
 
   std::vector<SeenLandmark> seen() const;
   std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now; by stamp

@@ -1,0 +1,168 @@
+#include "map_publisher.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mapweave::visual {
+namespace {
+
+// What moved less is not worth a message.
+constexpr double kMoved_m = 0.002, kMoved_rad = 0.001;
+constexpr double kLandmarkMoved = 0.003;  // of its distance
+constexpr double kLevelScale = 1.2;       // of the features' pyramid
+
+bool has_moved(const Pose3& before, const Pose3& now, PublishedDetail detail) {
+  if (detail == PublishedDetail::exact) return before.t != now.t || before.q.coeffs() != now.q.coeffs();
+  const Pose3 motion = between(before, now);
+  return motion.t.norm() > kMoved_m || 2.0 * motion.q.vec().norm() > kMoved_rad;
+}
+
+template <class Item>
+void sort_by_id(std::vector<Item>& items) {
+  std::sort(items.begin(), items.end(), [](const Item& a, const Item& b) { return a.id < b.id; });
+}
+
+}  // namespace
+
+MapPublisher::MapPublisher(ClientPlace place, SessionId session, double sigma_px)
+    : place_(std::move(place)), session_(session), sigma_px_(sigma_px) {}
+
+MapUpdate& MapPublisher::update_of(int part) {
+  const auto [found, is_new] = updates_.try_emplace(part);
+  if (is_new) {
+    const std::string client = session_.client.robot.str() + "." + session_.client.sensor.str();
+    found->second.origin.map = MapId(part == 0 ? client : client + "." + std::to_string(part));
+    found->second.base = sequence_[part];
+    found->second.sequence = ++sequence_[part];
+  }
+  return found->second;
+}
+
+Pose3 MapPublisher::map_from_robot(const Keyframe& keyframe) const {
+  return compose(compose(place_.robot_from_camera, pose_of(keyframe.view)), inverse(place_.robot_from_camera));
+}
+
+std::shared_ptr<const Payload> MapPublisher::payload_of(const LandmarkMap& map, const Keyframe& keyframe) {
+  const PinholeCamera& camera = map.camera;
+  if (!geometry_)
+    geometry_ = std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy,
+                                                                      map.baseline_m, kLevelScale, place_.robot_from_camera});
+  KeyframeFeatures features;
+  features.geometry = geometry_;
+  features.descriptors = keyframe.features.descriptors;
+  features.points.reserve(keyframe.features.points.size());
+  for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
+    const matching::FeaturePoint& point = keyframe.features.points[i];
+    features.points.push_back({pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, camera.width - 1.0)),
+                               pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, camera.height - 1.0)),
+                               inverse_depth_units(static_cast<double>(keyframe.depths[i])), point.level,
+                               angle_units(static_cast<double>(point.angle_deg))});
+  }
+  return std::make_shared<const Payload>(std::move(features));
+}
+
+LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observation& observation) const {
+  const Sighting& sighting = observation.sighting;
+  const Eigen::Vector2d pixel = sighting.pixel - map.flaws.readout_s * sighting.row_flow;
+  LandmarkSighting result;
+  result.node = node_id(map.keyframe(observation.keyframe).serial);
+  result.u = pixel_units(std::clamp(pixel.x(), 0.0, map.camera.width - 1.0));
+  result.v = pixel_units(std::clamp(pixel.y(), 0.0, map.camera.height - 1.0));
+  const double inverse_depth = sighting.inverse_depth - map.flaws.inverse_depth_offset;
+  if (sighting.inverse_depth_sigma > 0.0 && inverse_depth > 0.0) result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);
+  // The sighting's deviation is 2^level times that of level 0.
+  result.level = static_cast<std::uint8_t>(std::max(0, std::ilogb(sighting.sigma_px / sigma_px_)));
+  return result;
+}
+
+void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail detail) {
+  keyframes_.resize(std::max(keyframes_.size(), map.keyframes.size()));
+  for (std::size_t slot = 0; slot < map.keyframes.size(); ++slot) {
+    const Keyframe& keyframe = map.keyframes[slot];
+    SentKeyframe& sent = keyframes_[slot];
+    const bool known = !keyframe.gone && sent.part == keyframe.session && sent.serial == keyframe.serial;
+    if (!known && sent.part >= 0) {
+      update_of(sent.part).removed_nodes.push_back(node_id(sent.serial));
+      sent.part = -1;
+    }
+    if (keyframe.gone) continue;
+    const Pose3 pose = map_from_robot(keyframe);
+    if (!known) {
+      update_of(keyframe.session).nodes.push_back({node_id(keyframe.serial), keyframe.stamp, pose, payload_of(map, keyframe)});
+    } else if (has_moved(sent.map_from_robot, pose, detail)) {
+      update_of(keyframe.session).moved.push_back({node_id(keyframe.serial), pose});
+    } else {
+      continue;
+    }
+    sent = {keyframe.serial, keyframe.session, pose};
+  }
+}
+
+void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail detail) {
+  landmarks_.resize(std::max(landmarks_.size(), map.landmarks.size()));
+  const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;  // what one keyframe saw may not be there at all
+  for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
+    const Landmark& landmark = map.landmarks[slot];
+    SentLandmark& sent = landmarks_[slot];
+    const bool told = !landmark.gone && landmark.seen.size() >= least_seen;
+    // The first keyframe that sees it and is of the map holds it.
+    const Observation* anchor = nullptr;
+    std::vector<std::pair<std::uint32_t, const Observation*>> seen;
+    if (told)
+      for (const Observation& o : landmark.seen) {
+        const std::uint32_t serial = map.keyframe(o.keyframe).serial;
+        seen.emplace_back(serial, &o);
+        if (anchor == nullptr || serial < map.keyframe(anchor->keyframe).serial) anchor = &o;
+      }
+    const int part = anchor != nullptr ? map.keyframe(anchor->keyframe).session : -1;
+    const bool same = told && sent.part == part && sent.serial == landmark.serial;
+    if (!same && sent.part >= 0) {
+      update_of(sent.part).removed_landmarks.push_back(landmark_id(sent.serial));
+      sent = {};
+    }
+    if (!told) continue;
+    std::sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const auto& s) { return map.keyframe(s.second->keyframe).session != part; }),
+               seen.end());
+    const Keyframe& held_by = map.keyframe(anchor->keyframe);
+    const Eigen::Vector3d in_camera = held_by.view * landmark.point;
+    const Eigen::Vector3i units = landmark_units(transformed(in_camera, place_.robot_from_camera));
+    std::vector<std::uint32_t> now;
+    for (const auto& [serial, o] : seen) now.push_back(serial);
+    const bool lost_sightings = same && !std::includes(now.begin(), now.end(), sent.seen.begin(), sent.seen.end());
+    if (!same || held_by.serial != sent.anchor || lost_sightings) {
+      mapweave::Landmark whole{landmark_id(landmark.serial), node_id(held_by.serial), units, landmark.colour, {}};
+      for (const auto& [serial, o] : seen) whole.seen.push_back(sighting_of(map, *o));
+      update_of(part).landmarks.push_back(std::move(whole));
+    } else {
+      LandmarkChange change{landmark_id(landmark.serial), std::nullopt, {}};
+      const double moved_m = kLandmarkUnit_m * (units - sent.point_units).cast<double>().norm();
+      if (detail == PublishedDetail::exact ? units != sent.point_units : moved_m > kMoved_m + kLandmarkMoved * in_camera.norm())
+        change.point_units = units;
+      for (const auto& [serial, o] : seen)
+        if (!std::binary_search(sent.seen.begin(), sent.seen.end(), serial)) change.seen.push_back(sighting_of(map, *o));
+      if (!change.point_units && change.seen.empty()) continue;
+      if (!change.point_units) sent.seen = std::move(now);
+      if (change.point_units) sent = {landmark.serial, part, held_by.serial, units, std::move(now)};
+      update_of(part).changed_landmarks.push_back(std::move(change));
+      continue;
+    }
+    sent = {landmark.serial, part, held_by.serial, units, std::move(now)};
+  }
+}
+
+std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetail detail) {
+  updates_.clear();
+  publish_keyframes(map, detail);
+  publish_landmarks(map, detail);
+  std::vector<MapUpdate> result;
+  for (auto& [part, update] : updates_) {
+    sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks), sort_by_id(update.changed_landmarks);
+    std::sort(update.removed_nodes.begin(), update.removed_nodes.end());
+    std::sort(update.removed_landmarks.begin(), update.removed_landmarks.end());
+    result.push_back(std::move(update));
+  }
+  return result;
+}
+
+}  // namespace mapweave::visual

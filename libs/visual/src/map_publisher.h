@@ -1,0 +1,52 @@
+#pragma once
+// What others are told of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3: light updates).
+
+#include "landmark_map.h"
+
+#include <mapweave/maps/map_update.h>
+#include <mapweave/visual/visual_client.h>
+
+#include <map>
+#include <memory>
+
+namespace mapweave::visual {
+
+class MapPublisher {
+ public:
+  MapPublisher(ClientPlace place, SessionId session, double sigma_px);
+  // What changed since the last call, one update for each map that it touches.
+  std::vector<MapUpdate> take(const LandmarkMap& map, PublishedDetail detail);
+
+ private:
+  struct SentKeyframe {
+    std::uint32_t serial = 0;
+    int part = -1;  // -1: not sent
+    Pose3 map_from_robot;
+  };
+  struct SentLandmark {
+    std::uint32_t serial = 0;
+    int part = -1;
+    std::uint32_t anchor = 0;  // the keyframe's serial number
+    Eigen::Vector3i point_units = Eigen::Vector3i::Zero();
+    std::vector<std::uint32_t> seen;  // serial numbers of keyframes, ascending
+  };
+  MapUpdate& update_of(int part);
+  NodeId node_id(std::uint32_t serial) const { return {session_, serial}; }
+  LandmarkId landmark_id(std::uint32_t serial) const { return {session_, serial}; }
+  Pose3 map_from_robot(const Keyframe& keyframe) const;
+  std::shared_ptr<const Payload> payload_of(const LandmarkMap& map, const Keyframe& keyframe);
+  LandmarkSighting sighting_of(const LandmarkMap& map, const Observation& observation) const;
+  void publish_keyframes(const LandmarkMap& map, PublishedDetail detail);
+  void publish_landmarks(const LandmarkMap& map, PublishedDetail detail);
+
+  ClientPlace place_;
+  SessionId session_;
+  double sigma_px_;  // of a sighting on level 0
+  std::shared_ptr<const CameraGeometry> geometry_;
+  std::vector<SentKeyframe> keyframes_;  // by slot
+  std::vector<SentLandmark> landmarks_;
+  std::map<int, std::uint64_t> sequence_;  // by part
+  std::map<int, MapUpdate> updates_;       // of this call
+};
+
+}  // namespace mapweave::visual
