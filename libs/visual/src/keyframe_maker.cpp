@@ -69,10 +69,18 @@ std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& c
   return {grey, grey, grey};
 }
 
+bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>& strays) {
+  constexpr double kNear_px = 50.0;
+  constexpr int kSeveral = 3;
+  int near = 0;
+  for (const Eigen::Vector2d& stray : strays) near += (stray - pixel).squaredNorm() < kNear_px * kNear_px;
+  return near >= kSeveral;
+}
+
 }  // namespace
 
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                 std::vector<Match>& matches, const ClientOptions& options) {
+                 const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options) {
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
   Keyframe made;
@@ -91,7 +99,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   detector.cell_px = cell_of_scene(matches.size(), options.tracking);
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
-    if (!patch) continue;
+    if (!patch || is_moving(corner.pixel, strays)) continue;
     const auto depth = meter.at(corner.pixel, corner.level);
     if (!depth || depth->at_edge) continue;
     const double inverse_depth = depth->inverse_depth - map.flaws.inverse_depth_offset;

@@ -5,8 +5,9 @@
 
 namespace mapweave::visual {
 
-// Adds a keyframe at `view` to the map, and new landmarks to `matches`. Its number is answered.
+// Adds a keyframe at `view` to the map, and new landmarks to `matches`. Its number is answered. Where several `strays` are near (pixels where
+// landmarks were found that cannot be there), something moves: it brings no new landmarks.
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                 std::vector<Match>& matches, const ClientOptions& options);
+                 const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options);
 
 }  // namespace mapweave::visual

@@ -24,10 +24,14 @@ bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinho
 }
 
 PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const PinholeCamera& camera, const View& guess,
-                                const SensorFlaws& flaws, double gate) {
+                                const SensorFlaws& flaws, double gate, double first_gate) {
   PoseFromPoints result;
   result.view = guess;
   Residual r;
+  result.fits.assign(sightings.size(), 1);
+  if (first_gate < std::numeric_limits<double>::infinity())
+    for (std::size_t i = 0; i < sightings.size(); ++i)
+      result.fits[i] = residual_of(sightings[i], guess * sightings[i].point_in_map, camera, flaws, r) && r.value.head<2>().norm() < first_gate;
   for (int round = 0; round < 2; ++round) {
     const double soft = round == 0 ? 2.0 : 1.5;
     for (int step = 0; step < 10; ++step) {
@@ -35,7 +39,7 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
       Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
       int used = 0;
       for (std::size_t i = 0; i < sightings.size(); ++i) {
-        if (round > 0 && !result.fits[i]) continue;
+        if (!result.fits[i]) continue;
         if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, flaws, r)) continue;
         ++used;
         const double size = r.value.head<2>().norm(), depth = std::abs(r.value.z());

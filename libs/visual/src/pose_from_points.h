@@ -5,6 +5,7 @@
 
 #include <mapweave/visual/camera.h>
 
+#include <limits>
 #include <vector>
 
 namespace mapweave::visual {
@@ -26,9 +27,11 @@ struct PoseFromPoints {
   double rms_sigma = 0.0;  // of those that fit
 };
 
-// Gauss-Newton from `guess`, robustly; sightings farther off than `gate` sigmas at the end do not fit.
+// Gauss-Newton from `guess`, robustly; sightings farther off than `gate` sigmas at the end do not fit. Those farther off than `first_gate`
+// from the guess have no say at first.
 PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const PinholeCamera& camera, const View& guess,
-                                const SensorFlaws& flaws, double gate);
+                                const SensorFlaws& flaws, double gate,
+                                double first_gate = std::numeric_limits<double>::infinity());
 
 // Residuals of one sighting and their derivative by a small motion of the camera (translation, rotation; from the left). Third row: inverse
 // depth.

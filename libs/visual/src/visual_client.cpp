@@ -51,6 +51,7 @@ struct VisualClient::State {
   Stamp last_stamp;
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
+  std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
   int reference = -1;  // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
@@ -69,10 +70,24 @@ struct VisualClient::State {
     TrackingOptions looking = options.tracking;
     if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), looking);
     attempt.found = finder.find(map, near, picture, start, speed, looking);
-    std::vector<Sighting> sightings;
-    for (const Match& match : attempt.found) sightings.push_back(map.sighting_of(match, options.tracking.sigma_px));
-    attempt.pose = pose_from_points(sightings, map.camera, start, map.flaws, options.tracking.gate_sigmas);
+    attempt.pose = place_by(attempt.found, start);
     return attempt;
+  }
+
+  // First by landmarks that several keyframes saw, since who walks by brings new ones that agree among themselves; then by all that do not
+  // speak against it.
+  PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
+    constexpr std::size_t kEnough = 20;
+    std::vector<Sighting> sightings, known;
+    for (const Match& match : found) {
+      sightings.push_back(map.sighting_of(match, options.tracking.sigma_px));
+      if (map.landmark(match.landmark).seen.size() > 2) known.push_back(sightings.back());
+    }
+    const double gate = options.tracking.gate_sigmas;
+    if (known.size() < kEnough) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
+    const PoseFromPoints first = pose_from_points(known, map.camera, start, map.flaws, gate);
+    if (first.count < static_cast<int>(kEnough)) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
+    return pose_from_points(sightings, map.camera, first.view, map.flaws, gate, gate);
   }
 
   // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
@@ -140,7 +155,7 @@ struct VisualClient::State {
   }
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
-    reference = add_keyframe(map, session, frame, picture, view, speed, matches, options);
+    reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
     fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches, picture,
@@ -193,7 +208,7 @@ struct VisualClient::State {
     std::vector<Match> none;
     std::swap(matches, none);
     const View before = std::exchange(view, View());
-    const int made = add_keyframe(map, number, frame, picture, view, Motion(), matches, options);
+    const int made = add_keyframe(map, number, frame, picture, view, Motion(), {}, matches, options);
     if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {
       map.discard(made);
       std::swap(matches, none), view = before;
@@ -239,9 +254,12 @@ struct VisualClient::State {
     const bool followed = lost_s == 0.0 && is_good(attempt, true);
     if (!followed) attempt = find_again(picture, interval_s, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
-    matches.clear();
+    matches.clear(), strays.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
-      if (!attempt.pose.fits[i]) continue;
+      if (!attempt.pose.fits[i]) {
+        strays.push_back(attempt.found[i].pixel);
+        continue;
+      }
       matches.push_back(attempt.found[i]);
       ++map.landmark(attempt.found[i].landmark).found;
     }
