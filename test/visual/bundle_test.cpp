@@ -117,5 +117,34 @@ TEST(PoseFromPoints, finds_the_view_among_a_third_of_wrong_sightings) {
   EXPECT_EQ(found.count, static_cast<int>(sightings.size() - (sightings.size() + 2) / 3));
 }
 
+TEST(Bundle, is_the_same_sparse_as_dense) {
+  // A long walk: more views than the dense solver takes, each point seen by four of them.
+  std::mt19937_64 random(3);
+  const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+  Bundle truth;
+  for (int i = 0; i < 70; ++i) {
+    Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();
+    motion << -0.2 * i, 0, 0, 0.01 * (i % 3), 0.01 * (i % 5), 0;
+    truth.views.push_back(moved(View(), motion));
+    truth.fixed.push_back(i == 0);
+  }
+  for (int i = 0; i < 67; ++i)
+    for (int p = 0; p < 12; ++p) {
+      truth.points.emplace_back(0.2 * i + uniform(-0.5, 1.0), uniform(-1, 1), uniform(2, 4));
+      for (int v = i; v < i + 4; ++v) {
+        BundleObservation o;
+        o.view = v, o.point = static_cast<int>(truth.points.size()) - 1;
+        const Eigen::Vector3d seen = truth.views[static_cast<std::size_t>(v)] * truth.points.back();
+        o.sighting.pixel = camera.project(seen);
+        o.sighting.inverse_depth = 1.0 / seen.z(), o.sighting.inverse_depth_sigma = 0.005;
+        truth.observations.push_back(o);
+      }
+    }
+  Bundle bundle = truth;
+  disturb(bundle);
+  adjust(bundle, camera, {40, 2.0, 4.0, {}});
+  expect_truth(bundle, truth, 1e-4);
+}
+
 }  // namespace
 }  // namespace mapweave::visual

@@ -6,6 +6,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr std::uint32_t kProbation = 2;  // keyframes after the one that made a landmark
+constexpr std::uint32_t kPatience = 15;  // keyframes: what none but the first of them saw is not found again
 constexpr int kLeastTries = 8;
 constexpr std::uint32_t kStaying = 3;  // newest keyframes
 constexpr double kSamePixel = 1.5, kSameDepth = 0.05;
@@ -35,11 +36,12 @@ void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) 
   auto kept = map.young.begin();
   for (const auto& [id, made] : map.young) {
     const Landmark& landmark = map.landmark(id);
-    const bool grown = now >= made + kProbation;
+    const bool grown = now >= made + kProbation, old = now >= made + kPatience;
     if (landmark.gone) continue;
-    if (rarely_found(landmark) || (grown && landmark.seen.size() < 2 && 2 * landmark.found < landmark.tried))
+    const bool alone = landmark.seen.size() < 2;
+    if (rarely_found(landmark) || (alone && (old || (grown && 2 * landmark.found < landmark.tried))))
       map.remove_landmark(id);
-    else if (!grown)
+    else if (!old)
       *kept++ = {id, made};
   }
   map.young.erase(kept, map.young.end());

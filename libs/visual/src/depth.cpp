@@ -24,7 +24,7 @@ std::optional<MeasuredDepth> DepthMeter::at(const Eigen::Vector2d& pixel, int le
 
 std::optional<MeasuredDepth> DepthMeter::reading(const Eigen::Vector2d& pixel) const {
   const DepthImage& image = depth_.image;
-  if (image.empty()) return std::nullopt;
+  if (image.empty() || std::abs(depth_.delay_s) > kLongestInterval_s) return std::nullopt;
   Eigen::Vector3d ray = map_.camera.ray(pixel);
   ray += depth_.delay_s * motion_.rotation_per_s.cross(ray);
   if (ray.z() < 0.1) return std::nullopt;

@@ -96,7 +96,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   }
   const View map_from_camera = view.inverse();
   DetectorOptions detector;
-  detector.cell_px = cell_of_scene(matches.size(), options.tracking);
+  detector.cell_px = cell_of_scene(matches.size(), map.camera, options.tracking);
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
     if (!patch || is_moving(corner.pixel, strays)) continue;

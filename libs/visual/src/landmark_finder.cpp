@@ -78,9 +78,10 @@ std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::
   return result;
 }
 
-int cell_of_scene(std::size_t landmarks, const TrackingOptions& options) {
-  constexpr std::size_t kFew = 120;
-  return landmarks < kFew ? std::max(8, options.cell_px / 2) : options.cell_px;
+int cell_of_scene(std::size_t landmarks, const PinholeCamera& camera, const TrackingOptions& options) {
+  constexpr double kFew = 0.15;  // of the cells
+  const double cells = camera.width * camera.height / static_cast<double>(options.cell_px * options.cell_px);
+  return static_cast<double>(landmarks) < kFew * cells ? std::max(8, options.cell_px / 2) : options.cell_px;
 }
 
 std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>& keyframes, const Pyramid& picture, const View& guess,

@@ -22,7 +22,7 @@ std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmar
                                            const Eigen::Vector2d& start);
 
 // Side of the cells that hold one landmark each: half as long where a frame shows few landmarks.
-int cell_of_scene(std::size_t landmarks, const TrackingOptions& options);
+int cell_of_scene(std::size_t landmarks, const PinholeCamera& camera, const TrackingOptions& options);
 
 class LandmarkFinder {
  public:

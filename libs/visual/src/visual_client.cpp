@@ -5,6 +5,7 @@
 #include "local_window.h"
 #include "map_correction.h"
 #include "map_publisher.h"
+#include "sensor_notes.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/visual/visual_client.h>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
 constexpr std::size_t kPlaces = 5;         // that a picture is compared with, of those that look most alike
+constexpr int kNotedAfter = 10;            // frames
 constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
 
 struct Attempt {
@@ -55,6 +57,8 @@ struct VisualClient::State {
   int reference = -1;  // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
+  int without_depth = 0;  // frames that could not begin a map, for all that they show
+  bool noted_delay = false;
   double lost_s = 0.0;  // of seeing something since
   Stamp lost_stamp;     // the last frame that was lost
   std::optional<Straightening> straightening;
@@ -68,7 +72,7 @@ struct VisualClient::State {
     const std::vector<Match> none;
     const auto near = near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
     TrackingOptions looking = options.tracking;
-    if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), looking);
+    if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), map.camera, looking);
     attempt.found = finder.find(map, near, picture, start, speed, looking);
     attempt.pose = place_by(attempt.found, start);
     return attempt;
@@ -211,6 +215,7 @@ struct VisualClient::State {
     const int made = add_keyframe(map, number, frame, picture, view, Motion(), {}, matches, options);
     if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {
       map.discard(made);
+      if (shows_something(picture) && ++without_depth == kNotedAfter) notes.push_back(note_on_depth(frame, map, options));
       std::swap(matches, none), view = before;
       return false;
     }
@@ -247,6 +252,10 @@ struct VisualClient::State {
   Tracked add(const Frame& frame) {
     if (!begun) begun = frame.stamp;
     Pyramid picture = make_pyramid(frame.grey);
+    if (!noted_delay && !frame.depth.image.empty() && std::abs(frame.depth.delay_s) > kLongestInterval_s) {
+      notes.push_back(note_on_delay(frame.depth.delay_s));
+      noted_delay = true;
+    }
     if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
     if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
     const double interval_s = seconds_between(last_stamp, frame.stamp);

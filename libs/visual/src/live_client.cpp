@@ -1,0 +1,103 @@
+#include <mapweave/visual/live_client.h>
+
+#include <utility>
+
+namespace mapweave::visual {
+namespace {
+
+ClientOptions live(ClientOptions options) {
+  options.loops.wait = false;
+  return options;
+}
+
+}  // namespace
+
+LiveClient::LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options, std::optional<matching::BinaryVocabulary> vocabulary,
+                       Report report)
+    : client_(camera, baseline_m, live(std::move(options)), std::move(vocabulary)),
+      report_(std::move(report)),
+      tracking_([this] { track(); }),
+      straightening_([this] { straighten(); }) {}
+
+LiveClient::~LiveClient() {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.reset();
+  }
+  stop();
+}
+
+void LiveClient::add(Frame frame) {
+  const std::lock_guard lock(mutex_);
+  if (ending_ || error_) return;
+  if (waiting_) ++dropped_;
+  waiting_ = std::move(frame);
+  changed_.notify_all();
+}
+
+const VisualClient& LiveClient::finish() {
+  stop();
+  if (error_) std::rethrow_exception(error_);
+  client_.finish();
+  return client_;
+}
+
+int LiveClient::dropped() const {
+  const std::lock_guard lock(mutex_);
+  return dropped_;
+}
+
+void LiveClient::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+    changed_.notify_all();
+  }
+  if (tracking_.joinable()) tracking_.join();
+  {
+    const std::lock_guard lock(mutex_);
+    stopped_ = true;
+    changed_.notify_all();
+  }
+  if (straightening_.joinable()) straightening_.join();
+}
+
+void LiveClient::track() try {
+  while (true) {
+    Frame frame;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return waiting_ || ending_; });
+      if (!waiting_) return;
+      frame = std::move(*waiting_);
+      waiting_.reset();
+    }
+    const Tracked tracked = client_.add(frame);
+    if (report_) report_(frame.stamp, tracked);
+    const std::lock_guard lock(mutex_);
+    work_ = client_.pending();
+    if (work_) changed_.notify_all();
+  }
+} catch (...) {
+  const std::lock_guard lock(mutex_);
+  error_ = std::current_exception();
+}
+
+void LiveClient::straighten() try {
+  while (true) {
+    std::shared_ptr<BackgroundWork> work;
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return (work_ && !work_->is_done()) || stopped_; });
+      if (!work_ || work_->is_done()) return;
+      work = work_;
+    }
+    work->run();
+  }
+} catch (...) {
+  const std::lock_guard lock(mutex_);
+  error_ = std::current_exception();
+  work_.reset();
+}
+
+}  // namespace mapweave::visual

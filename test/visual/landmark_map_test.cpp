@@ -1,0 +1,108 @@
+#include "culling.h"
+
+#include <gmock/gmock.h>
+
+namespace mapweave::visual {
+namespace {
+
+View at(double x) {
+  View view;
+  view.translation = Eigen::Vector3d(-x, 0, 0);
+  return view;
+}
+
+// Keyframes along x, each of which sees these landmarks.
+struct Story {
+  LandmarkMap map;
+  Story() { map.camera = {320, 240, 260.0, 260.0, 159.5, 119.5}; }
+  int keyframe(int session = 0) {
+    Keyframe keyframe;
+    keyframe.session = session, keyframe.view = at(0.1 * map.keyframes_made);
+    return map.add(std::move(keyframe));
+  }
+  int landmark(const std::vector<int>& keyframes) {
+    Landmark landmark;
+    landmark.point = {0, 0, 3};
+    landmark.appearances.push_back({Patch(), {}, keyframes.front(), View()});
+    const int id = map.add(std::move(landmark));
+    for (int k : keyframes) map.see(id, {k, Sighting()});
+    return id;
+  }
+};
+
+TEST(LandmarkMap, uses_slots_again_but_never_serial_numbers) {
+  Story story;
+  const int a = story.keyframe(), b = story.keyframe();
+  const int landmark = story.landmark({b});
+  story.map.remove_keyframe(b, a);
+  EXPECT_TRUE(story.map.landmark(landmark).gone) << "nobody sees it any more";
+  EXPECT_EQ(story.keyframe(), b);
+  EXPECT_EQ(story.map.keyframe(b).serial, 2U);
+  EXPECT_EQ(story.landmark({b}), landmark);
+  EXPECT_EQ(story.map.landmark(landmark).serial, 1U);
+  EXPECT_EQ(story.map.keyframe_count(), 2);
+}
+
+TEST(LandmarkMap, keeps_frames_and_looks_of_a_keyframe_that_goes_where_they_were) {
+  Story story;
+  const int a = story.keyframe(), b = story.keyframe();
+  const int landmark = story.landmark({b, a});
+  const View frame = at(0.37), look = story.map.view_of(story.map.landmark(landmark).appearances[0]);
+  story.map.keyframe(b).frames.push_back(anchored(Stamp{5}, frame * story.map.keyframe(b).view.inverse()));
+  story.map.remove_keyframe(b, a);
+  ASSERT_EQ(story.map.keyframe(a).frames.size(), 1U);
+  const View now = frame_from_keyframe(story.map.keyframe(a).frames[0]) * story.map.keyframe(a).view;
+  EXPECT_LT((now.centre() - frame.centre()).norm(), 1e-6);
+  EXPECT_LT((story.map.view_of(story.map.landmark(landmark).appearances[0]).centre() - look.centre()).norm(), 1e-9);
+}
+
+TEST(LandmarkMap, fuses_two_landmarks_into_one_that_every_keyframe_sees_once) {
+  Story story;
+  const int a = story.keyframe(), b = story.keyframe(), c = story.keyframe();
+  const int kept = story.landmark({a, b}), other = story.landmark({b, c});
+  story.map.fuse(kept, other);
+  EXPECT_TRUE(story.map.landmark(other).gone);
+  EXPECT_EQ(story.map.landmark(kept).seen.size(), 3U);
+  for (int k : {a, b, c}) EXPECT_THAT(story.map.keyframe(k).landmarks, testing::ElementsAre(kept));
+}
+
+TEST(Culling, removes_landmarks_that_are_looked_for_in_vain) {
+  Story story;
+  const int a = story.keyframe();
+  const int lost = story.landmark({a}), found = story.landmark({a});
+  story.map.young = {{lost, 0}, {found, 0}};
+  story.map.landmark(lost).tried = 10, story.map.landmark(lost).found = 1;
+  story.map.landmark(found).tried = 10, story.map.landmark(found).found = 9;
+  cull_landmarks(story.map, a, {});
+  EXPECT_TRUE(story.map.landmark(lost).gone);
+  EXPECT_FALSE(story.map.landmark(found).gone);
+}
+
+TEST(Culling, removes_a_keyframe_whose_landmarks_three_others_see_but_no_recent_one) {
+  Story story;
+  std::vector<int> all;
+  for (int i = 0; i < 8; ++i) all.push_back(story.keyframe());
+  for (int i = 0; i < 20; ++i) story.landmark(all);
+  const int number = keyframe_to_cull(story.map, all.back(), {});
+  EXPECT_GT(number, all[0]);
+  EXPECT_LT(number, all[5]);
+  MemoryOptions options;
+  options.redundant_views = 20;
+  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
+}
+
+TEST(Culling, holds_the_bound_on_keyframes_at_the_least_loss) {
+  Story story;
+  std::vector<int> all;
+  for (int i = 0; i < 30; ++i) all.push_back(story.keyframe());
+  for (int k : all)
+    for (int i = 0; i < (k == 7 ? 2 : 5); ++i) story.landmark({k});
+  MemoryOptions options;
+  options.keyframes = 29;
+  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), 7);
+  story.map.remove_keyframe(7, heir_of(story.map, 7));
+  EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
+}
+
+}  // namespace
+}  // namespace mapweave::visual
