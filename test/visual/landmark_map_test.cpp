@@ -45,14 +45,15 @@ TEST(LandmarkMap, uses_slots_again_but_never_serial_numbers) {
 
 TEST(LandmarkMap, keeps_frames_and_looks_of_a_keyframe_that_goes_where_they_were) {
   Story story;
-  const int a = story.keyframe(), b = story.keyframe();
-  const int landmark = story.landmark({b, a});
+  const int a = story.keyframe(), b = story.keyframe(), c = story.keyframe();
+  const int landmark = story.landmark({b, a, c}), seen_once_more = story.landmark({b, a});
   const View frame = at(0.37), look = story.map.view_of(story.map.landmark(landmark).appearances[0]);
   story.map.keyframe(b).frames.push_back(anchored(Stamp{5}, frame * story.map.keyframe(b).view.inverse()));
   story.map.remove_keyframe(b, a);
   ASSERT_EQ(story.map.keyframe(a).frames.size(), 1U);
   const View now = frame_from_keyframe(story.map.keyframe(a).frames[0]) * story.map.keyframe(a).view;
   EXPECT_LT((now.centre() - frame.centre()).norm(), 1e-6);
+  EXPECT_TRUE(story.map.landmark(seen_once_more).gone);
   EXPECT_LT((story.map.view_of(story.map.landmark(landmark).appearances[0]).centre() - look.centre()).norm(), 1e-9);
 }
 

@@ -9,6 +9,7 @@ constexpr std::uint32_t kProbation = 2;  // keyframes after the one that made a 
 constexpr std::uint32_t kPatience = 15;  // keyframes: what none but the first of them saw is not found again
 constexpr int kLeastTries = 8;
 constexpr std::uint32_t kStaying = 3;  // newest keyframes
+constexpr int kAsked = 60;             // keyframes at once
 constexpr double kSamePixel = 1.5, kSameDepth = 0.05;
 
 // How many landmarks of a keyframe fewer than `views` others see at least as finely, and how many landmarks it has.
@@ -65,12 +66,17 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
     if (own <= least * all && (best < 0 || own < least * all)) best = shared.keyframe, least = static_cast<double>(own) / std::max(1, all);
   }
   if (best >= 0 || map.keyframe_count() <= options.keyframes) return best;
-  // Whoever takes fewest landmarks away; of equals the earliest.
-  int fewest = 0;
-  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number) {
-    if (!may_go(number)) continue;
-    const int own = own_landmarks(map, number, 1).first;
-    if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial)) best = number, fewest = own;
+  // Whoever takes fewest landmarks away, of some that are asked in turn; of equals the earliest.
+  const int slots = static_cast<int>(map.keyframes.size()), asked = std::min(slots, kAsked);
+  const auto start = static_cast<int>(static_cast<std::uint64_t>(map.keyframe(newest).serial) * kAsked % static_cast<std::uint64_t>(slots));
+  for (int round = 0; round < 2 && best < 0; ++round) {
+    int fewest = 0;
+    for (int i = 0; i < (round == 0 ? asked : slots); ++i) {
+      const int number = (start + i) % slots;
+      if (!may_go(number)) continue;
+      const int own = own_landmarks(map, number, 1).first;
+      if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial)) best = number, fewest = own;
+    }
   }
   return best;
 }

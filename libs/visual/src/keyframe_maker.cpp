@@ -97,6 +97,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   const View map_from_camera = view.inverse();
   DetectorOptions detector;
   detector.cell_px = cell_of_scene(matches.size(), map.camera, options.tracking);
+  if (detector.cell_px < options.tracking.cell_px) detector.threshold = 5, detector.min_strength = 8;  // weak ones are better than none
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
     if (!patch || is_moving(corner.pixel, strays)) continue;

@@ -72,7 +72,10 @@ void LandmarkMap::remove_keyframe(int number, int heir) {
   MAPWEAVE_EXPECT(number != heir && !keyframe(heir).gone, "another keyframe takes over");
   const View heir_from_removed = keyframe(heir).view * keyframe(number).view.inverse(), removed_from_heir = heir_from_removed.inverse();
   const std::vector<int> listed = keyframe(number).landmarks;
-  for (int id : listed) forget(id, number);
+  for (int id : listed) {
+    forget(id, number);
+    if (landmark(id).seen.size() < 2) remove_landmark(id);  // not worth a keyframe, so not worth keeping
+  }
   for (Landmark& other : landmarks)
     for (Appearance& appearance : other.appearances)
       if (appearance.keyframe == number) appearance.keyframe = heir, appearance.from_keyframe = appearance.from_keyframe * removed_from_heir;

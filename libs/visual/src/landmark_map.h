@@ -96,7 +96,7 @@ struct LandmarkMap {
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);
-  // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session.
+  // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session. Landmarks that only one other sees go too.
   void remove_keyframe(int keyframe, int heir);
   // `other` is the same as `kept`, and is gone.
   void fuse(int kept, int other);

@@ -13,6 +13,7 @@ constexpr std::uint32_t kLatest = 10;  // keyframes that are no loop
 constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
+constexpr double kLeastAlike = 0.3;
 constexpr double kTurnApart = 0.05;
 constexpr int kTied = 15;
 
@@ -137,7 +138,10 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
     return near[id.index] != 0 || (other.session == keyframe.session && other.serial + kLatest > now);
   };
   const auto bag = vocabulary_.describe_picture(keyframe.features.descriptors).bag;
-  const auto groups = matching::best_of_groups(index_.query(bag, kLookedUp, is_no_loop), [&](const NodeId& id) {
+  // As alike as a share of what the keyframe before is.
+  const int least_score = static_cast<int>(kLeastAlike * matching::common_share(bag, last_bag_));
+  last_bag_ = bag;
+  const auto groups = matching::best_of_groups(index_.query(bag, kLookedUp, is_no_loop, std::max(1, least_score)), [&](const NodeId& id) {
     std::vector<NodeId> result;
     for (const Shared& shared : covisible(map, static_cast<int>(id.index))) result.push_back(id_of(shared.keyframe));
     return result;

@@ -31,7 +31,6 @@ class LoopCloser {
   std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
   // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
   std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture, const Motion& motion);
-  void forget_claims() { claims_.clear(); }
 
  private:
   struct Claim {
@@ -46,6 +45,7 @@ class LoopCloser {
   matching::BinaryVocabulary vocabulary_;
   ClientOptions options_;
   matching::PlaceIndex index_;
+  matching::BagOfWords last_bag_;
   std::deque<Claim> claims_;
 };
 
