@@ -4,6 +4,7 @@
 #include "landmark_finder.h"
 #include "place_finder.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace mapweave::visual {
@@ -31,6 +32,14 @@ Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, 
   return sighting;
 }
 
+double middle_depth_of(const LandmarkMap& map, const View& view, const std::vector<Match>& matches) {
+  std::vector<double> depths;
+  for (const Match& match : matches) depths.push_back((view * map.landmark(match.landmark).point).z());
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return depths.empty() ? 1.0 : std::max(*middle, 1e-3);
+}
+
 // Depths of the features: read where there is a depth camera, else of the landmark next to each.
 std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures& features, const Frame& frame, const DepthMeter& meter,
                              const View& view, const std::vector<Match>& matches) {
@@ -45,7 +54,7 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
       double nearest = kNear_px;
       for (const Match& match : matches) {
         const double distance = (match.pixel - pixel).norm();
-        if (distance < nearest) nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
+        if (distance < nearest && is_known(map.landmark(match.landmark))) nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
       }
     }
     depths.push_back(static_cast<float>(depth));
@@ -98,9 +107,21 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   DetectorOptions detector;
   detector.cell_px = cell_of_scene(matches.size(), map.camera, options.tracking);
   if (detector.cell_px < options.tracking.cell_px) detector.threshold = 5, detector.min_strength = 8;  // weak ones are better than none
+  const double middle_depth = map.monocular ? middle_depth_of(map, view, matches) : 0.0;
+  if (map.monocular)
+    for (const DepthCandidate& candidate : map.candidates) occupied.push_back(candidate.now);
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
     if (!patch || is_moving(corner.pixel, strays)) continue;
+    if (map.monocular) {
+      DepthCandidate candidate;
+      candidate.patch = *patch, candidate.pixel = candidate.now = corner.pixel;
+      candidate.keyframe = number, candidate.keyframe_serial = map.keyframe(number).serial;
+      candidate.row_flow = row_flow(map.camera, motion, corner.pixel, middle_depth);
+      candidate.inverse_depth = candidate.sigma = 1.3 / middle_depth;  // from near to infinitely far
+      map.candidates.push_back(candidate);
+      continue;
+    }
     const auto depth = meter.at(corner.pixel, corner.level);
     if (!depth || depth->at_edge) continue;
     const double inverse_depth = depth->inverse_depth - map.flaws.inverse_depth_offset;

@@ -23,11 +23,20 @@ const Appearance* best_appearance(const LandmarkMap& map, const Landmark& landma
   return best;
 }
 
-// Derivative of pixels in the new view by pixels where the appearance was cut, on a plane that faces the old camera.
-Eigen::Matrix2d warp_of(const PinholeCamera& camera, const Appearance& appearance, const View& new_from_old, double old_depth) {
-  const double step = 4.0 * (1 << appearance.patch.level);
+std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark& landmark, const View& view) {
+  const Appearance* appearance = best_appearance(map, landmark, view.centre());
+  if (appearance == nullptr) return std::nullopt;
+  const View old = map.view_of(*appearance);
+  return warp_patch(appearance->patch, warp_to(map.camera, appearance->pixel, appearance->patch.level, view * old.inverse(),
+                                                 (old * landmark.point).z()));
+}
+
+}  // namespace
+
+Eigen::Matrix2d warp_to(const PinholeCamera& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth) {
+  const double step = 4.0 * (1 << level);
   const auto carried = [&](double u, double v) {
-    return camera.project(new_from_old * (camera.ray(appearance.pixel + Eigen::Vector2d(u, v)) * old_depth));
+    return camera.project(new_from_old * (camera.ray(pixel + Eigen::Vector2d(u, v)) * old_depth));
   };
   const Eigen::Vector2d here = carried(0, 0);
   Eigen::Matrix2d warp;
@@ -35,15 +44,6 @@ Eigen::Matrix2d warp_of(const PinholeCamera& camera, const Appearance& appearanc
   warp.col(1) = (carried(0, step) - here) / step;
   return warp;
 }
-
-std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark& landmark, const View& view) {
-  const Appearance* appearance = best_appearance(map, landmark, view.centre());
-  if (appearance == nullptr) return std::nullopt;
-  const View old = map.view_of(*appearance);
-  return warp_patch(appearance->patch, warp_of(map.camera, *appearance, view * old.inverse(), (old * landmark.point).z()));
-}
-
-}  // namespace
 
 std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture, const View& view,
                                            const Eigen::Vector2d& start) {

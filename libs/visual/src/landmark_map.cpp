@@ -37,6 +37,14 @@ View frame_from_keyframe(const AnchoredFrame& frame) {
   return view_of(pose);
 }
 
+Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) const {
+  constexpr double kStep = 0.01;
+  const Eigen::Vector3d from_first = seen.point - keyframe(seen.seen.front().keyframe).view.centre();
+  const Eigen::Vector3d here = view * seen.point, there = here + kStep * (view.rotation * from_first);
+  if (!(here.z() > 0.05 && there.z() > 0.05)) return Eigen::Vector2d::Zero();
+  return seen.share_unknown / kStep * (camera.project(there) - camera.project(here));
+}
+
 int LandmarkMap::add(Keyframe keyframe) {
   keyframe.serial = keyframes_made++;
   return put(keyframes, free_keyframes, std::move(keyframe));
@@ -56,7 +64,7 @@ void LandmarkMap::forget(int id, int number) {
   auto& seen = landmark(id).seen;
   seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
   strike(keyframe(number).landmarks, id);
-  if (seen.empty()) remove_landmark(id);
+  if (seen.empty() || (seen.size() == 1 && monocular && seen.front().sighting.inverse_depth_sigma <= 0.0)) remove_landmark(id);
 }
 
 void LandmarkMap::remove_landmark(int id) {

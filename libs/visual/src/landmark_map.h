@@ -36,7 +36,13 @@ struct Landmark {
   std::uint32_t serial = 0;
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
+  double share_unknown = 0.0;  // sigma of its distance from the keyframe that saw it first, as a share; 0 where it was measured
 };
+
+inline constexpr std::size_t kSettled = 3;  // keyframes that see a landmark whose depth was learnt tell it better than that
+
+// Whether it may tell where a camera is that knows nothing else.
+inline bool is_known(const Landmark& landmark) { return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled; }
 
 // A frame, and where it is seen from a keyframe: it moves with it. Small, since every frame has one for ever.
 struct AnchoredFrame {
@@ -68,15 +74,29 @@ struct Match {
   int level = 0;
 };
 
+// A corner of a keyframe that becomes a landmark, and its depth while that is being learnt.
+struct DepthCandidate {
+  Patch patch;
+  Eigen::Vector2d pixel, row_flow;
+  int keyframe = 0, landmark = -1;  // -1: it is none yet
+  std::uint32_t keyframe_serial = 0, landmark_serial = 0;
+  double inverse_depth = 0.0, sigma = 0.0;  // 1/m
+  int found = 0, missed = 0;
+  Eigen::Vector2d now = Eigen::Vector2d::Zero();  // in the last picture that was looked at
+  int level_now = 0;
+};
+
 struct LandmarkMap {
   PinholeCamera camera;
   double baseline_m = 0.0;  // to the right camera; 0 without one
+  bool monocular = false;   // nothing measures depth: scale is what each session's first keyframes made it
   SensorFlaws flaws;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
   std::vector<int> free_keyframes, free_landmarks;
   std::uint32_t keyframes_made = 0, landmarks_made = 0;
   std::vector<std::pair<int, std::uint32_t>> young;  // landmarks on probation, and the keyframe (its serial number) that made them
+  std::vector<DepthCandidate> candidates;                    // in the order of their keyframes
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
@@ -84,13 +104,17 @@ struct LandmarkMap {
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
   View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
-  Sighting sighting_of(const Match& match, double sigma_px) const {
+  // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.
+  Sighting sighting_of(const Match& match, double sigma_px, const View* view = nullptr) const {
     Sighting sighting;
+    const Landmark& seen = landmark(match.landmark);
+    if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled) sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
     sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
     return sighting;
   }
 
+  Eigen::Vector2d slack_of(const Landmark& landmark, const View& view) const;
   int add(Keyframe keyframe);  // its serial number is set here
   int add(Landmark landmark);
   void see(int landmark, const Observation& observation);

@@ -12,12 +12,25 @@ constexpr int kLeastShared = 15;  // landmarks, of a keyframe in the window
 FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
   FlawPrior prior;
   if (options.learn_readout) prior.readout_step_s = 0.002, prior.readout_s = 0.02;
-  if (options.learn_depth_offset) {
+  if (options.learn_depth_offset && !map.monocular) {
     constexpr double kBaselineOfDepthCameras_m = 0.075;
     const double pixel = 1.0 / (map.camera.fx * (map.baseline_m > 0 ? map.baseline_m : kBaselineOfDepthCameras_m));
     prior.inverse_depth_step = 0.02 * pixel, prior.inverse_depth = 0.2 * pixel;
   }
   return prior;
+}
+
+constexpr int kNoView = -1;
+
+// Whether the window's views tell where the landmark is.
+bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe) {
+  int views = 0;
+  for (const Observation& o : landmark.seen) {
+    if (view_of_keyframe[static_cast<std::size_t>(o.keyframe)] == kNoView) continue;
+    if (o.sighting.inverse_depth_sigma > 0.0) return true;
+    ++views;
+  }
+  return views > 1;
 }
 
 }  // namespace
@@ -28,7 +41,6 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared) chosen.push_back(shared.keyframe);
 
   Bundle bundle;
-  constexpr int kNoView = -1;
   std::vector<int> view_of_keyframe(map.keyframes.size(), kNoView);
   const auto add_view = [&](int number, bool fixed) {
     view_of_keyframe[static_cast<std::size_t>(number)] = static_cast<int>(bundle.views.size());
@@ -52,6 +64,16 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   for (const Shared& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
   if (std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
+
+  // Where nothing measures depth, two views hold the scale.
+  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && fixed < 2; ++fixed) {
+    std::size_t oldest = chosen.size();
+    for (std::size_t i = 0; i < chosen.size(); ++i)
+      if (!bundle.fixed[i] && (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial)) oldest = i;
+    if (oldest == chosen.size()) break;
+    bundle.fixed[oldest] = 1;
+  }
+  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe); }), ids.end());
 
   std::vector<std::pair<int, int>> origin;  // landmark, keyframe
   for (int id : ids) {

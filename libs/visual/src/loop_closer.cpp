@@ -180,7 +180,8 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   FoundLoop loop;
   loop.newest = newest, loop.earlier = earlier;
   loop.view = view_of(compose(map_from_earlier, inverse(newest_from_earlier)));
-  const std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
+  std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
+  found.erase(std::remove_if(found.begin(), found.end(), [&](const Match& match) { return !is_known(map.landmark(match.landmark)); }), found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
   const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.flaws, options_.tracking.gate_sigmas);

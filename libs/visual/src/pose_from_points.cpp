@@ -11,6 +11,13 @@ bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinho
   out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + flaws.readout_s * sighting.row_flow);
   out.by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z2, 0, weight * camera.fy * z, -weight * camera.fy * p.y() * z2,
       0, 0, 0;
+  const double slack = sighting.slack_px.squaredNorm();
+  if (slack > 0.0) {  // whitened by sigma^2 I + slack slack^T
+    const double kept = sighting.sigma_px / std::sqrt(sighting.sigma_px * sighting.sigma_px + slack);
+    const Eigen::Matrix2d white = Eigen::Matrix2d::Identity() - (1.0 - kept) / slack * sighting.slack_px * sighting.slack_px.transpose();
+    out.value.head<2>() = white * out.value.head<2>().eval();
+    out.by_point.topRows<2>() = white * out.by_point.topRows<2>().eval();
+  }
   out.value.z() = 0;
   if (sighting.inverse_depth_sigma > 0) {
     out.value.z() = (z + flaws.inverse_depth_offset - sighting.inverse_depth) / sighting.inverse_depth_sigma;

@@ -1,11 +1,13 @@
 #include "culling.h"
 #include "detector.h"
+#include "depth_candidates.h"
 #include "frame_alignment.h"
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
 #include "map_publisher.h"
 #include "sensor_notes.h"
+#include "mono_start.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/visual/visual_client.h>
@@ -46,6 +48,7 @@ struct VisualClient::State {
   std::optional<LoopCloser> closer;
   LandmarkMap map;
   LandmarkFinder finder;
+  MonoStart mono_start;
   std::vector<std::string> notes;
 
   // Of the last frame that was tracked.
@@ -84,7 +87,7 @@ struct VisualClient::State {
     constexpr std::size_t kEnough = 20;
     std::vector<Sighting> sightings, known;
     for (const Match& match : found) {
-      sightings.push_back(map.sighting_of(match, options.tracking.sigma_px));
+      sightings.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
       if (map.landmark(match.landmark).seen.size() > 2) known.push_back(sightings.back());
     }
     const double gate = options.tracking.gate_sigmas;
@@ -209,6 +212,7 @@ struct VisualClient::State {
 
   // The session's first keyframe. False where it would have nothing to hold on to.
   bool begin(const Frame& frame, Pyramid picture, int number) {
+    if (!frame.shows_depth()) return begin_without_depth(frame, std::move(picture), number);
     std::vector<Match> none;
     std::swap(matches, none);
     const View before = std::exchange(view, View());
@@ -222,6 +226,19 @@ struct VisualClient::State {
     reference = made, reference_landmarks = matches.size();
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, reference);
+    motion = View();
+    last = std::move(picture);
+    return true;
+  }
+
+  bool begin_without_depth(const Frame& frame, Pyramid picture, int number) {
+    std::vector<Match> seen;
+    const auto made = mono_start.add(map, number, frame, picture, seen, options);
+    if (!made) return false;
+    matches = std::move(seen);
+    reference = made->second, reference_landmarks = matches.size(), view = map.keyframe(reference).view;
+    session = number, sessions_begun = number + 1;
+    if (closer) closer->add(map, made->first), closer->add(map, made->second);
     motion = View();
     last = std::move(picture);
     return true;
@@ -279,6 +296,7 @@ struct VisualClient::State {
       motion = attempt.pose.view * view.inverse();
     }
     view = attempt.pose.view;
+    if (map.monocular) mono_start.clear(), look_for_candidates(map, picture, view, attempt.motion, matches, options.tracking);
     const bool keyframe = keyframe_is_due();
     if (keyframe) make_keyframe(frame, picture, attempt.motion);
     last = std::move(picture);

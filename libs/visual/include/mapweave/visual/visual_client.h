@@ -20,7 +20,7 @@
 
 namespace mapweave::visual {
 
-enum class TrackState { waiting, tracked, lost };  // waiting: for a first frame with depth
+enum class TrackState { waiting, tracked, lost };  // waiting: for a first frame with depth, or for parallax
 
 struct Tracked {
   TrackState state = TrackState::waiting;
