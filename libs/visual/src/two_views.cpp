@@ -114,16 +114,27 @@ Model best_model(const std::vector<RayPair>& pairs, std::size_t sample_size, con
   return best;
 }
 
+// Where the rays meet, if that is what both pictures show.
+std::optional<Vector3d> agreed_point(const RayPair& pair, const View& motion, double gate_sigmas) {
+  const auto point = meet(pair.first, pair.second, motion);
+  if (!point) return std::nullopt;
+  const Vector3d there = motion * *point;
+  const double error = std::max((there.head<2>() / there.z() - pair.second.head<2>()).squaredNorm(),
+                                (point->head<2>() / point->z() - pair.first.head<2>()).squaredNorm());
+  if (!(error < gate_sigmas * gate_sigmas * pair.sigma * pair.sigma)) return std::nullopt;
+  return point;
+}
+
 // Points from the pairs, then both made better together.
 TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>& rays, const PinholeCamera& camera, View motion,
                  const TwoViewOptions& options) {
   TwoViews result;
-  for (int round = 0; round < 2; ++round) {
+  for (double wider : {4.0, 1.5}) {
     Bundle bundle;
     bundle.views = {View(), motion}, bundle.fixed = {1, 0};
     std::vector<std::size_t> pair_of_point;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const auto point = meet(rays[i].first, rays[i].second, motion);
+      const auto point = agreed_point(rays[i], motion, wider * options.gate_sigmas);
       if (!point) continue;
       const int number = static_cast<int>(bundle.points.size());
       const std::array<Eigen::Vector2d, 2> pixels{pairs[i].first, pairs[i].second};
@@ -164,16 +175,8 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
 }
 
 int count_in_front(const std::vector<RayPair>& rays, const View& motion, const TwoViewOptions& options) {
-  int count = 0;
-  for (const RayPair& pair : rays) {
-    const auto point = meet(pair.first, pair.second, motion);
-    if (!point) continue;
-    const Vector3d there = motion * *point;
-    const double error = std::max((there.head<2>() / there.z() - pair.second.head<2>()).squaredNorm(),
-                                  (point->head<2>() / point->z() - pair.first.head<2>()).squaredNorm());
-    if (error < options.gate_sigmas * options.gate_sigmas * pair.sigma * pair.sigma) ++count;
-  }
-  return count;
+  return static_cast<int>(std::count_if(rays.begin(), rays.end(),
+                                        [&](const RayPair& pair) { return agreed_point(pair, motion, options.gate_sigmas).has_value(); }));
 }
 
 bool is_alike(const View& a, const View& b) {
