@@ -1,6 +1,7 @@
 #include "keyframe_maker.h"
 
 #include "detector.h"
+#include "feature_grid.h"
 #include "landmark_finder.h"
 #include "place_finder.h"
 
@@ -74,6 +75,7 @@ std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& c
       return {at[2], at[1], at[0]};
     }
   }
+  if (frame.grey.empty()) return {128, 128, 128};  // features without a picture
   const std::uint8_t grey = frame.grey.row(static_cast<int>(std::lround(pixel.y())))[std::lround(pixel.x())];
   return {grey, grey, grey};
 }
@@ -90,6 +92,7 @@ bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>&
 
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
                  const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options) {
+  if (picture.features) return add_feature_keyframe(map, session, frame.stamp, *picture.features, view, matches, options);
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
   Keyframe made;
@@ -139,6 +142,43 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   Keyframe& keyframe = map.keyframe(number);
   keyframe.features = features_of(picture[0], options.tracking.features);
   keyframe.depths = depths_of(map, keyframe.features, frame, meter, view, matches);
+  return number;
+}
+
+int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FeatureGrid& features, const View& view,
+                         std::vector<Match>& matches, const ClientOptions& options) {
+  const auto sighting = [&](int feature) {
+    Sighting seen;
+    seen.pixel = features.pixel(feature), seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
+    if (features.inverse_depth(feature) > 0.0)
+      seen.inverse_depth = features.inverse_depth(feature), seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
+    return seen;
+  };
+  Keyframe made;
+  made.stamp = stamp, made.view = view, made.session = session;
+  made.features = features.features();
+  for (int feature = 0; feature < features.size(); ++feature) {
+    const double inverse_depth = features.inverse_depth(feature);
+    made.depths.push_back(inverse_depth > 0.0 ? static_cast<float>(1.0 / inverse_depth) : 0.0F);
+  }
+  const int number = map.add(std::move(made));
+  std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
+  for (const Match& match : matches) {
+    map.see(match.landmark, {number, sighting(match.feature)});
+    taken[static_cast<std::size_t>(match.feature)] = 1;
+  }
+  const View map_from_camera = view.inverse();
+  for (int feature = 0; feature < features.size(); ++feature) {
+    const double inverse_depth = features.inverse_depth(feature) - map.flaws.inverse_depth_offset;
+    if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3)) continue;
+    Landmark landmark;
+    landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);
+    landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];
+    const int id = map.add(std::move(landmark));
+    map.see(id, {number, sighting(feature)});
+    map.young.emplace_back(id, map.keyframe(number).serial);
+    matches.push_back({id, features.pixel(feature), Eigen::Vector2d::Zero(), features.level(feature), feature});
+  }
   return number;
 }
 

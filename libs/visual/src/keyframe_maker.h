@@ -10,4 +10,8 @@ namespace mapweave::visual {
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
                  const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options);
 
+// The same of a frame that has features: those with a depth become landmarks.
+int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FeatureGrid& features, const View& view,
+                         std::vector<Match>& matches, const ClientOptions& options);
+
 }  // namespace mapweave::visual

@@ -1,5 +1,7 @@
 #include "landmark_finder.h"
 
+#include "feature_grid.h"
+
 #include <algorithm>
 
 namespace mapweave::visual {
@@ -47,6 +49,13 @@ Eigen::Matrix2d warp_to(const PinholeCamera& camera, const Eigen::Vector2d& pixe
 
 std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture, const View& view,
                                            const Eigen::Vector2d& start) {
+  if (picture.features) {
+    constexpr double kNear_px = 4.0;
+    const int feature = picture.features->find(landmark.descriptor, start, kNear_px,
+                                               std::vector<char>(static_cast<std::size_t>(picture.features->size()), 0));
+    if (feature < 0) return std::nullopt;
+    return FoundLandmark{picture.features->pixel(feature), picture.features->level(feature), 1.0F};
+  }
   const auto warped = expected_look(map, landmark, view);
   if (!warped) return std::nullopt;
   constexpr float kReach = 2.0F, kAlike = 0.85F;
@@ -114,6 +123,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       cells[static_cast<std::size_t>(cell)].push_back({merit, id, pixel, p.z()});
     }
   std::vector<Match> result;
+  std::vector<char> taken(picture.features ? static_cast<std::size_t>(picture.features->size()) : 0, 0);
   for (auto& cell : cells) {
     std::sort(cell.begin(), cell.end(),
               [](const Candidate& a, const Candidate& b) { return a.merit != b.merit ? a.merit > b.merit : a.landmark < b.landmark; });
@@ -121,6 +131,14 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
     for (const Candidate& candidate : cell) {
       if (++tries > kTriesPerCell) break;
       Landmark& landmark = map.landmark(candidate.landmark);
+      if (picture.features) {
+        ++landmark.tried;
+        const int feature = picture.features->find(landmark.descriptor, candidate.pixel, options.reach_px, taken);
+        if (feature < 0) continue;
+        taken[static_cast<std::size_t>(feature)] = 1;
+        result.push_back({candidate.landmark, picture.features->pixel(feature), Eigen::Vector2d::Zero(), picture.features->level(feature), feature});
+        continue;
+      }
       const auto warped = expected_look(map, landmark, guess);
       if (!warped) continue;
       ++landmark.tried;

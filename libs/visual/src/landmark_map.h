@@ -33,6 +33,7 @@ struct Landmark {
   std::vector<Observation> seen;
   std::vector<Appearance> appearances;
   int tried = 0, found = 0;  // looked for in frames
+  matching::OrbDescriptor descriptor{};  // of sensors that hand over features
   std::uint32_t serial = 0;
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
@@ -72,6 +73,7 @@ struct Match {
   Eigen::Vector2d pixel;
   Eigen::Vector2d row_flow;
   int level = 0;
+  int feature = -1;  // of the frame, where it has features instead of a picture
 };
 
 // A corner of a keyframe that becomes a landmark, and its depth while that is being learnt.

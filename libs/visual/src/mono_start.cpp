@@ -94,8 +94,8 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session,
     matches.push_back({id, pairs[i].second, Eigen::Vector2d::Zero(), tracks_[i].patch.level});
   }
   map.monocular = true;
-  const int first = add_keyframe(map, session, first_frame_, first_, View(), Motion(), first_matches, options);
-  const int last = add_keyframe(map, session, frame, picture, second, Motion(), matches, options);
+  const int first = add_keyframe(map, session, first_frame_, first_, View(), Motion(), {}, first_matches, options);
+  const int last = add_keyframe(map, session, frame, picture, second, Motion(), {}, matches, options);
   clear();
   return std::pair(first, last);
 }

@@ -78,4 +78,9 @@ std::optional<ExpectedMotion> MotionPrior::at(Stamp now, const Pose3& robot_from
   return std::nullopt;
 }
 
+std::optional<Pose3> MotionPrior::odometry_from_camera(Stamp now, const Pose3& robot_from_camera) const {
+  const auto pose = odometry_at(now);
+  return pose ? std::optional(compose(spatial(*pose), robot_from_camera)) : std::nullopt;
+}
+
 }  // namespace mapweave::visual

@@ -1,6 +1,7 @@
 #include "culling.h"
 #include "detector.h"
 #include "depth_candidates.h"
+#include "feature_grid.h"
 #include "frame_alignment.h"
 #include "keyframe_maker.h"
 #include "local_window.h"
@@ -69,12 +70,13 @@ struct VisualClient::State {
   std::optional<Stamp> begun;
   int loops = 0;
 
-  Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed) {
+  Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed, double wider = 1.0) {
     Attempt attempt;
     attempt.motion = speed, attempt.session = among;
     const std::vector<Match> none;
     const auto near = near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
     TrackingOptions looking = options.tracking;
+    looking.reach_px *= wider;
     if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), map.camera, looking);
     attempt.found = finder.find(map, near, picture, start, speed, looking);
     attempt.pose = place_by(attempt.found, start);
@@ -103,7 +105,16 @@ struct VisualClient::State {
     return attempt.pose.count >= least && 2 * attempt.pose.count >= static_cast<int>(attempt.found.size());
   }
 
+  // Without pictures to lay on each other, motion is expected to go on, and landmarks are looked for far and then near.
+  Attempt follow_features(const Pyramid& picture, double interval_s) {
+    constexpr double kFar = 5.0;
+    const Attempt far = locate(picture, session, motion * view, Motion(), kFar);
+    if (!is_good(far, true)) return far;
+    return locate(picture, session, far.pose.view, motion_of(far.pose.view * view.inverse(), interval_s));
+  }
+
   Attempt follow(const Pyramid& picture, double interval_s) {
+    if (picture.features) return follow_features(picture, interval_s);
     std::vector<Eigen::Vector2d> pixels;
     std::vector<Eigen::Vector3d> points;
     for (const Match& match : matches) {
@@ -117,7 +128,8 @@ struct VisualClient::State {
 
   // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer.
   Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
-    const matching::OrbFeatures features = features_of(picture[0], options.tracking.features);
+    const matching::OrbFeatures features =
+        picture.features ? picture.features->features() : features_of(picture[0], options.tracking.features);
     const auto try_near = [&](const std::vector<int>& keyframes) {
       const int among = map.keyframe(keyframes.front()).session;
       const auto found = find_place(map, keyframes, features, options.seed);
@@ -212,7 +224,7 @@ struct VisualClient::State {
 
   // The session's first keyframe. False where it would have nothing to hold on to.
   bool begin(const Frame& frame, Pyramid picture, int number) {
-    if (!frame.shows_depth()) return begin_without_depth(frame, std::move(picture), number);
+    if (!frame.shows_depth() && !picture.features) return begin_without_depth(frame, std::move(picture), number);
     std::vector<Match> none;
     std::swap(matches, none);
     const View before = std::exchange(view, View());
@@ -251,6 +263,7 @@ struct VisualClient::State {
   }
 
   bool shows_something(const Pyramid& picture) const {
+    if (picture.features) return picture.features->size() >= options.session.least_corners;
     DetectorOptions detector;
     detector.cell_px = options.tracking.cell_px;
     return static_cast<int>(detect_corners(picture, {}, detector).size()) >= options.session.least_corners;
@@ -266,9 +279,18 @@ struct VisualClient::State {
     return tracked;
   }
 
-  Tracked add(const Frame& frame) {
+  Tracked add(const Frame& frame) { return add(frame, make_pyramid(frame.grey)); }
+
+  Tracked add(const FeatureFrame& frame) {
+    Frame bare;
+    bare.stamp = frame.stamp;
+    Pyramid picture;
+    picture.features = std::make_shared<const FeatureGrid>(frame, map.camera);
+    return add(bare, std::move(picture));
+  }
+
+  Tracked add(const Frame& frame, Pyramid picture) {
     if (!begun) begun = frame.stamp;
-    Pyramid picture = make_pyramid(frame.grey);
     if (!noted_delay && !frame.depth.image.empty() && std::abs(frame.depth.delay_s) > kLongestInterval_s) {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
@@ -325,6 +347,13 @@ VisualClient::~VisualClient() = default;
 Tracked VisualClient::add(const Frame& frame) {
   MAPWEAVE_EXPECT(frame.grey.width == state_->map.camera.width && frame.grey.height == state_->map.camera.height,
                   "pictures of the camera's size");
+  return state_->add(frame);
+}
+
+Tracked VisualClient::add(const FeatureFrame& frame) {
+  const std::size_t count = frame.features.points.size();
+  MAPWEAVE_EXPECT(frame.features.descriptors.size() == count && frame.inverse_depths.size() == count, "each feature has a descriptor and an inverse depth");
+  MAPWEAVE_EXPECT(frame.level_factor >= 1.0, "levels of features grow coarser");
   return state_->add(frame);
 }
 

@@ -3,6 +3,7 @@
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/stamp.h>
+#include <mapweave/matching/orb_features.h>
 #include <mapweave/visual/camera.h>
 
 #include <cstdint>
@@ -59,6 +60,14 @@ struct Frame {
   // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera without depth takes scale from.
   std::optional<Pose3> odometry_from_camera;
   bool shows_depth() const { return !right.empty() || !depth.image.empty(); }
+};
+
+// Of a sensor that hands over features instead of pictures. Each has a descriptor and an inverse depth (1/m; 0: none).
+struct FeatureFrame {
+  Stamp stamp;
+  matching::OrbFeatures features;  // of the rectified camera
+  std::vector<float> inverse_depths;
+  double level_factor = 1.2;  // from one level of the features' pyramid to the next
 };
 
 }  // namespace mapweave::visual

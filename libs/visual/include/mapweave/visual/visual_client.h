@@ -83,6 +83,8 @@ class VisualClient {
   ~VisualClient();
   // In the order of stamps, pictures of the camera's size (contract).
   Tracked add(const Frame& frame);
+  // The same map from features alone (a camera gives frames of one kind): they are their landmarks' looks, and begin with depth.
+  Tracked add(const FeatureFrame& frame);
 
   // The map's straightening after a loop, until it is applied (LoopOptions::delay_s); null: nothing is to be done. add() does it itself
   // where nobody did: the results are the same.

@@ -1,0 +1,96 @@
+// An hour of driving by a client that takes features: memory, time for each frame, and error, over time.
+// endurance_benchmark [METRES [SEED]]: of way, at about 0.6 m/s; 2200 m are an hour.
+
+#include <mapweave/core/stopwatch.h>
+#include <mapweave/matching/rigid_from_points.h>
+#include <mapweave/simulation/feature_sensor.h>
+#include <mapweave/visual/visual_client.h>
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+using namespace mapweave;
+
+namespace {
+
+double resident_mb() {
+  std::ifstream file("/proc/self/statm");
+  double total = 0, resident = 0;
+  file >> total >> resident;
+  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
+}
+
+visual::FeatureFrame frame_of(const simulation::FeatureFrame& seen) {
+  visual::FeatureFrame frame;
+  frame.stamp = seen.stamp;
+  for (const simulation::Feature& feature : seen.features) {
+    frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
+    frame.features.descriptors.push_back(feature.descriptor);
+    frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
+  }
+  return frame;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  simulation::WorldOptions options;
+  if (argc > 2) options.seed = static_cast<std::uint64_t>(std::atoll(argv[2]));
+  options.robots.resize(1);
+  options.robots[0].id = "alpha";
+  options.robots[0].length_m = argc > 1 ? std::atof(argv[1]) : 2200.0;
+  options.cameras.resize(1);
+  options.cameras[0].kind = simulation::CameraKind::rgbd;
+  WorkerPool here(1);
+  const simulation::World world(options, here);
+  const simulation::FeatureOptions features;
+  const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
+  const simulation::FeatureRecording recording(world, field, features, 0, 0);
+  const auto& model = options.cameras[0].intrinsics();
+  visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {}, matching::shipped_vocabulary());
+
+  std::printf("%zu frames; before: %.0f MB\n", recording.frame_count(), resident_mb());
+  std::printf("%8s %8s %8s %8s %8s %10s %10s %6s %6s\n", "minute", "ms", "p99 ms", "max ms", "MB", "keyframes", "landmarks", "loops",
+              "lost");
+  std::vector<double> spent_ms;
+  std::vector<Eigen::Vector3d> truth;
+  double total_ms = 0.0;
+  int lost = 0;
+  const double rate = options.cameras[0].frames_per_second;
+  const auto often = static_cast<std::size_t>(300.0 * rate);
+  for (std::size_t i = 0; i < recording.frame_count(); ++i) {
+    const simulation::FeatureFrame seen = recording.frame(i);
+    const visual::FeatureFrame frame = frame_of(seen);
+    truth.push_back(seen.world_from_camera.t);
+    const Stopwatch watch;
+    lost += client.add(frame).state == visual::TrackState::lost;
+    spent_ms.push_back(1e3 * watch.seconds());
+    if ((i + 1) % often != 0 && i + 1 != recording.frame_count()) continue;
+    double sum = 0;
+    for (double ms : spent_ms) sum += ms;
+    total_ms += sum;
+    std::sort(spent_ms.begin(), spent_ms.end());
+    std::printf("%8.0f %8.2f %8.2f %8.1f %8.0f %10zu %10zu %6d %6d\n", static_cast<double>(i + 1) / rate / 60.0,
+                sum / static_cast<double>(spent_ms.size()), spent_ms[spent_ms.size() * 99 / 100], spent_ms.back(), resident_mb(),
+                client.keyframes().size(), client.landmarks().size(), client.loops(), lost);
+    std::fflush(stdout);
+    spent_ms.clear();
+  }
+  client.finish();
+  std::vector<matching::PointPair> pairs;
+  for (const visual::PlacedFrame& placed : client.trajectory()) {
+    const double number = (placed.stamp.seconds() - recording.frame(0).stamp.seconds()) * rate;
+    pairs.push_back({truth[static_cast<std::size_t>(std::lround(number))], placed.map_from_camera.t});
+  }
+  const auto laid = matching::align_points(pairs, matching::Freedom::rigid);
+  double square = 0;
+  if (laid)
+    for (const matching::PointPair& pair : pairs) square += (transformed(pair.in_b, laid->pose) - pair.in_a).squaredNorm();
+  std::printf("%.0f frames/s; error %.3f m (root mean square, laid on the truth) of %zu frames\n",
+              1e3 * static_cast<double>(recording.frame_count()) / total_ms,
+              std::sqrt(square / static_cast<double>(std::max<std::size_t>(1, pairs.size()))), pairs.size());
+}
