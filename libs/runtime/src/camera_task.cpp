@@ -52,6 +52,7 @@ class Camera {
 
   bool tracked_anything() const { return report_.tracked > 0; }
   const CameraReport& report() const { return report_; }
+  std::vector<std::string> notes() const { return client_ ? client_->notes() : std::vector<std::string>{}; }
   double seconds() const { return report_.frames == 0 ? 0.0 : seconds_between(first_, last_); }
 
   // Its maps, one for each session that stayed apart; each begins where the robot stood then.
@@ -87,6 +88,7 @@ class Camera {
     std::sort(tracking_seconds_.begin(), tracking_seconds_.end());
     if (!tracking_seconds_.empty()) report_.tracking_p99_ms = 1e3 * tracking_seconds_[(tracking_seconds_.size() - 1) * 99 / 100];
     result.report = report_;
+    result.notes = client_->notes();
     result.sheet = sheet_.take();
     return result;
   }
@@ -177,12 +179,14 @@ std::vector<CameraMap> placed_together(std::vector<CameraMap> maps, RobotId robo
 
 // Why nothing was mapped.
 Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& cameras) {
-  for (const Camera& camera : cameras)
-    if (camera.report().frames > 0)
-      return {ErrorCode::kBadInput,
-              "none of the " + std::to_string(camera.report().frames) + " frames of camera '" + camera.report().label +
-                  "' could be placed: too few corners with depth were seen",
-              robot.log.string(), "look at its pictures; check the depth scale, and whether left and right are exchanged"};
+  for (const Camera& camera : cameras) {
+    if (camera.report().frames == 0) continue;
+    const std::vector<std::string> notes = camera.notes();
+    return {ErrorCode::kBadInput,
+            "none of the " + std::to_string(camera.report().frames) + " frames of camera '" + camera.report().label + "' could be placed: " +
+                (notes.empty() ? "too few corners were seen, or the camera hardly moved" : notes.front()),
+            robot.log.string(), notes.empty() ? "look at its pictures" : "mend the recording, or choose another --sensor"};
+  }
   return {ErrorCode::kBadInput, "the log has no frames of its camera", robot.log.string(), "choose another sensor"};
 }
 
@@ -197,7 +201,9 @@ CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chose
                            const std::atomic<bool>& give_up, Progress& progress) {
   CamerasOutcome outcome;
   std::deque<Camera> cameras;
-  for (const ChosenCamera& camera : chosen) cameras.emplace_back(camera, configuration.visual.client);
+  visual::ClientOptions options = configuration.visual.client;
+  options.seed = configuration.seed;
+  for (const ChosenCamera& camera : chosen) cameras.emplace_back(camera, options);
   try {
     replay(robot, configuration.reading, cameras, give_up, progress);
   } catch (const Error& error) {

@@ -114,6 +114,7 @@ void Results::add_cameras(const std::string& folder, const std::string& title, c
                      " maps that stayed apart: one was lost, went on elsewhere and came to no place that it knew");
   const std::string& first = cameras.maps.front().ways.front().label;
   for (const CameraResult& camera : cameras.cameras) {
+    for (const std::string& note : camera.notes) notes_.push_back(title + ", camera " + camera.report.label + ": " + note);
     if (!configuration_.output.png || camera.sheet.empty()) continue;
     exporters::ContactSheetOptions sheet;
     sheet.title = title + ", camera " + camera.report.label;

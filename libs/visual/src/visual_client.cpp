@@ -113,7 +113,15 @@ struct VisualClient::State {
     return locate(picture, session, far.pose.view, motion_of(far.pose.view * view.inverse(), interval_s));
   }
 
-  Attempt follow(const Pyramid& picture, double interval_s) {
+  // By wheels or gyroscopes where they are, else as before.
+  View expected_motion(const Frame& frame) const {
+    if (!frame.expected || lost_s > 0.0) return motion;
+    const Eigen::Matrix3d later_from_earlier = frame.expected->earlier_from_later.conjugate().toRotationMatrix();
+    if (!frame.expected->translation) return {later_from_earlier, motion.translation};
+    return {later_from_earlier, -(later_from_earlier * *frame.expected->translation)};
+  }
+
+  Attempt follow(const Frame& frame, const Pyramid& picture, double interval_s) {
     if (picture.features) return follow_features(picture, interval_s);
     std::vector<Eigen::Vector2d> pixels;
     std::vector<Eigen::Vector3d> points;
@@ -122,7 +130,7 @@ struct VisualClient::State {
       if (p.z() < 0.1) continue;
       pixels.push_back(map.camera.project(p)), points.push_back(p);
     }
-    const View moved_by = align_frames(last, pixels, points, picture, map.camera, motion, kCoarsest, kFinest).to_from_from;
+    const View moved_by = align_frames(last, pixels, points, picture, map.camera, expected_motion(frame), kCoarsest, kFinest).to_from_from;
     return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
   }
 
@@ -298,7 +306,7 @@ struct VisualClient::State {
     if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
     if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
     const double interval_s = seconds_between(last_stamp, frame.stamp);
-    Attempt attempt = follow(picture, interval_s);
+    Attempt attempt = follow(frame, picture, interval_s);
     const bool followed = lost_s == 0.0 && is_good(attempt, true);
     if (!followed) attempt = find_again(picture, interval_s, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));

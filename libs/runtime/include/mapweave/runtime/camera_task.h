@@ -17,6 +17,7 @@ namespace mapweave::runtime {
 struct CameraResult {
   CameraReport report;
   std::vector<exporters::SheetFrame> sheet;  // a few frames, spread over the time
+  std::vector<std::string> notes;            // what seems wrong with its pictures
 };
 
 // Poses of the robot by one camera's frames.

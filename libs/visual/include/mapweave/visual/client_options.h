@@ -124,7 +124,7 @@ struct ClientOptions {
   MemoryOptions memory;
   LoopOptions loops;
   SessionOptions session;
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1;  // of random choices: the run's
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("tracking", tracking, "where each frame was taken");
@@ -134,7 +134,6 @@ struct ClientOptions {
     v.section("memory", memory, "what is kept of the map");
     v.section("loops", loops, "places seen before");
     v.section("session", session, "maps that begin anew where the camera is lost");
-    v.integer("seed", seed, 0, 4294967295, "of random choices");
   }
 };
 
