@@ -121,13 +121,13 @@ TEST(VisualSessions, does_not_use_depth_of_another_time) {
 
 TEST(VisualSessions, stays_bounded_where_it_drives_again_and_again) {
   ClientOptions options;
-  options.memory.keyframes = 25;
+  options.memory.keyframes = 40;
   VisualClient client(room.camera, 0.0, options);
   const auto around = [](int i) { return test::standing(0.5 * std::sin(0.1 * i), 0.5 * std::cos(0.1 * i), 0.1 * i); };
   std::size_t after_two = 0;
   for (int i = 0; i < 190; ++i) {
     EXPECT_EQ(client.add(room.frame(at(i), around(i))).state, TrackState::tracked) << i;
-    EXPECT_LE(client.keyframes().size(), 26U);
+    EXPECT_LE(client.keyframes().size(), 41U);
     if (i == 126) after_two = client.landmarks().size();
   }
   EXPECT_LT(client.landmarks().size(), 1.3 * static_cast<double>(after_two));

@@ -2,6 +2,7 @@
 #include <mapweave/matching/orb_features.h>
 
 #include <algorithm>
+#include <numeric>
 #include <opencv2/features2d.hpp>
 #include <tuple>
 
@@ -15,16 +16,19 @@ OrbFeatures orb_features(const PictureView& picture, const OrbFeatureOptions& op
   const auto orb = cv::ORB::create(options.features, static_cast<float>(options.scale), options.levels, kEdge, kFirstLevel, kPointsOfTest,
                                    cv::ORB::HARRIS_SCORE, kPatch, options.fast_threshold);
   std::vector<cv::KeyPoint> points;
-  orb->detect(grey, points);
-  std::sort(points.begin(), points.end(), [](const cv::KeyPoint& a, const cv::KeyPoint& b) {
-    return std::tie(a.octave, a.pt.y, a.pt.x, a.angle) < std::tie(b.octave, b.pt.y, b.pt.x, b.angle);
-  });
   cv::Mat rows;
-  orb->compute(grey, points, rows);
+  orb->detectAndCompute(grey, cv::noArray(), points, rows);
+  std::vector<int> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int i, int j) {
+    const cv::KeyPoint &a = points[static_cast<std::size_t>(i)], &b = points[static_cast<std::size_t>(j)];
+    return std::tie(a.octave, a.pt.y, a.pt.x, a.angle, i) < std::tie(b.octave, b.pt.y, b.pt.x, b.angle, j);
+  });
   OrbFeatures features;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    features.points.push_back({points[i].pt.x, points[i].pt.y, points[i].angle, static_cast<std::uint8_t>(points[i].octave)});
-    features.descriptors.push_back(descriptor_of_bytes(rows.ptr<std::uint8_t>(static_cast<int>(i))));
+  for (const int i : order) {
+    const cv::KeyPoint& point = points[static_cast<std::size_t>(i)];
+    features.points.push_back({point.pt.x, point.pt.y, point.angle, static_cast<std::uint8_t>(point.octave)});
+    features.descriptors.push_back(descriptor_of_bytes(rows.ptr<std::uint8_t>(i)));
   }
   return features;
 }

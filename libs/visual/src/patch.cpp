@@ -141,18 +141,20 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
   const int first = std::max(0, static_cast<int>(std::floor(x - high * scale - (kAlignHalf - 0.5))));
   const int last = std::min(image.width - kAlignSize - 1, static_cast<int>(std::ceil(x - low * scale - (kAlignHalf - 0.5))));
   if (top < 0 || top + kAlignSize > image.height || last < first) return std::nullopt;
+  // All columns at once, row by row of the patch: sums, sums of squares, and products with the patch.
+  const Eigen::Index count = last - first + 1, wide = count + kAlignSize - 1;
+  Eigen::ArrayXf strip(wide), sum = Eigen::ArrayXf::Zero(count), squares = Eigen::ArrayXf::Zero(count), cross = Eigen::ArrayXf::Zero(count);
+  Eigen::ArrayXf column_sum = Eigen::ArrayXf::Zero(wide), column_squares = Eigen::ArrayXf::Zero(wide);
+  for (int row = 0, i = 0; row < kAlignSize; ++row) {
+    strip = Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(image.row(top + row) + first, wide).cast<float>();
+    column_sum += strip, column_squares += strip.square();
+    for (int u = 0; u < kAlignSize; ++u, ++i) cross += reference[static_cast<std::size_t>(i)] * strip.segment(u, count);
+  }
+  for (int u = 0; u < kAlignSize; ++u) sum += column_sum.segment(u, count), squares += column_squares.segment(u, count);
   std::vector<float> scores;
-  for (int column = first; column <= last; ++column) {
-    float sum = 0, squares = 0, cross = 0;
-    for (int row = 0, i = 0; row < kAlignSize; ++row) {
-      const std::uint8_t* p = image.row(top + row) + column;
-      for (int u = 0; u < kAlignSize; ++u, ++i) {
-        const auto value = static_cast<float>(p[u]);
-        sum += value, squares += value * value, cross += value * reference[static_cast<std::size_t>(i)];
-      }
-    }
-    const float here = squares - sum * sum / kCount;
-    scores.push_back(here < 1.0F ? -1.0F : cross / std::sqrt(here * variance));
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const float here = squares[i] - sum[i] * sum[i] / kCount;
+    scores.push_back(here < 1.0F ? -1.0F : cross[i] / std::sqrt(here * variance));
   }
   const auto best = static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
   if (scores[static_cast<std::size_t>(best)] < 0.7F) return std::nullopt;
