@@ -20,7 +20,9 @@ namespace mapweave::visual {
 namespace {
 
 constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
-constexpr std::size_t kPlaces = 5;         // that a picture is compared with, of those that look most alike
+constexpr std::size_t kPlaces = 12;        // that a picture is compared with, of those that look most alike
+constexpr double kReach_m = 0.5;           // from one frame to the next
+constexpr double kCarried_s = 0.5;         // in so long a camera may have come anywhere
 constexpr int kNotedAfter = 10;            // frames
 constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
 
@@ -138,18 +140,23 @@ struct VisualClient::State {
   Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
     const matching::OrbFeatures features =
         picture.features ? picture.features->features() : features_of(picture[0], options.tracking.features);
+    const double reach_m = kReach_m + options.session.carried_m_per_s * interval_s;
     const auto try_near = [&](const std::vector<int>& keyframes) {
       const int among = map.keyframe(keyframes.front()).session;
       const auto found = find_place(map, keyframes, features, options.seed);
-      if (!found) return Attempt();
+      if (!found || (among == session && (found->centre() - view.centre()).norm() > reach_m)) return Attempt();
       const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
       return locate(picture, among, *found, speed);
     };
     std::vector<int> around = near_keyframes(map, session, matches, view, 4);
     if (std::find(around.begin(), around.end(), reference) == around.end()) around.insert(around.begin(), reference);
-    if (Attempt attempt = try_near(around); attempt.pose.count > best.pose.count) best = std::move(attempt);
-    if (is_good(best) || !closer) return best;
     std::optional<Attempt> answer;
+    if (Attempt attempt = try_near(around); attempt.pose.count > best.pose.count) {
+      if (is_good(attempt)) answer = attempt;
+      best = std::move(attempt);
+    }
+    if (!closer || (is_good(best) && interval_s < kCarried_s)) return best;
+    best = Attempt();
     for (int number : closer->alike(features, kPlaces)) {
       Attempt attempt = try_near({number});
       if (!is_good(attempt)) continue;
