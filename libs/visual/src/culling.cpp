@@ -75,7 +75,8 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
       const int number = (start + i) % slots;
       if (!may_go(number)) continue;
       const int own = own_landmarks(map, number, 1).first;
-      if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial)) best = number, fewest = own;
+      if (best < 0 || own < fewest || (own == fewest && map.keyframe(number).serial < map.keyframe(best).serial))
+        best = number, fewest = own;
     }
   }
   return best;

@@ -10,7 +10,7 @@ namespace mapweave::visual {
 
 struct MeasuredDepth {
   double inverse_depth = 0.0, sigma = 0.0;  // 1/m
-  bool at_edge = false;  // where something near ends: it may be of either side
+  bool at_edge = false;                     // where something near ends: it may be of either side
   double depth_m() const { return 1.0 / inverse_depth; }
 };
 

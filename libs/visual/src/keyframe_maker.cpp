@@ -22,7 +22,8 @@ void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& pictur
     if (ray.dot(other) > kSameDirection * ray.norm() * other.norm() && ratio < kSameRange && ratio > 1.0 / kSameRange) return;
   }
   if (landmark.appearances.size() >= kMostAppearances) return;
-  if (const auto patch = cut_patch(picture, match.pixel, match.level)) landmark.appearances.push_back({*patch, match.pixel, keyframe, View()});
+  if (const auto patch = cut_patch(picture, match.pixel, match.level))
+    landmark.appearances.push_back({*patch, match.pixel, keyframe, View()});
 }
 
 Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level, const std::optional<MeasuredDepth>& depth,

@@ -8,8 +8,8 @@
 
 namespace mapweave::visual {
 
-// Keyframes of a session that see what the camera sees: those that share `matches` with it, and those that look from about the same place in about the
-// same direction. Most promising first.
+// Keyframes of a session that see what the camera sees: those that share `matches` with it, and those that look from about the same place
+// in about the same direction. Most promising first.
 std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::vector<Match>& matches, const View& view, int most);
 
 // One landmark around `start`, as it looks best from there. nullopt where it does not look like that.

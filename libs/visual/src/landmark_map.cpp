@@ -86,7 +86,8 @@ void LandmarkMap::remove_keyframe(int number, int heir) {
   }
   for (Landmark& other : landmarks)
     for (Appearance& appearance : other.appearances)
-      if (appearance.keyframe == number) appearance.keyframe = heir, appearance.from_keyframe = appearance.from_keyframe * removed_from_heir;
+      if (appearance.keyframe == number)
+        appearance.keyframe = heir, appearance.from_keyframe = appearance.from_keyframe * removed_from_heir;
   for (const AnchoredFrame& frame : keyframe(number).frames)
     keyframe(heir).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_heir));
   keyframe(number) = Keyframe();

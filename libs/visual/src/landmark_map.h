@@ -1,6 +1,6 @@
 #pragma once
-// What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used again once empty, so
-// that memory stays bounded; serial numbers are never used again.
+// What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used again once empty,
+// so that memory stays bounded; serial numbers are never used again.
 
 #include "patch.h"
 #include "pose_from_points.h"

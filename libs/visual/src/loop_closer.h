@@ -1,6 +1,7 @@
 #pragma once
-// The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are judged (visual_judge.h),
-// then compared landmark by landmark. Believed is what several keyframes say alike and what the way between could have led to.
+// The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are judged
+// (visual_judge.h), then compared landmark by landmark. Believed is what several keyframes say alike and what the way between could have
+// led to.
 
 #include "landmark_finder.h"
 #include "place_finder.h"
@@ -12,10 +13,10 @@
 namespace mapweave::visual {
 
 struct FoundLoop {
-  int newest = 0, earlier = 0;  // keyframes
-  View view;                    // of the newest keyframe, as the earlier one's map says
-  std::vector<Match> matches;   // landmarks of the earlier ones that the newest keyframe's picture shows
-  std::uint32_t serial = 0;     // of the newest keyframe
+  int newest = 0, earlier = 0;         // keyframes
+  View view;                           // of the newest keyframe, as the earlier one's map says
+  std::vector<Match> matches;          // landmarks of the earlier ones that the newest keyframe's picture shows
+  std::uint32_t serial = 0;            // of the newest keyframe
   std::vector<std::uint32_t> serials;  // of the landmarks
 };
 

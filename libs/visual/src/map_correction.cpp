@@ -32,8 +32,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
   newest_ = static_cast<std::size_t>(view_number(loop_.newest)), earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
-  for (const Tie& tie : ties_of(map, session, kSharedInGraph))
-    ties_.push_back({view_number(tie.from), view_number(tie.to), tie.landmarks});
+  for (const Tie& tie : ties_of(map, session, kSharedInGraph)) ties_.push_back({view_number(tie.from), view_number(tie.to), tie.landmarks});
   std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
   for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
   for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
@@ -132,7 +131,8 @@ void join_sessions(LandmarkMap& map, const FoundLoop& loop) {
   const View earlier_from_newest = correction_of(map, loop);
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const int kept = std::min(here, there), moved = std::max(here, there);
-  const View kept_from_moved = moved == here ? earlier_from_newest : earlier_from_newest.inverse(), moved_from_kept = kept_from_moved.inverse();
+  const View kept_from_moved = moved == here ? earlier_from_newest : earlier_from_newest.inverse(),
+             moved_from_kept = kept_from_moved.inverse();
   for (Landmark& landmark : map.landmarks)
     if (!landmark.gone && map.keyframe(landmark.seen.front().keyframe).session == moved) landmark.point = kept_from_moved * landmark.point;
   for (Keyframe& keyframe : map.keyframes)

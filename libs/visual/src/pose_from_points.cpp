@@ -38,7 +38,8 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
   result.fits.assign(sightings.size(), 1);
   if (first_gate < std::numeric_limits<double>::infinity())
     for (std::size_t i = 0; i < sightings.size(); ++i)
-      result.fits[i] = residual_of(sightings[i], guess * sightings[i].point_in_map, camera, flaws, r) && r.value.head<2>().norm() < first_gate;
+      result.fits[i] =
+          residual_of(sightings[i], guess * sightings[i].point_in_map, camera, flaws, r) && r.value.head<2>().norm() < first_gate;
   for (int round = 0; round < 2; ++round) {
     const double soft = round == 0 ? 2.0 : 1.5;
     for (int step = 0; step < 10; ++step) {

@@ -31,8 +31,7 @@ struct PoseFromPoints {
 // Gauss-Newton from `guess`, robustly; sightings farther off than `gate` sigmas at the end do not fit. Those farther off than `first_gate`
 // from the guess have no say at first.
 PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const PinholeCamera& camera, const View& guess,
-                                const SensorFlaws& flaws, double gate,
-                                double first_gate = std::numeric_limits<double>::infinity());
+                                const SensorFlaws& flaws, double gate, double first_gate = std::numeric_limits<double>::infinity());
 
 // Residuals of one sighting and their derivative by a small motion of the camera (translation, rotation; from the left). Third row: inverse
 // depth.

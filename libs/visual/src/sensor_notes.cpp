@@ -45,8 +45,8 @@ std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const Clie
   std::nth_element(readings.begin(), middle, readings.end());
   const double depth_m = *middle * frame.depth.metres_per_unit;
   if (depth_m < options.depth.min_depth_m || depth_m > options.depth.max_depth_m)
-    return said("the depth pictures read ", depth_m, " m in the middle, where ", options.depth.min_depth_m, " to ", options.depth.max_depth_m,
-                " m are used: check the depth scale (", frame.depth.metres_per_unit, " m per unit now)");
+    return said("the depth pictures read ", depth_m, " m in the middle, where ", options.depth.min_depth_m, " to ",
+                options.depth.max_depth_m, " m are used: check the depth scale (", frame.depth.metres_per_unit, " m per unit now)");
   return "the depth pictures do not fit what the others show: check that both are of one camera, and the calibration";
 }
 

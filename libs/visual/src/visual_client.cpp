@@ -60,7 +60,7 @@ struct VisualClient::State {
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
   std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
-  int reference = -1;  // the newest keyframe, or the one where the camera found itself again
+  int reference = -1;                   // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
   int without_depth = 0;  // frames that could not begin a map, for all that they show
@@ -192,8 +192,8 @@ struct VisualClient::State {
     reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
-    fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches, picture,
-                    map.keyframe(reference).view);
+    fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
+                    picture, map.keyframe(reference).view);
     cull_landmarks(map, reference, options.memory);
     drop_what_is_gone();
     cull_keyframes();
@@ -413,7 +413,8 @@ std::vector<MappedLandmark> VisualClient::landmarks() const {
   std::vector<MappedLandmark> result;
   for (const Landmark& landmark : state_->map.landmarks)
     if (!landmark.gone)
-      result.push_back({landmark.point, static_cast<int>(landmark.seen.size()), state_->map.keyframe(landmark.seen.front().keyframe).session});
+      result.push_back(
+          {landmark.point, static_cast<int>(landmark.seen.size()), state_->map.keyframe(landmark.seen.front().keyframe).session});
   return result;
 }
 

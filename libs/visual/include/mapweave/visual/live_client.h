@@ -14,8 +14,8 @@ namespace mapweave::visual {
 class LiveClient {
  public:
   using Report = std::function<void(Stamp, const Tracked&)>;  // called on the tracking thread
-  LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options, std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt,
-             Report report = {});
+  LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options,
+             std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt, Report report = {});
   ~LiveClient();  // what waits is dropped
   LiveClient(const LiveClient&) = delete;
   LiveClient& operator=(const LiveClient&) = delete;
