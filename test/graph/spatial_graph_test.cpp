@@ -54,10 +54,10 @@ TEST(SpatialGraph, spreads_the_gap_of_a_loop_evenly) {
 
 TEST(SpatialGraph, keeps_poses_that_no_edge_names) {
   std::vector<Pose3> poses = ring(4);
-  const SpatialSolution solution = solve(poses, {});
+  const SpatialSolution solution = solve(poses, std::vector<SpatialEdge>());
   EXPECT_TRUE(solution.converged);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(solution.poses[i].t, poses[i].t);
-  EXPECT_THROW(solve(poses, {edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}), ContractViolation);
+  EXPECT_THROW(solve(poses, std::vector<SpatialEdge>{edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}), ContractViolation);
 }
 
 TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {
@@ -66,6 +66,42 @@ TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {
   EXPECT_NEAR(chi2_of(edge, poses), 0.0, 1e-12);
   edge.from_from_to = compose(edge.from_from_to, Pose3{{0.1, 0, 0}, Eigen::Quaterniond::Identity()});
   EXPECT_NEAR(chi2_of(edge, poses), 100.0 * 0.01, 1e-9);
+}
+
+// The ring as one camera would map it: what it takes for a metre shrinks on the way.
+TEST(SpatialGraph, straightens_a_ring_whose_scale_drifted) {
+  const auto truth = ring(40);
+  std::vector<Sim3> drifted{{truth[0], 1.0}};
+  std::vector<SimilarityEdge> edges;
+  double scale = 1.0;
+  for (std::uint32_t i = 0; i + 1 < truth.size(); ++i) {
+    Pose3 step = between(truth[i], truth[i + 1]);
+    step.t *= scale;
+    drifted.push_back({compose(drifted.back().pose, step), 1.0});
+    edges.push_back({i, i + 1, {step, 1.0}});
+    scale *= 0.99;
+  }
+  // The loop knows the last pose as the first one's lengths tell it, and how these compare.
+  SimilarityEdge loop{0, 39, {between(truth[0], truth[39]), 1.0 / scale}};
+  loop.information *= 1e4;
+  edges.push_back(loop);
+  const SimilaritySolution solution = solve(drifted, edges);
+  EXPECT_TRUE(solution.converged);
+  double before = 0, after = 0;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    before = std::max(before, (drifted[i].pose.t - truth[i].t).norm());
+    after = std::max(after, (solution.poses[i].pose.t - truth[i].t).norm());
+  }
+  EXPECT_GT(before, 0.8);
+  EXPECT_LT(after, 0.1 * before);
+  EXPECT_NEAR(solution.poses[39].scale, 1.0 / scale, 0.01);
+  EXPECT_NEAR(solution.poses[20].scale, std::sqrt(1.0 / scale), 0.02);
+}
+
+TEST(SpatialGraph, refuses_scales_that_are_none) {
+  const std::vector<Sim3> poses(2);
+  EXPECT_THROW(solve(poses, std::vector<SimilarityEdge>{{0, 1, {Pose3(), 0.0}}}), ContractViolation);
+  EXPECT_THROW(solve(std::vector<Sim3>{{Pose3(), 1.0}, {Pose3(), -1.0}}, std::vector<SimilarityEdge>{{0, 1, {}}}), ContractViolation);
 }
 
 }  // namespace

@@ -26,6 +26,23 @@ struct SpatialSolution {
 SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations = 50,
                       std::uint32_t fixed = 0);
 
+// The same where lengths drift too, as one camera's do: a pose's own lengths are `scale` times as long in the graph's frame (Strasdat, Montiel,
+// Davison: Scale Drift-Aware Large Scale Monocular SLAM, RSS 2010).
+struct SimilarityEdge {
+  std::uint32_t from = 0, to = 0;
+  Sim3 from_from_to;
+  // Of a small motion of `to` in its own frame: x, y, z, the rotation vector, and the logarithm of its scale.
+  Eigen::Matrix<double, 7, 7> information = Eigen::Matrix<double, 7, 7>::Identity();
+};
+struct SimilaritySolution {
+  std::vector<Sim3> poses;
+  double chi2 = 0.0;
+  int iterations = 0;
+  bool converged = false;
+};
+SimilaritySolution solve(const std::vector<Sim3>& initial, const std::vector<SimilarityEdge>& edges, int iterations = 50,
+                         std::uint32_t fixed = 0);
+
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses);
 
 }  // namespace mapweave::graph
