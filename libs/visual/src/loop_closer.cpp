@@ -1,5 +1,6 @@
 #include "loop_closer.h"
 
+#include <mapweave/matching/alignment_search.h>
 #include <mapweave/matching/visual_judge.h>
 
 #include <algorithm>
@@ -33,6 +34,7 @@ struct Place {
     const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
     const View side_from_map = map.keyframe(keyframes.front()).view;
     view.id.index = map.keyframe(keyframes.front()).serial;
+    view.metric = !map.monocular;
     landmark_of_feature.reserve(keyframes.size());
     for (int number : keyframes) {
       const Keyframe& keyframe = map.keyframe(number);
@@ -174,12 +176,12 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   const bool in_order = a.view.id < b.view.id;
   const Judgement judgement = in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
   if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
-  const Pose3& first_from_second = judgement.hypotheses.front().a_from_b.pose;
-  const Pose3 newest_from_earlier = in_order ? inverse(first_from_second) : first_from_second;
+  const Sim3& first_from_second = judgement.hypotheses.front().a_from_b;
+  const Sim3 earlier_from_newest = in_order ? first_from_second : matching::inverse(first_from_second);
   const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
   FoundLoop loop;
   loop.newest = newest, loop.earlier = earlier;
-  loop.view = view_of(compose(map_from_earlier, inverse(newest_from_earlier)));
+  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
   found.erase(std::remove_if(found.begin(), found.end(), [&](const Match& match) { return !is_known(map.landmark(match.landmark)); }), found.end());
   std::vector<Sighting> sightings;
@@ -201,7 +203,9 @@ bool LoopCloser::is_plausible(const LandmarkMap& map, const FoundLoop& loop) con
   const double moved = (correction * centre - centre).norm();
   const double way = way_between(map, loop.newest, loop.earlier);
   constexpr double kTurn = 0.1, kTurnPerMetre = 0.01;
-  return moved < options_.loops.drift_m + options_.loops.drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
+  const double stretched = std::abs(std::log(loop.scale));
+  constexpr double kStretch = 0.1;
+  return stretched < kStretch + options_.loops.drift * way && moved < options_.loops.drift_m + options_.loops.drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
 }
 
 }  // namespace mapweave::visual

@@ -15,6 +15,7 @@ namespace mapweave::visual {
 struct FoundLoop {
   int newest = 0, earlier = 0;         // keyframes
   View view;                           // of the newest keyframe, as the earlier one's map says
+  double scale = 1.0;                  // what is one long to the newest keyframe is so long to the earlier one; 1 where depth is measured
   std::vector<Match> matches;          // landmarks of the earlier ones that the newest keyframe's picture shows
   std::uint32_t serial = 0;            // of the newest keyframe
   std::vector<std::uint32_t> serials;  // of the landmarks

@@ -48,6 +48,8 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
       bundle_.observations.push_back({static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px), true});
   }
   bundle_.flaws = map.flaws;
+  monocular_ = map.monocular;
+  scales_.assign(bundle_.views.size(), 1.0);
 }
 
 void MapCorrection::run() {
@@ -58,40 +60,57 @@ void MapCorrection::run() {
     if (bundle_.fixed[i]) fixed = static_cast<std::uint32_t>(i);
   }
   std::vector<graph::SpatialEdge> edges;
-  const auto tie = [&](std::size_t from, std::size_t to, const Pose3& from_from_to, double landmarks) {
-    graph::SpatialEdge edge{static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
-                            landmarks * Eigen::Matrix<double, 6, 6>::Identity()};
-    edge.information.bottomRightCorner<3, 3>() /= kTurnPerMetre * kTurnPerMetre;
-    edges.push_back(edge);
+  std::vector<graph::SimilarityEdge> drifting;
+  const auto tie = [&](std::size_t from, std::size_t to, const Sim3& from_from_to, double landmarks) {
+    const auto a = static_cast<std::uint32_t>(from), b = static_cast<std::uint32_t>(to);
+    graph::SimilarityEdge edge{a, b, from_from_to, landmarks * Eigen::Matrix<double, 7, 7>::Identity()};
+    edge.information.block<3, 3>(3, 3) /= kTurnPerMetre * kTurnPerMetre;
+    if (monocular_)
+      drifting.push_back(edge);
+    else
+      edges.push_back({a, b, from_from_to.pose, edge.information.topLeftCorner<6, 6>()});
   };
   for (const Tie& known : ties_) {
     const auto from = static_cast<std::size_t>(known.from), to = static_cast<std::size_t>(known.to);
-    tie(from, to, between(poses[from], poses[to]), std::max(kWeakTie, static_cast<double>(known.landmarks)));
+    tie(from, to, {between(poses[from], poses[to]), 1.0}, std::max(kWeakTie, static_cast<double>(known.landmarks)));
   }
-  tie(earlier_, newest_, between(poses[earlier_], pose_of(loop_.view)), 10.0 * static_cast<double>(loop_.matches.size()));
-  const graph::SpatialSolution solution = graph::solve(poses, edges, 50, fixed);
+  tie(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale}, 10.0 * static_cast<double>(loop_.matches.size()));
+  constexpr int kIterations = 50;
+  if (monocular_) {
+    std::vector<Sim3> similar;
+    for (const Pose3& pose : poses) similar.push_back({pose, 1.0});
+    const graph::SimilaritySolution solution = graph::solve(similar, drifting, kIterations, fixed);
+    for (std::size_t i = 0; i < poses.size(); ++i) poses[i] = solution.poses[i].pose, scales_[i] = solution.poses[i].scale;
+  } else {
+    poses = graph::solve(poses, edges, kIterations, fixed).poses;
+  }
 
   const std::vector<View> before = bundle_.views;
-  for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i] = view_of(solution.poses[i]);
+  for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i] = view_of(poses[i]);
+  for (BundleObservation& o : bundle_.observations) {
+    o.sighting.inverse_depth /= scales_[static_cast<std::size_t>(o.view)];
+    o.sighting.inverse_depth_sigma /= scales_[static_cast<std::size_t>(o.view)];
+  }
   for (std::size_t i = 0; i < bundle_.points.size(); ++i) {
     const auto anchor = static_cast<std::size_t>(anchors_[i]);
-    bundle_.points[i] = bundle_.views[anchor].inverse() * (before[anchor] * bundle_.points[i]);
+    bundle_.points[i] = bundle_.views[anchor].inverse() * (scales_[anchor] * (before[anchor] * bundle_.points[i]));
   }
   BundleOptions options;
   options.most_steps = 8;
   adjust(bundle_, camera_, options);
 }
 
-void MapCorrection::apply(LandmarkMap& map) const {
+std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
   std::vector<View> before;
   for (const Keyframe& keyframe : map.keyframes) before.push_back(keyframe.view);
   std::vector<char> moved(map.keyframes.size(), 0);
+  std::vector<double> scales(map.keyframes.size(), 1.0);
   const int session = map.keyframe(keyframes_.front().slot).session;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
     if (keyframe.gone || keyframe.serial != keyframes_[i].serial) continue;
     keyframe.view = bundle_.views[i];
-    moved[static_cast<std::size_t>(keyframes_[i].slot)] = 1;
+    moved[static_cast<std::size_t>(keyframes_[i].slot)] = 1, scales[static_cast<std::size_t>(keyframes_[i].slot)] = scales_[i];
   }
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
@@ -99,7 +118,9 @@ void MapCorrection::apply(LandmarkMap& map) const {
   std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
   for (std::size_t i = 1; i < order.size(); ++i) {
     const auto here = static_cast<std::size_t>(order[i]), last = static_cast<std::size_t>(order[i - 1]);
-    if (!moved[here]) map.keyframes[here].view = before[here] * before[last].inverse() * map.keyframes[last].view;
+    if (moved[here]) continue;
+    scales[here] = scales[last];
+    map.keyframes[here].view = stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
   }
   std::vector<char> known(map.landmarks.size(), 0);
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
@@ -112,7 +133,29 @@ void MapCorrection::apply(LandmarkMap& map) const {
     Landmark& landmark = map.landmarks[id];
     if (known[id] || landmark.gone || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
     const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
-    landmark.point = map.keyframes[anchor].view.inverse() * (before[anchor] * landmark.point);
+    landmark.point = map.keyframes[anchor].view.inverse() * (scales[anchor] * (before[anchor] * landmark.point));
+  }
+  if (monocular_) stretch(map, scales);
+  return scales;
+}
+
+void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe) {
+  const auto scale_of = [&](int keyframe) { return scale_of_keyframe[static_cast<std::size_t>(keyframe)]; };
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    const auto scale = static_cast<float>(scale_of_keyframe[i]);
+    for (float& depth : map.keyframes[i].depths) depth *= scale;
+    for (AnchoredFrame& frame : map.keyframes[i].frames) frame.centre *= scale;
+  }
+  for (Landmark& landmark : map.landmarks) {
+    for (Observation& o : landmark.seen) {
+      o.sighting.inverse_depth /= scale_of(o.keyframe);
+      o.sighting.inverse_depth_sigma /= scale_of(o.keyframe);
+    }
+    for (Appearance& appearance : landmark.appearances) appearance.from_keyframe.translation *= scale_of(appearance.keyframe);
+  }
+  for (DepthCandidate& candidate : map.candidates) {
+    candidate.inverse_depth /= scale_of(candidate.keyframe);
+    candidate.sigma /= scale_of(candidate.keyframe);
   }
 }
 
@@ -127,16 +170,25 @@ void see_matches(LandmarkMap& map, const FoundLoop& loop, double sigma_px) {
   }
 }
 
-void join_sessions(LandmarkMap& map, const FoundLoop& loop) {
-  const View earlier_from_newest = correction_of(map, loop);
+void join_sessions(LandmarkMap& map, FoundLoop& loop) {
+  const View newest = map.keyframe(loop.newest).view;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const int kept = std::min(here, there), moved = std::max(here, there);
-  const View kept_from_moved = moved == here ? earlier_from_newest : earlier_from_newest.inverse(),
-             moved_from_kept = kept_from_moved.inverse();
+  // One camera in both maps, and how its lengths grow.
+  const View from = moved == here ? newest : loop.view, to = moved == here ? loop.view : newest;
+  const double scale = moved == here ? loop.scale : 1.0 / loop.scale;
   for (Landmark& landmark : map.landmarks)
-    if (!landmark.gone && map.keyframe(landmark.seen.front().keyframe).session == moved) landmark.point = kept_from_moved * landmark.point;
-  for (Keyframe& keyframe : map.keyframes)
-    if (!keyframe.gone && keyframe.session == moved) keyframe.view = keyframe.view * moved_from_kept, keyframe.session = kept;
+    if (!landmark.gone && map.keyframe(landmark.seen.front().keyframe).session == moved)
+      landmark.point = to.inverse() * (scale * (from * landmark.point));
+  std::vector<double> scales(map.keyframes.size(), 1.0);
+  for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
+    Keyframe& keyframe = map.keyframes[i];
+    if (keyframe.gone || keyframe.session != moved) continue;
+    keyframe.view = stretched(keyframe.view * from.inverse(), scale) * to, keyframe.session = kept;
+    scales[i] = scale;
+  }
+  if (map.monocular) stretch(map, scales);
+  loop.view = to, loop.scale = 1.0;
 }
 
 }  // namespace mapweave::visual

@@ -11,8 +11,8 @@ class MapCorrection {
  public:
   MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px);
   void run();  // pure; on any thread, once
-  // After run(). What was added since moves along with the keyframe before it. The newest keyframe sees the earlier landmarks from now on.
-  void apply(LandmarkMap& map) const;
+  // After run(). What was added since moves along with the keyframe before it. Answers by how much the lengths of each keyframe have grown.
+  std::vector<double> apply(LandmarkMap& map) const;
   const FoundLoop& loop() const { return loop_; }
 
  private:
@@ -27,10 +27,19 @@ class MapCorrection {
   std::vector<Tie> ties_;                    // of views
   std::size_t newest_ = 0, earlier_ = 0;     // views
   Bundle bundle_;
+  bool monocular_ = false;
+  std::vector<double> scales_;  // of the views
 };
 
-// Newer keyframes of another session become part of the older one.
-void join_sessions(LandmarkMap& map, const FoundLoop& loop);
+// A view whose camera's lengths grow: (view from the other) with its translation so much longer.
+inline View stretched(View view, double scale) {
+  view.translation *= scale;
+  return view;
+}
+// What keyframes measured themselves grows with them: depths, frames anchored to them. By slot.
+void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe);
+// Newer keyframes of another session become part of the older one; the loop speaks of that one then.
+void join_sessions(LandmarkMap& map, FoundLoop& loop);
 // The newest keyframe sees what the loop found.
 void see_matches(LandmarkMap& map, const FoundLoop& loop, double sigma_px);
 

@@ -85,7 +85,7 @@ struct VisualClient::State {
     return attempt;
   }
 
-  // First by landmarks that several keyframes saw, since who walks by brings new ones that agree among themselves; then by all that do not
+  // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones that agree among themselves; then by all that do not
   // speak against it.
   PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
     constexpr std::size_t kEnough = 20;
@@ -95,7 +95,7 @@ struct VisualClient::State {
       if (map.landmark(match.landmark).seen.size() > 2) known.push_back(sightings.back());
     }
     const double gate = options.tracking.gate_sigmas;
-    if (known.size() < kEnough) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
+    if (known.size() < kEnough || map.monocular) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
     const PoseFromPoints first = pose_from_points(known, map.camera, start, map.flaws, gate);
     if (first.count < static_cast<int>(kEnough)) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
     return pose_from_points(sightings, map.camera, first.view, map.flaws, gate, gate);
@@ -216,7 +216,7 @@ struct VisualClient::State {
     if (!closer) return;
     closer->add(map, reference);
     if (straightening) return;
-    const auto loop = closer->look(map, finder, reference, picture, speed);
+    auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
     ++loops;
     if (map.keyframe(loop->earlier).session != session) {
@@ -231,9 +231,9 @@ struct VisualClient::State {
   void straighten() {
     straightening->work->run();
     const View view_from_reference = view * map.keyframe(reference).view.inverse();
-    straightening->correction->apply(map);
+    const double scale = straightening->correction->apply(map)[static_cast<std::size_t>(reference)];
     see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
-    view = view_from_reference * map.keyframe(reference).view;
+    view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
     straightening.reset();
   }
 
