@@ -53,22 +53,22 @@ cv::Mat drawn(const SheetFrame& frame, int width_px) {
 
 std::string contact_sheet_png(const std::vector<SheetFrame>& frames, const ContactSheetOptions& options) {
   MAPWEAVE_EXPECT(!frames.empty() && options.columns > 0 && options.picture_width_px >= 64, "a contact sheet has frames and columns");
-  std::vector<cv::Mat> pictures;
-  for (const SheetFrame& frame : frames) pictures.push_back(drawn(frame, options.picture_width_px));
-  constexpr double kCapital = 11.0;
+  constexpr double kCapital = 10.0;
   constexpr int kGap = 12, kCaption = 24;
   const int columns = std::min(options.columns, static_cast<int>(frames.size()));
   const int rows = (static_cast<int>(frames.size()) + columns - 1) / columns;
   int height = 0;
-  for (const cv::Mat& picture : pictures) height = std::max(height, picture.rows);
+  for (const SheetFrame& frame : frames)
+    height = std::max(height, 1 + options.picture_width_px * frame.height / std::max(1, frame.width));
   const int top = options.title.empty() ? kGap : 3 * kCaption / 2;
   Sheet sheet(columns * (options.picture_width_px + kGap) + kGap, top + rows * (height + kCaption + kGap), kCapital);
   if (!options.title.empty()) sheet.write(ascii(options.title), kGap, top - 0.6 * kCapital, kInk, 1.2);
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
+  for (std::size_t i = 0; i < frames.size(); ++i) {
     const int left = kGap + static_cast<int>(i) % columns * (options.picture_width_px + kGap),
               upper = top + static_cast<int>(i) / columns * (height + kCaption + kGap);
-    pictures[i].copyTo(sheet.image()(cv::Rect(left, upper, pictures[i].cols, pictures[i].rows)));
-    sheet.write(ascii(frames[i].caption), left, upper + pictures[i].rows + 1.5 * kCapital, kInk);
+    const cv::Mat picture = drawn(frames[i], options.picture_width_px);
+    picture.copyTo(sheet.image()(cv::Rect(left, upper, picture.cols, picture.rows)));
+    sheet.write(ascii(frames[i].caption), left, upper + picture.rows + 1.5 * kCapital, kInk);
   }
   return encoded(sheet.image());
 }

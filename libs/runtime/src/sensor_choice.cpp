@@ -11,7 +11,7 @@ namespace {
 
 using visual::CameraKind;
 
-constexpr double kLook_s = 10.0;
+constexpr double kLook_s = 5.0;
 constexpr int kLookRecords = 3000;
 
 struct Found {
@@ -32,6 +32,7 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       if (!first) first = record->stamp;
       const bool anything = found.laser || !found.cameras.empty();
       if (found.laser && laser_is_enough) break;
+      if (!found.cameras.empty() && std::filesystem::is_directory(log)) break;  // a folder of pictures is of one camera
       if (anything && seconds_between(*first, record->stamp) > kLook_s) break;
       found.laser = found.laser || dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record->observation.get()) != nullptr;
       if (const auto kind = visual::camera_kind(*record->observation)) {

@@ -23,7 +23,7 @@ struct SheetFrame {
 
 struct ContactSheetOptions {
   int columns = 4;
-  int picture_width_px = 480;
+  int picture_width_px = 360;
   std::string title;
 };
 

@@ -1,0 +1,132 @@
+"""accuracy, speed and memory of camera SLAM on public sequences and in simulated buildings
+
+Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default ../shared/data): visual/SEQUENCE. Simulated ones are made
+by `mapweave simulate` when they are first needed (some minutes each) and kept in out/bench/visual/worlds. Every run has one processor.
+Writes the table between <!-- bench:visual --> and <!-- /bench --> of README.md, and out/bench/visual.json. A partial run (--sequences)
+keeps the other rows as they were measured before.
+"""
+import json
+import math
+import os
+import statistics
+
+from benches import common
+
+REAL = {
+    "tum_fr1_rpy": {"sensor": "rgbd", "goal_m": 0.0216},
+    "hololens_office_part1": {"sensor": "rgbd", "goal_m": 0.046},
+    "kitti06_first51": {"sensor": "stereo", "goal_m": 0.07},
+    "euroc_v101_static": {"sensor": "stereo", "goal_m": 0.005, "stands": True},
+}
+# Goals by sensor; a world's robots are each one row.
+WORLDS = {
+    "apartment": {"world": "camera_apartment.yaml", "robots": ("alpha", "beta", "gamma"), "goal_m": {"rgbd": 0.05, "stereo": 0.08, "mono": 0.12}},
+    "loop": {"world": "camera_loop.yaml", "robots": ("alpha",), "goal_m": {"rgbd": 0.10}},
+}
+HEADERS = ("sequence", "sensor", "frames", "lost", "ATE RMSE, m (least to most)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
+           "frames/s", "peak, MB")
+
+
+def sequences():
+    known = dict(REAL)
+    for name, world in WORLDS.items():
+        for sensor, goal in world["goal_m"].items():
+            for robot in world["robots"]:
+                known[f"{name}-{sensor}-{robot}"] = {"sensor": sensor, "goal_m": goal, "world": name, "robot": robot}
+    return known
+
+
+def add_arguments(parser):
+    parser.add_argument("--sequences", default=",".join(sequences()), metavar="NAME,...", help="default: all of %(default)s")
+    parser.add_argument("--seeds", type=int, default=5, metavar="N", help="the median error of N seeds (default: %(default)s)")
+    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+
+
+def kitti_truth(folder, out):
+    """poses.txt (3 x 4, row by row) and times.txt as a TUM trajectory."""
+    lines = []
+    for time, row in zip((folder / "times.txt").read_text().split(), (folder / "poses.txt").read_text().splitlines()):
+        values = [float(value) for value in row.split()]
+        lines.append(f"{float(time):.6f} {values[3]} {values[7]} {values[11]} 0 0 0 1\n")  # errors of places only
+    out.write_text("".join(lines))
+    return out
+
+
+def simulated(name, sensor):
+    folder = common.OUT / f"visual/worlds/{name}-{sensor}"
+    if not (folder / "manifest.json").exists() and not (folder / "run.yaml").exists():
+        common.mapweave("simulate", common.ROOT / "configs/worlds" / WORLDS[name]["world"], "--set", f"cameras.0.kind={sensor}",
+                        "--out", folder, "--force")
+    return folder
+
+
+def inputs_of(name, sequence):
+    """The log, and the truth of the robot or the camera."""
+    if "world" in sequence:
+        folder = simulated(sequence["world"], sequence["sensor"])
+        return folder / f"{sequence['robot']}.rawlog", folder / f"{sequence['robot']}.camera.truth.tum"
+    folder = common.DATA / "visual" / name
+    if (folder / "poses.txt").exists():
+        return folder, kitti_truth(folder, common.OUT / f"visual/{name}.truth.tum")
+    return folder, folder / "groundtruth.txt"
+
+
+def farthest_from_start(trajectory):
+    poses = [[float(value) for value in line.split()[1:4]] for line in trajectory.read_text().splitlines()]
+    return max(math.dist(poses[0], pose) for pose in poses)
+
+
+def error_of(trajectory, truth, sequence):
+    if sequence.get("stands"):
+        return farthest_from_start(trajectory)
+    align = "sim3" if sequence["sensor"] == "mono" else "se3"
+    _, text = common.mapweave("evaluate", "trajectory", "--estimate", trajectory, "--reference", truth, "--align", align, "--json")
+    return json.loads(text)["ate_translation_rmse_m"]
+
+
+def measure(name, sequence, seeds):
+    log, truth = inputs_of(name, sequence)
+    errors = []
+    for seed in range(1, seeds + 1):
+        out = common.OUT / f"visual/{name}"
+        common.mapweave("slam", log, "--sensor", sequence["sensor"], "--seed", seed, "--threads", 1, "--out", out, "--force")
+        errors.append(error_of(out / "trajectory.tum", truth, sequence))
+    summary = json.loads((out / "summary.json").read_text())
+    robot = summary["robots"][0]
+    return {"name": name, "sequence": sequence, "errors_m": errors, "camera": robot["cameras"][0],
+            "frames_per_second": robot["cameras"][0]["frames"] / robot["cpu_seconds"], "peak_rss_bytes": summary["peak_rss_bytes"]}
+
+
+def cells(row):
+    camera, errors = row["camera"], row["errors_m"]
+    return (row["name"], row["sequence"]["sensor"], camera["frames"], camera["lost"],
+            f"{statistics.median(errors):.4f} ({min(errors):.4f} to {max(errors):.4f})", row["sequence"]["goal_m"], camera["loops"],
+            f"{camera['tracking_mean_ms']:.1f} ({camera['tracking_p99_ms']:.1f})", f"{camera['keyframe_mean_ms']:.1f}",
+            f"{row['frames_per_second']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}")
+
+
+def run(arguments):
+    known = sequences()
+    chosen = [name for name in arguments.sequences.split(",") if name]
+    for name in chosen:
+        if name not in known:
+            common.give_up(f"unknown sequence '{name}'; known: {', '.join(known)}", 2)
+    common.need(common.PROGRAM, "run scripts/build first")
+    for name in chosen:
+        if "world" not in known[name]:
+            common.need(common.DATA / "visual" / name, "set MAPWEAVE_DATA to the folder that holds visual/")
+    (common.OUT / "visual/worlds").mkdir(parents=True, exist_ok=True)
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+
+    stored = common.OUT / "visual.json"
+    rows = {row["name"]: row for row in json.loads(stored.read_text())["rows"]} if stored.exists() else {}
+    for name in chosen:
+        rows[name] = measure(name, known[name], arguments.seeds)
+        common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": [rows[key] for key in known if key in rows]})
+    text = common.table(HEADERS, [cells(rows[key]) for key in known if key in rows])
+    text += (f"\n\nMeasured by `scripts/bench visual` on one core of {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
+             f"of {arguments.seeds} seeds; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
+    print(text)
+    if not arguments.dry_run:
+        common.write_readme("visual", text)
+    return 0

@@ -1,0 +1,70 @@
+"""slam with cameras, from simulated pictures to trajectories, landmarks and pictures for people."""
+import json
+import math
+import unittest
+
+import support
+
+
+def poses(path):
+    return [[float(value) for value in line.split()] for line in path.read_text().splitlines()]
+
+
+class Cameras(support.Scenario):
+    def simulated(self, *settings, layout="rawlog"):
+        self.mapweave("simulate", support.ROOT / "configs/worlds/camera_tiny.yaml", "--set", f"logs.layout={layout}",
+                      *(word for setting in settings for word in ("--set", setting)), "--out", "world", "--force")
+        return self.folder / "world"
+
+    def error(self, trajectory, truth):
+        done = self.mapweave("evaluate", "trajectory", "--estimate", trajectory, "--reference", truth, "--align", "se3", "--json")
+        return json.loads(done.stdout)["ate_translation_rmse_m"]
+
+    def test_a_depth_camera_and_a_pair_are_mapped_in_one_frame_of_the_robot(self):
+        world = self.simulated()
+        done = self.mapweave("slam", world / "alpha.rawlog", "--sensor", "rgbd", "--out", "depth")
+        out = self.folder / "depth"
+        for name in ("trajectory.tum", "keyframes.tum", "map.pcd", "map.png", "frames.png", "map.mwdb", "summary.json", "manifest.json"):
+            self.assertTrue((out / name).exists(), name)
+        camera = json.loads((out / "summary.json").read_text())["robots"][0]["cameras"][0]
+        self.assertEqual((camera["label"], camera["kind"], camera["lost"]), ("rgbd", "rgbd", 0))
+        self.assertEqual(len(poses(out / "trajectory.tum")), camera["tracked"])
+        self.assertIn("tracked", done.stdout)
+        self.assertLess(self.error(out / "trajectory.tum", world / "alpha.rgbd.truth.tum"), 0.05)
+        first = poses(out / "trajectory.tum")[0]
+        self.assertLess(math.dist(first[1:4], (0, 0, 0)), 0.02, "the map begins where the robot stood")
+
+        self.mapweave("slam", world / "alpha.rawlog", "--sensor", "stereo", "--out", "pair")
+        self.assertLess(self.error(self.folder / "pair/trajectory.tum", world / "alpha.stereo.truth.tum"), 0.10)
+
+    def test_the_laser_is_taken_where_there_is_one(self):
+        world = self.simulated()
+        self.mapweave("slam", world / "alpha.rawlog", "--out", "auto")
+        self.assertNotIn("cameras", json.loads((self.folder / "auto/summary.json").read_text())["robots"][0])
+
+    def test_a_folder_and_the_rawlog_made_of_it_give_the_same_bytes(self):
+        world = self.simulated(layout="folders")
+        folder = world / "alpha_rgbd"
+        self.mapweave("convert", folder, "alpha_rgbd.rawlog")
+        for threads, log, out in ((1, folder, "a"), (2, "alpha_rgbd.rawlog", "b")):
+            self.mapweave("slam", log, "--threads", threads, "--out", out)
+        for name in ("trajectory.tum", "keyframes.tum", "map.pcd"):
+            self.assertEqual((self.folder / "a" / name).read_bytes(), (self.folder / "b" / name).read_bytes(), name)
+
+    def test_folders_are_robots_logs_in_a_run(self):
+        world = self.simulated(layout="folders")
+        (self.folder / "team.yaml").write_text(f"robots:\n  - {{id: alpha, log: {json.dumps(str(world / 'alpha_rgbd'))}}}\n")
+        self.mapweave("run", "team.yaml", "--out", "team")
+        self.assertTrue((self.folder / "team/robots/alpha/trajectory.tum").exists())
+
+    def test_what_the_log_has_not_is_said(self):
+        world = self.simulated(layout="folders")
+        done = self.mapweave("slam", world / "alpha_rgbd", "--sensor", "stereo", "--out", "no", code=support.BAD_INPUT)
+        self.assert_says(done, "no stereo pair", "depth camera", "sensor")
+        done = self.mapweave("slam", world / "alpha_rgbd", "--set", "visual.label=RGDB", "--out", "no", code=support.BAD_INPUT)
+        self.assert_says(done, "RGDB", "did you mean 'RGBD'")
+        self.assertFalse((self.folder / "no").exists())
+
+
+if __name__ == "__main__":
+    unittest.main()
