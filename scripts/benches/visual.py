@@ -61,10 +61,10 @@ def simulated(name, sensor):
 
 
 def inputs_of(name, sequence):
-    """The log, and the truth of the robot or the camera."""
+    """The log, and the truth of what its trajectory tells of: the robot, or the camera where nothing says how it stands on one."""
     if "world" in sequence:
         folder = simulated(sequence["world"], sequence["sensor"])
-        return folder / f"{sequence['robot']}.rawlog", folder / f"{sequence['robot']}.camera.truth.tum"
+        return folder / f"{sequence['robot']}.rawlog", folder / f"{sequence['robot']}.truth.tum"
     folder = common.DATA / "visual" / name
     if (folder / "poses.txt").exists():
         return folder, kitti_truth(folder, common.OUT / f"visual/{name}.truth.tum")

@@ -57,7 +57,8 @@ TEST(SpatialGraph, keeps_poses_that_no_edge_names) {
   const SpatialSolution solution = solve(poses, std::vector<SpatialEdge>());
   EXPECT_TRUE(solution.converged);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(solution.poses[i].t, poses[i].t);
-  EXPECT_THROW(solve(poses, std::vector<SpatialEdge>{edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}), ContractViolation);
+  EXPECT_THROW(solve(poses, std::vector<SpatialEdge>{edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}),
+               ContractViolation);
 }
 
 TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {

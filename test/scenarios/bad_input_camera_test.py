@@ -23,13 +23,13 @@ class CameraFolder(support.Scenario):
         colour, depth = [], []
         for i in range(8):
             first, second = f"{50 + 0.1 * i:.6f}", f"{50.004 + 0.1 * i:.6f}"
-            self.write_bytes(f"walk/rgb/{first}.png", png(16, 12, 8, 20 + i))
-            self.write_bytes(f"walk/depth/{second}.png", png(16, 12, 16, 5000 + i))
+            self.write_bytes(f"walk/rgb/{first}.png", png(80, 64, 8, 20 + i))
+            self.write_bytes(f"walk/depth/{second}.png", png(80, 64, 16, 5000 + i))
             colour.append(f"{first} rgb/{first}.png\n")
             depth.append(f"{second} depth/{second}.png\n")
         self.write("walk/rgb.txt", "# color\n" + "".join(colour))
         self.write("walk/depth.txt", "# depth\n" + "".join(depth))
-        self.write("walk/camera.yaml", "width: 16\nheight: 12\nfx: 20\nfy: 20\ncx: 8\ncy: 6\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: 5000\n")
+        self.write("walk/camera.yaml", "width: 80\nheight: 64\nfx: 80\nfy: 80\ncx: 40\ncy: 32\ndistortion: [0, 0, 0, 0, 0]\ndepth_scale: 5000\n")
 
     def write_bytes(self, name, data):
         path = self.folder / name
@@ -48,7 +48,7 @@ class CameraFolder(support.Scenario):
         self.mapweave("convert", "walk/", "walk.rawlog")
         for recording in ("walk", "walk/", "walk.rawlog"):
             done = self.mapweave("inspect", recording)
-            for line in ("width: 16", "calibrated: true", "farthest_m: 1.0", "rate_hz: 9.99999", "most_depth_delay_s: 0.004"):
+            for line in ("width: 80", "calibrated: true", "farthest_m: 1.0", "rate_hz: 9.99999", "most_depth_delay_s: 0.004"):
                 self.assertIn(line, done.stdout)
 
     def test_parts_of_a_folder_are_folders_that_run_can_name(self):
@@ -56,11 +56,16 @@ class CameraFolder(support.Scenario):
         self.assertEqual(len(list((self.folder / "parts/robot0/rgb").iterdir())), 5)
         self.assertIn("log: robot1", (self.folder / "parts/run.yaml").read_text())
         self.assertIn("TUM", self.mapweave("inspect", "parts/robot1").stdout)
-        self.assert_says(self.mapweave("run", "parts/run.yaml", "--out", "out", code=BAD_INPUT), "laser", "robot0")
+        self.assert_says(self.mapweave("run", "parts/run.yaml", "--out", "out", code=BAD_INPUT), "could be placed", "corners")
         self.assert_nothing_left("out")
 
-    def test_a_folder_without_a_laser_is_refused_by_slam_as_a_log_is(self):
-        self.refuse("laser", "walk", verbs=("slam",))
+    def test_pictures_that_show_nothing_are_refused_by_slam_with_the_reason(self):
+        self.refuse("walk", "none of the 8 frames", "could be placed", verbs=("slam",))
+
+    def test_a_laser_is_asked_for_in_vain(self):
+        done = self.mapweave("slam", "walk", "--sensor", "laser", "--out", "out", code=BAD_INPUT)
+        self.assert_says(done, "laser", "walk")
+        self.assert_nothing_left("out")
 
     def test_parts_at_a_time_outside_are_refused(self):
         done = self.mapweave("split", "walk", "--robots", "2", "--at", "99", "--out", "parts", code=BAD_INPUT)
@@ -86,11 +91,11 @@ class CameraFolder(support.Scenario):
         self.refuse("rgb/50.300000.png", "cut short", verbs=("inspect", "convert", "slam"))
 
     def test_a_picture_of_another_size_is_named(self):
-        self.write_bytes("walk/rgb/50.300000.png", png(8, 12, 8, 3))
-        self.refuse("rgb/50.300000.png", "8 x 12", "16 x 12", "camera.yaml", verbs=("inspect", "convert", "slam"))
+        self.write_bytes("walk/rgb/50.300000.png", png(40, 64, 8, 3))
+        self.refuse("rgb/50.300000.png", "40 x 64", "80 x 64", "camera.yaml", verbs=("inspect", "convert", "slam"))
 
     def test_depth_of_8_bits_is_refused(self):
-        self.write_bytes("walk/depth/50.304000.png", png(16, 12, 8, 3))
+        self.write_bytes("walk/depth/50.304000.png", png(80, 64, 8, 3))
         self.refuse("depth/50.304000.png", "16 bits", verbs=("inspect", "convert", "slam"))
 
     def test_stamps_that_never_pair_are_refused(self):

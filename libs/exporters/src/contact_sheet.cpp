@@ -58,8 +58,7 @@ std::string contact_sheet_png(const std::vector<SheetFrame>& frames, const Conta
   const int columns = std::min(options.columns, static_cast<int>(frames.size()));
   const int rows = (static_cast<int>(frames.size()) + columns - 1) / columns;
   int height = 0;
-  for (const SheetFrame& frame : frames)
-    height = std::max(height, 1 + options.picture_width_px * frame.height / std::max(1, frame.width));
+  for (const SheetFrame& frame : frames) height = std::max(height, 1 + options.picture_width_px * frame.height / std::max(1, frame.width));
   const int top = options.title.empty() ? kGap : 3 * kCaption / 2;
   Sheet sheet(columns * (options.picture_width_px + kGap) + kGap, top + rows * (height + kCaption + kGap), kCapital);
   if (!options.title.empty()) sheet.write(ascii(options.title), kGap, top - 0.6 * kCapital, kInk, 1.2);

@@ -55,7 +55,8 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
   std::stable_sort(shown.begin(), shown.end(), [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
 
   std::vector<double> x, y;
-  for (const ColouredPoint* point : shown) x.push_back(static_cast<double>(point->point.x())), y.push_back(static_cast<double>(point->point.y()));
+  for (const ColouredPoint* point : shown)
+    x.push_back(static_cast<double>(point->point.x())), y.push_back(static_cast<double>(point->point.y()));
   const Extent across = extent_of(std::move(x), robot_x), along = extent_of(std::move(y), robot_y);
   MapRaster raster;
   raster.pixels_per_m = options.common_side_px / std::max(across.length(), along.length());

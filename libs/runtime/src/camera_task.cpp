@@ -63,7 +63,8 @@ class Camera {
     const visual::ClientPlace place{{robot, SensorId(sensor_name(report_.label))}, robot_from_camera};
     const std::vector<int> sessions = client_->sessions();
     std::vector<MapUpdate> updates = client_->take_updates(place, visual::PublishedDetail::exact);
-    std::sort(updates.begin(), updates.end(), [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
+    std::sort(updates.begin(), updates.end(),
+              [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
@@ -183,8 +184,8 @@ Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& camer
     if (camera.report().frames == 0) continue;
     const std::vector<std::string> notes = camera.notes();
     return {ErrorCode::kBadInput,
-            "none of the " + std::to_string(camera.report().frames) + " frames of camera '" + camera.report().label + "' could be placed: " +
-                (notes.empty() ? "too few corners were seen, or the camera hardly moved" : notes.front()),
+            "none of the " + std::to_string(camera.report().frames) + " frames of camera '" + camera.report().label +
+                "' could be placed: " + (notes.empty() ? "too few corners were seen, or the camera hardly moved" : notes.front()),
             robot.log.string(), notes.empty() ? "look at its pictures" : "mend the recording, or choose another --sensor"};
   }
   return {ErrorCode::kBadInput, "the log has no frames of its camera", robot.log.string(), "choose another sensor"};

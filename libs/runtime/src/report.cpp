@@ -116,8 +116,8 @@ Json camera_json(const CameraReport& camera) {
 }
 
 std::string in_words(const RobotReport& robot) {
-  const std::string pace = format(" of %.0f s in %.1f s (%.1f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
-                                  robot.real_time_factor(), robot.mapped ? "" : "; no map");
+  const std::string pace = format(" of %.0f s in %.1f s (%.*f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
+                                  robot.real_time_factor() < 9.5 ? 1 : 0, robot.real_time_factor(), robot.mapped ? "" : "; no map");
   if (robot.cameras.empty())
     return format("robot %s: %llu scans", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans)) + pace;
   std::string text;

@@ -56,7 +56,8 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
       double nearest = kNear_px;
       for (const Match& match : matches) {
         const double distance = (match.pixel - pixel).norm();
-        if (distance < nearest && is_known(map.landmark(match.landmark))) nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
+        if (distance < nearest && is_known(map.landmark(match.landmark)))
+          nearest = distance, depth = (view * map.landmark(match.landmark).point).z();
       }
     }
     depths.push_back(static_cast<float>(depth));
@@ -70,9 +71,11 @@ std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& c
   if (colour.blue_green_red) {
     const Eigen::Vector3d ray = camera.ray(pixel);
     const Eigen::Vector2d there = colour.distortion.distorted({ray.x(), ray.y()});
-    const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx), y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);
+    const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx),
+               y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);
     if (x >= 0 && y >= 0 && x < colour.width && y < colour.height) {
-      const std::uint8_t* at = colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes + 3 * static_cast<std::size_t>(x);
+      const std::uint8_t* at =
+          colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes + 3 * static_cast<std::size_t>(x);
       return {at[2], at[1], at[0]};
     }
   }

@@ -29,8 +29,8 @@ std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark&
   const Appearance* appearance = best_appearance(map, landmark, view.centre());
   if (appearance == nullptr) return std::nullopt;
   const View old = map.view_of(*appearance);
-  return warp_patch(appearance->patch, warp_to(map.camera, appearance->pixel, appearance->patch.level, view * old.inverse(),
-                                                 (old * landmark.point).z()));
+  return warp_patch(appearance->patch,
+                    warp_to(map.camera, appearance->pixel, appearance->patch.level, view * old.inverse(), (old * landmark.point).z()));
 }
 
 }  // namespace
@@ -136,7 +136,8 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
         const int feature = picture.features->find(landmark.descriptor, candidate.pixel, options.reach_px, taken);
         if (feature < 0) continue;
         taken[static_cast<std::size_t>(feature)] = 1;
-        result.push_back({candidate.landmark, picture.features->pixel(feature), Eigen::Vector2d::Zero(), picture.features->level(feature), feature});
+        result.push_back(
+            {candidate.landmark, picture.features->pixel(feature), Eigen::Vector2d::Zero(), picture.features->level(feature), feature});
         continue;
       }
       const auto warped = expected_look(map, landmark, guess);

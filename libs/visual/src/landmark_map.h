@@ -32,7 +32,7 @@ struct Landmark {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  // in the map
   std::vector<Observation> seen;
   std::vector<Appearance> appearances;
-  int tried = 0, found = 0;  // looked for in frames
+  int tried = 0, found = 0;              // looked for in frames
   matching::OrbDescriptor descriptor{};  // of sensors that hand over features
   std::uint32_t serial = 0;
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
@@ -98,7 +98,7 @@ struct LandmarkMap {
   std::vector<int> free_keyframes, free_landmarks;
   std::uint32_t keyframes_made = 0, landmarks_made = 0;
   std::vector<std::pair<int, std::uint32_t>> young;  // landmarks on probation, and the keyframe (its serial number) that made them
-  std::vector<DepthCandidate> candidates;                    // in the order of their keyframes
+  std::vector<DepthCandidate> candidates;            // in the order of their keyframes
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }

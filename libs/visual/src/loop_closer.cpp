@@ -183,7 +183,8 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   loop.newest = newest, loop.earlier = earlier;
   loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
-  found.erase(std::remove_if(found.begin(), found.end(), [&](const Match& match) { return !is_known(map.landmark(match.landmark)); }), found.end());
+  found.erase(std::remove_if(found.begin(), found.end(), [&](const Match& match) { return !is_known(map.landmark(match.landmark)); }),
+              found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
   const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.flaws, options_.tracking.gate_sigmas);
@@ -205,7 +206,8 @@ bool LoopCloser::is_plausible(const LandmarkMap& map, const FoundLoop& loop) con
   constexpr double kTurn = 0.1, kTurnPerMetre = 0.01;
   const double stretched = std::abs(std::log(loop.scale));
   constexpr double kStretch = 0.1;
-  return stretched < kStretch + options_.loops.drift * way && moved < options_.loops.drift_m + options_.loops.drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
+  return stretched < kStretch + options_.loops.drift * way && moved < options_.loops.drift_m + options_.loops.drift * way &&
+         angle_of(correction) < kTurn + kTurnPerMetre * way;
 }
 
 }  // namespace mapweave::visual

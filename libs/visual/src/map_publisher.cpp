@@ -45,8 +45,8 @@ Pose3 MapPublisher::map_from_robot(const Keyframe& keyframe) const {
 std::shared_ptr<const Payload> MapPublisher::payload_of(const LandmarkMap& map, const Keyframe& keyframe) {
   const PinholeCamera& camera = map.camera;
   if (!geometry_)
-    geometry_ = std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy,
-                                                                      map.baseline_m, kLevelScale, place_.robot_from_camera});
+    geometry_ = std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx,
+                                                                      camera.cy, map.baseline_m, kLevelScale, place_.robot_from_camera});
   KeyframeFeatures features;
   features.geometry = geometry_;
   features.descriptors = keyframe.features.descriptors;

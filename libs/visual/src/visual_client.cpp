@@ -1,14 +1,14 @@
 #include "culling.h"
-#include "detector.h"
 #include "depth_candidates.h"
+#include "detector.h"
 #include "feature_grid.h"
 #include "frame_alignment.h"
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
 #include "map_publisher.h"
-#include "sensor_notes.h"
 #include "mono_start.h"
+#include "sensor_notes.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/visual/visual_client.h>
@@ -85,8 +85,8 @@ struct VisualClient::State {
     return attempt;
   }
 
-  // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones that agree among themselves; then by all that do not
-  // speak against it.
+  // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones
+  // that agree among themselves; then by all that do not speak against it.
   PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
     constexpr std::size_t kEnough = 20;
     std::vector<Sighting> sightings, known;
@@ -367,7 +367,8 @@ Tracked VisualClient::add(const Frame& frame) {
 
 Tracked VisualClient::add(const FeatureFrame& frame) {
   const std::size_t count = frame.features.points.size();
-  MAPWEAVE_EXPECT(frame.features.descriptors.size() == count && frame.inverse_depths.size() == count, "each feature has a descriptor and an inverse depth");
+  MAPWEAVE_EXPECT(frame.features.descriptors.size() == count && frame.inverse_depths.size() == count,
+                  "each feature has a descriptor and an inverse depth");
   MAPWEAVE_EXPECT(frame.level_factor >= 1.0, "levels of features grow coarser");
   return state_->add(frame);
 }
@@ -380,8 +381,7 @@ void VisualClient::finish() {
 
 std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
   if (!state_->begun) return {};
-  if (!state_->publisher)
-    state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, state_->options.tracking.sigma_px);
+  if (!state_->publisher) state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, state_->options.tracking.sigma_px);
   return state_->publisher->take(state_->map, detail);
 }
 

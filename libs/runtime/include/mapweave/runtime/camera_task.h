@@ -36,8 +36,8 @@ struct CameraMap {
 
 struct CamerasOutcome {
   std::vector<CameraResult> cameras;  // by label; those that tracked anything
-  // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never came
-  // back to a place that it knew.
+  // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never
+  // came back to a place that it knew.
   std::vector<CameraMap> maps;
   double log_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map

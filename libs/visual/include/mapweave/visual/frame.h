@@ -57,7 +57,8 @@ struct Frame {
   DepthPicture depth;  // image empty without depth
   ColourPicture colour;
   std::optional<ExpectedMotion> expected;
-  // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera without depth takes scale from.
+  // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera without depth takes scale
+  // from.
   std::optional<Pose3> odometry_from_camera;
   bool shows_depth() const { return !right.empty() || !depth.image.empty(); }
 };

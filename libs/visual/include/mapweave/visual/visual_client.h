@@ -93,8 +93,8 @@ class VisualClient {
   void finish();
 
   // What is new, changed and gone since the last call: keyframes with their features once, then their poses alone. One update for each map
-  // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and landmark ids name
-  // the client's one run and never change. `place` is the same at each call (contract).
+  // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and
+  // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
 
   std::vector<SeenLandmark> seen() const;
