@@ -63,8 +63,8 @@ std::string camera_yaml(const CameraOptions& options) {
   const CameraIntrinsics c = options.intrinsics();
   const auto& d = c.distortion;
   const Pose3 pose = options.robot_from_camera();
-  std::string text = printed("# simulated; robot_from_camera: x %.6f y %.6f z %.6f m, quaternion x %.9f y %.9f z %.9f w %.9f\n", pose.t.x(),
-                             pose.t.y(), pose.t.z(), pose.q.x(), pose.q.y(), pose.q.z(), pose.q.w());
+  std::string text = printed("robot_from_camera: [%.9g, %.9g, %.9g, %.9f, %.9f, %.9f, %.9f]\n", pose.t.x(), pose.t.y(), pose.t.z(),
+                             pose.q.x(), pose.q.y(), pose.q.z(), pose.q.w());
   text += printed("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width, c.height, c.fx, c.fy,
                   c.cx, c.cy);
   text += printed("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2], d[3], d[4]);
