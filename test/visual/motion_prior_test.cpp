@@ -55,6 +55,15 @@ TEST(MotionPrior, goes_on_as_before_after_the_last_odometry_but_not_for_long) {
   EXPECT_FALSE(prior.at(stamp_from_seconds(3.0), looking_ahead()));
 }
 
+TEST(MotionPrior, knows_where_a_robot_stood_when_its_log_began) {
+  MotionPrior prior;
+  prior.add(odometry(1.0, 2.0, 0.0, 0.0));
+  const auto first = prior.odometry_from_camera(stamp_from_seconds(1.02), looking_ahead());
+  ASSERT_TRUE(first);
+  EXPECT_NEAR(first->t.x(), 2.2, 1e-9);
+  EXPECT_FALSE(prior.odometry_from_camera(stamp_from_seconds(3.0), looking_ahead()));
+}
+
 TEST(MotionPrior, turns_with_the_gyroscope_where_there_is_no_odometry) {
   MotionPrior prior;
   prior.at(stamp_from_seconds(1.0), looking_ahead());

@@ -144,7 +144,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     matches.push_back({id, corner.pixel, flow, corner.level});
   }
   Keyframe& keyframe = map.keyframe(number);
-  keyframe.features = features_of(picture[0], options.tracking.features);
+  keyframe.features = features_of(picture, options.tracking.features);
   keyframe.depths = depths_of(map, keyframe.features, frame, meter, view, matches);
   return number;
 }

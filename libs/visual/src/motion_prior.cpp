@@ -4,6 +4,7 @@
 #include <mrpt/obs/CObservationOdometry.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace mapweave::visual {
@@ -37,6 +38,8 @@ void MotionPrior::add(const rawlog::Record& record) {
 }
 
 std::optional<Pose2> MotionPrior::odometry_at(Stamp when) const {
+  constexpr double kStill_s = 0.2;  // so long after its first word a robot is taken to stand
+  if (odometry_.size() == 1 && std::abs(seconds_between(odometry_[0].stamp, when)) < kStill_s) return odometry_[0].odometry_from_robot;
   if (odometry_.size() < 2) return std::nullopt;
   std::size_t later = 1;
   while (later + 1 < odometry_.size() && odometry_[later].stamp < when) ++later;

@@ -14,10 +14,23 @@ double sigma_of(const matching::FeaturePoint& point) { return 1.2 * std::pow(1.2
 
 }  // namespace
 
-matching::OrbFeatures features_of(const GreyImage& picture, int most) {
+matching::OrbFeatures features_of(const Pyramid& pictures, int most) {
+  // Places are known again by coarse features; of a wide picture the finest are not worth their time.
+  constexpr int kWide_px = 800, kLevelsOfHalf = 4;  // 1.2^4 is about 2
+  const bool half = pictures[0].width > kWide_px;
+  const GreyImage& picture = pictures[half ? 1 : 0];
   matching::OrbFeatureOptions options;
   options.features = most;
-  return matching::orb_features({picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
+  if (half) options.levels -= kLevelsOfHalf;
+  matching::OrbFeatures features =
+      matching::orb_features({picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
+  if (!half) return features;
+  for (matching::FeaturePoint& point : features.points) {
+    point.u_px = static_cast<float>(from_level(static_cast<double>(point.u_px), 1));
+    point.v_px = static_cast<float>(from_level(static_cast<double>(point.v_px), 1));
+    point.level = static_cast<std::uint8_t>(point.level + kLevelsOfHalf);
+  }
+  return features;
 }
 
 std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,

@@ -7,7 +7,7 @@
 
 namespace mapweave::visual {
 
-matching::OrbFeatures features_of(const GreyImage& picture, int most);
+matching::OrbFeatures features_of(const Pyramid& pictures, int most);
 
 // The view from which most of `features` agree with what `keyframes` know. nullopt where too few do.
 std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,

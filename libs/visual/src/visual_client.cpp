@@ -139,7 +139,7 @@ struct VisualClient::State {
   // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer.
   Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
     const matching::OrbFeatures features =
-        picture.features ? picture.features->features() : features_of(picture[0], options.tracking.features);
+        picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
     const double reach_m = kReach_m + options.session.carried_m_per_s * interval_s;
     const auto try_near = [&](const std::vector<int>& keyframes) {
       const int among = map.keyframe(keyframes.front()).session;
