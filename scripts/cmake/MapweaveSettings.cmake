@@ -20,6 +20,9 @@ endif()
 add_compile_options(-ffp-contract=off)
 if(MAPWEAVE_SANITIZER STREQUAL "address")
   add_compile_options(-fsanitize=address,undefined -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  # Eigen would take memory in another way under this sanitizer than in libraries that are not instrumented, and both share templates
+  # (Ceres and ours: sparse Cholesky): what one took, the other would free.
+  add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
   add_link_options(-fsanitize=address,undefined)
 elseif(MAPWEAVE_SANITIZER STREQUAL "thread")
   add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
