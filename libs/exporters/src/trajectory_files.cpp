@@ -58,6 +58,8 @@ std::string tum_text(const Map& map, RobotId robot) {
   return text_of(trajectories);
 }
 
+std::string tum_text(const std::vector<SessionTrajectory>& trajectories) { return text_of(trajectories); }
+
 std::string tum_text(const std::vector<StampedPose>& poses) { return text_of({{SessionId(), poses}}); }
 
 }  // namespace mapweave::exporters

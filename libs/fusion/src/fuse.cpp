@@ -1,5 +1,6 @@
 #include "joint_transforms.h"
 #include "map_pair.h"
+#include "visual_team.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -7,6 +8,8 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <deque>
+#include <functional>
 #include <numeric>
 
 namespace mapweave::fusion {
@@ -16,18 +19,18 @@ std::vector<const Map*> sorted(const std::vector<Map>& maps) {
   std::vector<const Map*> order;
   for (const auto& map : maps) order.push_back(&map);
   std::sort(order.begin(), order.end(), [](const Map* a, const Map* b) { return a->id < b->id; });
-  std::vector<std::pair<SessionId, const Map*>> sessions;
+  std::vector<std::pair<NodeId, const Map*>> nodes;
   for (std::size_t i = 0; i < order.size(); ++i) {
     if (i > 0 && order[i]->id == order[i - 1]->id)
       throw Error(ErrorCode::kBadInput, "two maps are called '" + order[i]->id.str() + "'", {}, "give each its own name");
-    for (const auto& session : order[i]->sessions()) sessions.emplace_back(session, order[i]);
+    for (const auto& entry : order[i]->nodes) nodes.emplace_back(entry.first, order[i]);
   }
-  std::sort(sessions.begin(), sessions.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (std::size_t i = 1; i < sessions.size(); ++i)
-    if (sessions[i].first == sessions[i - 1].first)
+  std::stable_sort(nodes.begin(), nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (std::size_t i = 1; i < nodes.size(); ++i)
+    if (nodes[i].first == nodes[i - 1].first)
       throw Error(ErrorCode::kBadInput,
-                  "session " + to_string(sessions[i].first) + " stands in two maps, '" + sessions[i - 1].second->id.str() + "' and '" +
-                      sessions[i].second->id.str() + "'",
+                  "session " + to_string(nodes[i].first.session) + " stands in two maps, '" + nodes[i - 1].second->id.str() + "' and '" +
+                      nodes[i].second->id.str() + "'",
                   {}, "leave one of them out");
   return order;
 }
@@ -46,42 +49,51 @@ struct Groups {
 struct PairJoin {
   std::size_t a, b;  // numbers in id order
   PairResult result;
+  std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
+  bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
+  std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
 };
 
-Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, std::size_t a, std::size_t b) {
+struct Placement {
+  std::vector<std::size_t> members;  // numbers of maps
+  std::vector<Sim3> team_from_map;   // of each, about
+};
+
+constexpr double kBend_weight = 16.0;  // 1 / (0.25 m)^2: maps bend
+
+Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const VisualMap& seen_b, std::size_t a, std::size_t b) {
   Join join{a, b, 0.0, {}};
-  const double share = 1.0 / static_cast<double>(pair.result.witnesses.size());
+  const double share = 1.0 / static_cast<double>(pair.witnesses());
   for (const auto& w : pair.result.witnesses) {
     const auto& p = maps[pair.b].centres[w.submap_b];
     const double c = std::cos(w.a_from_b.phi), s = std::sin(w.a_from_b.phi);
     join.terms.push_back(
-        {w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, 16.0 * share});  // 0.25 m: maps bend
+        {w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, kBend_weight * share});
   }
-  join.strength = 4.0 + 4.0 * static_cast<double>(std::min<std::size_t>(10, pair.result.witnesses.size()));
+  for (const VisualWitness& w : pair.seen) {
+    const Eigen::Vector3d& p = seen_b.keyframes()[w.keyframe_b].map_from_node.t;
+    const Eigen::Vector3d q = matching::transformed(p, w.a_from_b);
+    join.terms.push_back({q.x(), q.y(), p.x(), p.y(), planar(w.a_from_b.pose).phi, kBend_weight * share});
+  }
+  join.strength = 4.0 + 4.0 * static_cast<double>(std::min<std::size_t>(10, pair.witnesses()));
   return join;
 }
 
-// Members' joint transforms from their accepted joins, starting along a spanning tree of the strongest. Joins that Ipopt turns off are
-// refused.
-std::vector<Pose2> place_members(const std::vector<std::size_t>& members, std::vector<PairJoin*>& joins,
-                                 const std::vector<PreparedMap>& maps, bool& revoked) {
-  const auto local = [&](std::size_t map) {
-    return static_cast<std::size_t>(std::lower_bound(members.begin(), members.end(), map) - members.begin());
-  };
-  std::vector<PairJoin*> strongest = joins;
-  std::stable_sort(strongest.begin(), strongest.end(),
-                   [](const PairJoin* l, const PairJoin* r) { return l->result.witnesses.size() > r->result.witnesses.size(); });
-  Groups groups(members.size());
-  std::vector<std::vector<std::pair<std::size_t, Pose2>>> tree(members.size());
+// Where the members lie along a tree of the strongest joins, and which joins are its branches.
+std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& strongest,
+                             const std::function<std::size_t(std::size_t)>& local, std::vector<const PairJoin*>& branches) {
+  Groups groups(members);
+  std::vector<std::vector<std::pair<std::size_t, Sim3>>> tree(members);
   for (const PairJoin* join : strongest) {
     const std::size_t a = local(join->a), b = local(join->b);
     if (!groups.join(a, b)) continue;
-    const Pose2 a_from_b = planar(join->result.verdict.alignment->a_from_b.pose);
+    branches.push_back(join);
+    const Sim3& a_from_b = join->result.verdict.alignment->a_from_b;
     tree[a].emplace_back(b, a_from_b);
-    tree[b].emplace_back(a, inverse(a_from_b));
+    tree[b].emplace_back(a, matching::inverse(a_from_b));
   }
-  std::vector<Pose2> start(members.size());
-  std::vector<bool> placed(members.size(), false);
+  std::vector<Sim3> team_from_map(members);
+  std::vector<bool> placed(members, false);
   std::vector<std::size_t> open{0};
   placed[0] = true;
   while (!open.empty()) {
@@ -90,21 +102,25 @@ std::vector<Pose2> place_members(const std::vector<std::size_t>& members, std::v
     for (const auto& [next, here_from_next] : tree[here]) {
       if (placed[next]) continue;
       placed[next] = true;
-      start[next] = compose(start[here], here_from_next);
+      team_from_map[next] = composed(team_from_map[here], here_from_next);
       open.push_back(next);
     }
   }
-  std::vector<Join> terms;
-  for (const PairJoin* join : joins) terms.push_back(join_of(*join, maps, local(join->a), local(join->b)));
-  const JointTransforms solution = solve_joint_transforms(members.size(), terms, start);
-  revoked = false;
-  for (std::size_t i = 0; i < joins.size(); ++i) {
-    if (solution.switches[i] >= 0.5) continue;
-    joins[i]->result.verdict.decision = Decision::refused;
-    joins[i]->result.verdict.reason = Reason::inconsistent;
-    revoked = true;
-  }
-  return solution.team_from_map;
+  return team_from_map;
+}
+
+void revoke(PairJoin& join) {
+  join.result.verdict.decision = Decision::refused;
+  join.result.verdict.reason = Reason::inconsistent;
+}
+
+Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b) {
+  Constraint constraint;
+  constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
+  constraint.from_from_to.pose = w.node_a_from_node_b.pose;
+  constraint.information = spatial(planar(w.information));
+  constraint.because = w.judgement.id;
+  return constraint;
 }
 
 Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
@@ -145,13 +161,16 @@ class Fusing {
 
   FusionResult run() {
     Stopwatch watch;
-    for (const Map* map : sorted(input_.maps)) maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
+    for (const Map* map : sorted(input_.maps)) {
+      maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
+      seen_.emplace_back(*map, pool_);
+    }
     result_.stages.push_back({"features", watch.lap()});
     compare();
     result_.stages.push_back({"pairwise matching", watch.lap()});
     const auto components = connect();
     result_.stages.push_back({"component connection", watch.lap()});
-    for (const auto& [members, poses] : components) result_.components.push_back(join_graphs(members, poses));
+    for (const Placement& placement : components) result_.components.push_back(join_graphs(placement));
     std::stable_sort(result_.components.begin(), result_.components.end(), [](const Component& l, const Component& r) {
       const auto size = [](const Component& c) {
         return std::count_if(c.map.nodes.begin(), c.map.nodes.end(), [](const auto& entry) { return entry.second.payload != nullptr; });
@@ -174,7 +193,7 @@ class Fusing {
     for (std::size_t a = 0; a < maps_.size(); ++a)
       for (std::size_t b = a + 1; b < maps_.size(); ++b) {
         Stopwatch watch;
-        pairs_.push_back({a, b, decide(maps_[a], maps_[b], input_, options_, judge_)});
+        pairs_.push_back(compared(a, b));
         auto& result = pairs_.back().result;
         result.verdict.seconds = watch.lap();
         judged_.insert(judged_.end(), result.judged.begin(), result.judged.end());
@@ -183,41 +202,189 @@ class Fusing {
     progress_.end(task);
   }
 
-  std::vector<std::pair<std::vector<std::size_t>, std::vector<Pose2>>> connect() {
+  PairJoin compared(std::size_t a, std::size_t b) {
+    PairJoin join{a, b, {}, {}};
+    const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
+    if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
+    if (!cameras) return join;
+    VisualPairResult seen = decide(seen_[a], seen_[b], input_, options_, memo_, pool_);
+    join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
+    join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
+    if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
+    if (!join.is_accepted() || join.result.verdict.kind == "vision") join.result.witnesses.clear();
+    return join;
+  }
+
+  // One verdict of two senses. What one believes, the other must not contradict.
+  Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged) {
+    const bool by_laser = laser.decision == Decision::accepted, by_camera = seen.decision == Decision::accepted;
+    if (by_laser && by_camera) {
+      Verdict both = laser;
+      both.kind = "laser and vision";
+      both.witnesses.insert(both.witnesses.end(), seen.witnesses.begin(), seen.witnesses.end());
+      std::sort(both.witnesses.begin(), both.witnesses.end());
+      both.probability = 1.0 - (1.0 - laser.probability) * (1.0 - seen.probability);
+      if (!lie_alike(laser.alignment->a_from_b, seen.alignment->a_from_b, b))
+        both.decision = Decision::deferred, both.reason = Reason::ambiguous;
+      return both;
+    }
+    if (by_camera) {
+      Verdict verdict = seen;
+      verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose), judged));
+      if (verdict.conflict > options_.max_wall_conflict) verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;
+      return verdict;
+    }
+    Verdict verdict = laser;
+    if (by_laser && contradict(seen_[a], seen_[b], laser.alignment->a_from_b, options_, memo_, pool_, judged))
+      verdict.decision = Decision::refused, verdict.reason = Reason::contradiction, verdict.kind = "laser and vision";
+    return verdict;
+  }
+
+  bool lie_alike(const Sim3& one, const Sim3& other, std::size_t b) const {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const MappedKeyframe& keyframe : seen_[b].keyframes())
+      middle += keyframe.map_from_node.t / static_cast<double>(seen_[b].keyframes().size());
+    constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;
+    const Eigen::Vector3d apart = matching::transformed(middle, one) - matching::transformed(middle, other);
+    return apart.head<2>().norm() < kAlike_m && std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
+  }
+
+  // Share of the walls of one map that the other saw through, once b lies so.
+  double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b, std::vector<Hash>& judged) {
+    double conflict = 0.0, overlap_m2 = 0.0;
+    std::vector<Question> questions;
+    for (const std::size_t j : maps_[b].representatives) {
+      std::pair<double, std::size_t> nearest{1e300, 0};
+      for (const std::size_t i : maps_[a].representatives) {
+        const Pose2 apart = between(maps_[a].map_from_submap[i], compose(a_from_b, maps_[b].map_from_submap[j]));
+        nearest = std::min(nearest, {std::hypot(apart.x, apart.y), i});
+      }
+      constexpr double kNear_m = 6.0;
+      if (nearest.first > kNear_m) continue;
+      questions.push_back({nearest.second,
+                           j,
+                           {between(maps_[a].map_from_submap[nearest.second], compose(a_from_b, maps_[b].map_from_submap[j])), 0.5, 0.05}});
+    }
+    for (const Witness& w : judge_.ask(maps_[a], maps_[b], questions)) {
+      const Evidence& e = w.judgement.evidence;
+      judged.push_back(w.judgement.id);
+      if (w.judgement.hypotheses.empty()) continue;
+      conflict += e.conflict * e.overlap_m2, overlap_m2 += e.overlap_m2;
+    }
+    return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;
+  }
+
+  bool in_space(const std::vector<std::size_t>& members) const {
+    return std::none_of(members.begin(), members.end(), [&](std::size_t m) { return !maps_[m].submaps.empty(); });
+  }
+
+  // Joint transforms from the accepted joins, starting along a spanning tree of the strongest. Joins that contradict the others are
+  // refused: nullopt then.
+  std::optional<Placement> placed(const std::vector<std::size_t>& members, const std::vector<PairJoin*>& joins) {
+    const std::function<std::size_t(std::size_t)> local = [&](std::size_t map) {
+      return static_cast<std::size_t>(std::lower_bound(members.begin(), members.end(), map) - members.begin());
+    };
+    std::vector<PairJoin*> strongest = joins;
+    std::stable_sort(strongest.begin(), strongest.end(),
+                     [](const PairJoin* l, const PairJoin* r) { return l->witnesses() > r->witnesses(); });
+    std::vector<const PairJoin*> branches;
+    Placement placement{members, along_tree(members.size(), strongest, local, branches)};
+    bool revoked = false;
+    if (in_space(members)) {
+      for (PairJoin* join : strongest) {
+        if (std::find(branches.begin(), branches.end(), join) != branches.end()) continue;
+        const Sim3 a_from_b = composed(matching::inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
+        if (lie_alike(a_from_b, join->result.verdict.alignment->a_from_b, join->b)) continue;
+        revoke(*join);
+        revoked = true;
+      }
+    } else {
+      std::vector<Join> terms;
+      std::vector<Pose2> start;
+      for (const Sim3& pose : placement.team_from_map) start.push_back(planar(pose.pose));
+      for (const PairJoin* join : joins) terms.push_back(join_of(*join, maps_, seen_[join->b], local(join->a), local(join->b)));
+      const JointTransforms solution = solve_joint_transforms(members.size(), terms, start);
+      for (std::size_t i = 0; i < joins.size(); ++i)
+        if (solution.switches[i] < 0.5) {
+          revoke(*joins[i]);
+          revoked = true;
+        }
+      for (std::size_t i = 0; i < members.size(); ++i) placement.team_from_map[i].pose = spatial(solution.team_from_map[i]);
+    }
+    return revoked ? std::nullopt : std::optional(placement);
+  }
+
+  std::vector<Placement> connect() {
     for (;;) {
       Groups groups(maps_.size());
       for (const auto& pair : pairs_)
-        if (pair.result.verdict.decision == Decision::accepted) groups.join(pair.a, pair.b);
+        if (pair.is_accepted()) groups.join(pair.a, pair.b);
       std::vector<std::vector<std::size_t>> members(maps_.size());
       for (std::size_t i = 0; i < maps_.size(); ++i) members[groups.find(i)].push_back(i);
-      std::vector<std::pair<std::vector<std::size_t>, std::vector<Pose2>>> components;
+      std::vector<Placement> components;
       bool again = false;
       for (const auto& group : members) {
         if (group.empty()) continue;
         std::vector<PairJoin*> joins;
         for (auto& pair : pairs_)
-          if (pair.result.verdict.decision == Decision::accepted && groups.find(pair.a) == groups.find(group.front()))
-            joins.push_back(&pair);
-        bool revoked = false;
-        components.emplace_back(group, place_members(group, joins, maps_, revoked));
-        again = again || revoked;
+          if (pair.is_accepted() && groups.find(pair.a) == groups.find(group.front())) joins.push_back(&pair);
+        auto placement = placed(group, joins);
+        again = again || !placement;
+        if (placement) components.push_back(std::move(*placement));
       }
       if (!again) return components;
     }
   }
 
-  Component join_graphs(const std::vector<std::size_t>& members, const std::vector<Pose2>& team_from_map) {
+  // Maps of keyframes alone, which do not stay in a plane.
+  void join_in_space(const Placement& placement, Component& component) {
+    std::vector<const VisualMap*> seen;
+    std::vector<VisualJoin> joins;
+    const auto& members = placement.members;
+    for (const std::size_t m : members) seen.push_back(&seen_[m]);
+    for (const PairJoin& pair : pairs_) {
+      const auto a = std::lower_bound(members.begin(), members.end(), pair.a), b = std::lower_bound(members.begin(), members.end(), pair.b);
+      if (pair.is_accepted() && a != members.end() && *a == pair.a)
+        joins.push_back({static_cast<std::size_t>(a - members.begin()), static_cast<std::size_t>(b - members.begin()), &pair.seen});
+    }
+    VisualTeam team = join(seen, joins, placement.team_from_map, options_.visual);
+    component.map.nodes = std::move(team.nodes), component.map.landmarks = std::move(team.landmarks);
+    component.map.constraints = std::move(team.constraints), component.same_as = std::move(team.same_as);
+  }
+
+  Component join_graphs(const Placement& placement) {
     throw_if_interrupted();
+    const auto& members = placement.members;
     Component component;
     Map& team = component.map;
+    for (const std::size_t m : members) component.members.push_back(maps_[m].map->id);
+    team.id = members.size() == 1 ? component.members.front() : MapId("team");
+    if (members.size() > 1 && in_space(members)) {
+      join_in_space(placement, component);
+      back_to_lowest(*maps_[members.front()].map, team);
+    } else {
+      join_in_plane(placement, team);
+    }
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      const Map& map = *maps_[members[i]].map;
+      const NodeId& first = map.nodes.front().first;
+      const double scale = placement.team_from_map[i].scale;
+      const Pose3 first_from_map = inverse(map.nodes.front().second.map_from_node);
+      component.team_from_map.set(map.id, carried({team.nodes.find(first)->map_from_node, scale}, first_from_map));
+      if (scale != 1.0) component.scales.set(map.id, scale);
+    }
+    return component;
+  }
+
+  void join_in_plane(const Placement& placement, Map& team) {
+    const auto& members = placement.members;
     std::vector<std::pair<NodeId, Node>> nodes;
     std::vector<Constraint> constraints;
     for (std::size_t i = 0; i < members.size(); ++i) {
       const Map& map = *maps_[members[i]].map;
-      component.members.push_back(map.id);
       for (const auto& [id, node] : map.nodes) {
         Node moved = node;
-        moved.map_from_node = compose(spatial(team_from_map[i]), node.map_from_node);
+        moved.map_from_node = compose(placement.team_from_map[i].pose, node.map_from_node);
         nodes.emplace_back(id, std::move(moved));
       }
       for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
@@ -227,27 +394,22 @@ class Fusing {
     std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
     team.nodes.reserve(nodes.size());
     for (auto& [id, node] : nodes) team.nodes.set(id, std::move(node));
-    team.id = members.size() == 1 ? component.members.front() : MapId("team");
-    if (members.size() > 1) {
-      for (const auto& pair : pairs_)
-        if (pair.result.verdict.decision == Decision::accepted && std::binary_search(members.begin(), members.end(), pair.a))
-          for (const auto& w : pair.result.witnesses) constraints.push_back(tie_of(w, maps_[pair.a], maps_[pair.b]));
+    if (members.size() == 1) {
       add_all(team, std::move(constraints));
-      graph::optimise(team, options_.solve);
-      add_all(team, neighbours(members, team));
-      graph::optimise(team, options_.solve);
-      add_all(team, matching::rematch(team, options_.rematch, pool_));
-      graph::optimise(team, options_.solve);
-      back_to_lowest(*maps_[members.front()].map, team);
-    } else {
-      add_all(team, std::move(constraints));
+      return;
     }
-    for (const auto i : members) {
-      const Map& map = *maps_[i].map;
-      const NodeId& first = map.nodes.front().first;
-      component.team_from_map.set(map.id, compose(team.nodes.find(first)->map_from_node, inverse(map.nodes.front().second.map_from_node)));
+    for (const PairJoin& pair : pairs_) {
+      if (!pair.is_accepted() || !std::binary_search(members.begin(), members.end(), pair.a)) continue;
+      for (const auto& w : pair.result.witnesses) constraints.push_back(tie_of(w, maps_[pair.a], maps_[pair.b]));
+      for (const auto& w : pair.seen) constraints.push_back(tie_of(w, seen_[pair.a], seen_[pair.b]));
     }
-    return component;
+    add_all(team, std::move(constraints));
+    graph::optimise(team, options_.solve);
+    add_all(team, neighbours(members, team));
+    graph::optimise(team, options_.solve);
+    add_all(team, matching::rematch(team, options_.rematch, pool_));
+    graph::optimise(team, options_.solve);
+    back_to_lowest(*maps_[members.front()].map, team);
   }
 
   // The team's frame is the map frame of its lowest member: its first node stays where that map has it.
@@ -305,6 +467,7 @@ class Fusing {
   Judge judge_;
   Memo& memo_;
   std::vector<PreparedMap> maps_;
+  std::deque<VisualMap> seen_;  // of each map; empty without keyframes
   std::vector<PairJoin> pairs_;
   std::vector<Hash> judged_;
   FusionResult result_;

@@ -75,6 +75,12 @@ std::vector<RobotId> Map::robots() const {
   return robots;
 }
 
+bool holds(const Map& map, const SubmapId& id) {
+  if (map.submaps.contains(id)) return true;
+  const Node* node = map.nodes.find({id.session, id.index});
+  return node != nullptr && node->payload != nullptr && std::holds_alternative<KeyframeFeatures>(*node->payload);
+}
+
 Hash content_hash(const Map& map) {
   Hasher hasher;
   hasher.add("map").add(static_cast<std::int64_t>(map.nodes.size()));

@@ -121,10 +121,10 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     const std::string name = edge.id().str();
-    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false, edge.result(), report);
+    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false, edge.result(), cameras, report);
   }
   report.team = Results::report_of(cloud_tier(), team);
-  results.add_components(cloud_tier(), "team", "team-", "team", true, team, report);
+  results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
   results.commit("run", effective(configuration, plan), inputs, report);
   return report;
 }

@@ -51,7 +51,7 @@ Report run_merge(const RunConfiguration& configuration, const std::vector<std::f
   report.team = Results::report_of(cloud_tier(), team);
 
   for (const Map& map : inputs.maps) results.add_map("robots/" + map.id.str(), "map " + map.id.str(), map);
-  results.add_components(cloud_tier(), "team", "team-", "team", true, team, report);
+  results.add_components(cloud_tier(), "team", "team-", "team", true, team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;
 }

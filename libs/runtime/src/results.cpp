@@ -1,4 +1,5 @@
 #include "results.h"
+#include "team_ways.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/exporters/g2o_file.h>
@@ -20,7 +21,7 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
   mapdb::StoredMaps result;
   result.maps = {component.map};
   for (const Judgement& judgement : fused.judgements)
-    if (component.map.submaps.contains(judgement.a) && component.map.submaps.contains(judgement.b)) result.judgements.push_back(judgement);
+    if (holds(component.map, judgement.a) && holds(component.map, judgement.b)) result.judgements.push_back(judgement);
   const auto is_member = [&](const MapId& id) { return std::binary_search(component.members.begin(), component.members.end(), id); };
   for (const Verdict& verdict : fused.verdicts)
     if (is_member(verdict.a) || is_member(verdict.b)) result.verdicts.push_back(verdict);
@@ -91,15 +92,36 @@ void Results::add_camera_map(const std::filesystem::path& folder, const std::str
     }
     ways.push_back({{{part.map.robots().front(), SensorId()}, static_cast<std::int64_t>(ways.size())}, way.frames});
   }
-  const auto landmarks = exporters::landmark_cloud(part.map);
-  if (output.pcd) write_file(top / "map.pcd", exporters::pcd_bytes(landmarks));
-  if (output.g2o) write_file(top / "map.g2o", exporters::g2o_text(part.map));
-  if (output.png) {
-    exporters::PictureOptions picture = output.picture;
-    if (picture.title.empty()) picture.title = title;
-    write_file(top / "map.png", exporters::top_view_png(landmarks, ways, picture));
-  }
+  draw_landmarks(folder, title, part.map, ways);
   store(folder.string(), part.map);
+}
+
+void Results::draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
+                             const std::vector<exporters::SessionTrajectory>& ways) {
+  const OutputOptions& output = configuration_.output;
+  const std::filesystem::path top = folder_.staging() / folder;
+  const auto landmarks = exporters::landmark_cloud(map);
+  if (output.pcd) write_file(top / "map.pcd", exporters::pcd_bytes(landmarks));
+  if (output.g2o) write_file(top / "map.g2o", exporters::g2o_text(map));
+  if (!output.png) return;
+  exporters::PictureOptions picture = output.picture;
+  if (picture.title.empty()) picture.title = title;
+  write_file(top / "map.png", exporters::top_view_png(landmarks, ways, picture));
+}
+
+void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
+                        const std::vector<CamerasOutcome>& cameras) {
+  const std::filesystem::path top = folder_.staging() / folder;
+  std::filesystem::create_directories(top);
+  const auto ways = team_ways(component, cameras);
+  if (configuration_.output.tum) {
+    write_file(top / "trajectory.tum", exporters::tum_text(ways));
+    if (robot_trajectories) std::filesystem::create_directories(top / "trajectories");
+    for (std::size_t i = 0; robot_trajectories && i < ways.size(); ++i)
+      if (i == 0 || ways[i - 1].session.client.robot != ways[i].session.client.robot)
+        write_file(top / "trajectories" / (ways[i].session.client.robot.str() + ".tum"), exporters::tum_text(ways[i].poses));
+  }
+  draw_landmarks(folder, title, component.map, ways);
 }
 
 void Results::add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras) {
@@ -127,12 +149,17 @@ void Results::add_cameras(const std::string& folder, const std::string& title, c
 }
 
 void Results::add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title,
-                             bool robot_trajectories, const fusion::FusionResult& fused, Report& report) {
+                             bool robot_trajectories, const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras,
+                             Report& report) {
   const Stopwatch watch;
   const double composing_before = composing_seconds_;
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
     const std::string place = i == 0 ? folder : further + std::to_string(i);
-    draw(place, i == 0 ? title : title + ", apart " + std::to_string(i), robot_trajectories, fused.components[i].map);
+    const std::string name = i == 0 ? title : title + ", apart " + std::to_string(i);
+    if (fused.components[i].map.submaps.empty() && has_keyframes(fused.components[i].map))
+      draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
+    else
+      draw(place, name, robot_trajectories, fused.components[i].map);
     mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
   }
   const double composing = composing_seconds_ - composing_before;

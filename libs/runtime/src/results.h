@@ -25,9 +25,9 @@ class Results {
   // of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2, ...
   void add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras);
   // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
-  // into the report.
+  // into the report. `cameras`: what the fused maps of keyframes came from, for the frames between them.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
-                      const fusion::FusionResult& fused, Report& report);
+                      const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras, Report& report);
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the
   // folder appears.
   void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report);
@@ -38,6 +38,10 @@ class Results {
   OccupancyGrid grid_of(const std::string& title, const Map& map);
   void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map);
   void store(const std::string& folder, const Map& map);
+  void draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
+                      const std::vector<exporters::SessionTrajectory>& ways);
+  void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
+                 const std::vector<CamerasOutcome>& cameras);
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;

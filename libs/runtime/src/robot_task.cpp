@@ -79,7 +79,12 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
     } else {
       result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
       result.outcome = {robot.id, std::nullopt, result.cameras.trouble};
-      if (!result.cameras.maps.empty()) result.outcome.map = result.cameras.maps.front().map;
+      for (const CameraMap& map : result.cameras.maps) {
+        if (result.outcome.map)
+          result.outcome.apart.push_back(map.map);
+        else
+          result.outcome.map = map.map;
+      }
       result.report.log_seconds = result.cameras.log_seconds;
       for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
     }

@@ -16,13 +16,15 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   if (awaited_.erase(outcome.robot) == 0)
     throw Error(ErrorCode::kBadInput, "robot '" + outcome.robot.str() + "' is not awaited here", "edge " + edge_.str());
   Effects effects;
-  if (outcome.map) {
-    MapUpdate update = difference(Map{}, *outcome.map);
-    update.origin = {edge_, outcome.map->id};
+  std::vector<Map> maps = std::move(outcome.apart);
+  if (outcome.map) maps.insert(maps.begin(), std::move(*outcome.map));
+  for (Map& map : maps) {
+    MapUpdate update = difference(Map{}, map);
+    update.origin = {edge_, map.id};
     update.sequence = kMapSequence;
     effects.for_cloud.push_back(encode(update));
-    const MapId id = outcome.map->id;
-    maps_.set(id, std::move(*outcome.map));
+    const MapId id = map.id;
+    maps_.set(id, std::move(map));
   }
   if (!awaited_.empty()) return effects;
 
@@ -41,7 +43,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
     update.sequence = kJudgementsSequence;
     update.base = kMapSequence;
     for (const Judgement& judgement : result_.judgements)
-      if (map.submaps.contains(judgement.a)) update.judgements.push_back(judgement);
+      if (holds(map, judgement.a)) update.judgements.push_back(judgement);
     if (!update.judgements.empty()) effects.for_cloud.push_back(encode(update));
   }
   return effects;

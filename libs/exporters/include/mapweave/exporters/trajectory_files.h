@@ -15,7 +15,8 @@ std::string tum_text(const Map&);
 // One robot's. Empty where the map does not hold it.
 std::string tum_text(const Map&, RobotId);
 
-// Of poses that no map holds, by stamp: a camera's frames.
+// Of poses that no map holds: cameras' frames, by stamp.
+std::string tum_text(const std::vector<SessionTrajectory>&);
 std::string tum_text(const std::vector<StampedPose>&);
 
 }  // namespace mapweave::exporters

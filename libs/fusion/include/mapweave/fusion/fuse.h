@@ -25,6 +25,10 @@ struct Component {
   Map map;                            // all members' content under the fused belief; frame: the map frame of the member with the lowest id
   std::vector<MapId> members;         // sorted
   Table<MapId, Pose3> team_from_map;  // of each member's map frame after fusion (of its first node's)
+  Table<MapId, double> scales;        // of members whose lengths grew: one camera's do not know theirs
+  // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The members' own maps
+  // still hold them, so that a join can be undone.
+  Table<LandmarkId, LandmarkId> same_as;
 };
 
 struct StageTime {
@@ -43,7 +47,7 @@ struct FusionResult {
 using Memo = std::map<Hash, Judgement>;
 
 // Pure in its input and options: neither the order of maps, nor the memo, nor the number of threads changes a byte.
-// Throws Error(kBadInput) for two maps with one id or one session in two maps.
+// Throws Error(kBadInput) for two maps with one id or one node in two maps.
 FusionResult fuse(const FusionInput&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::fusion

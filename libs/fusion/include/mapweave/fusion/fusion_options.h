@@ -4,8 +4,32 @@
 #include <mapweave/graph/pose_graph.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/rematch.h>
+#include <mapweave/matching/visual_judge.h>
 
 namespace mapweave::fusion {
+
+// Of keyframes.
+struct VisualFusionOptions {
+  int candidates = 4;
+  int most_pairs = 120;
+  int companions = 3;
+  double least_alike = 0.3;
+  int adjustments = 2;
+  double sigma_px = 0.5;
+  double inverse_depth_sigma = 0.004;
+  matching::VisualJudgeOptions judge;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("candidates", candidates, 1, 1000, "keyframes of another map, most alike first, that each keyframe is compared with");
+    v.integer("most_pairs", most_pairs, 1, 1000000, "pairs of keyframes compared for one pair of maps");
+    v.integer("companions", companions, 0, 100, "keyframes that see most of the same landmarks and speak with each");
+    v.fraction("least_alike", least_alike, "share of the likeness of two keyframes in a row, below which two places are not compared");
+    v.integer("adjustments", adjustments, 0, 100, "rounds of finding landmarks that two maps share and adjusting the bundle of all");
+    v.positive("sigma_px", sigma_px, "error of a landmark's place in the full picture");
+    v.positive("inverse_depth_sigma", inverse_depth_sigma, "error of the inverse of a measured depth, 1/m");
+    v.section("judge", judge, "when two keyframes show the same place");
+  }
+};
 
 struct FusionOptions {
   int candidates_per_submap = 4;
@@ -18,12 +42,14 @@ struct FusionOptions {
   double sole_witness_probability = 0.999;
   double min_probability = 0.6;
   double max_conflict = 0.03;
+  double max_wall_conflict = 0.15;
   double max_rival = 0.3;
   int neighbours_per_submap = 5;
   int cache_mb = 128;
   matching::JudgeOptions judge;
   matching::RematchOptions rematch;
   graph::SolveOptions solve;
+  VisualFusionOptions visual;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("candidates_per_submap", candidates_per_submap, 1, 1000,
@@ -37,6 +63,7 @@ struct FusionOptions {
     v.fraction("sole_witness_probability", sole_witness_probability, "unless a single one is as probable as this");
     v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
     v.fraction("max_conflict", max_conflict, "share of the walls of one map that the other saw through, once they lie on each other");
+    v.fraction("max_wall_conflict", max_wall_conflict, "the same, for maps that cameras lay on each other, before lasers refined it");
     v.fraction("max_rival", max_rival, "share of the best group's weight that a group of witnesses for another place may have");
     v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000,
               "submaps of other maps that each submap is tied to once the maps lie on each other");
@@ -44,6 +71,7 @@ struct FusionOptions {
     v.section("judge", judge, "when two submaps show the same place");
     v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");
     v.section("solve", solve, "the joint pose graph");
+    v.section("visual", visual, "maps of keyframes");
   }
 };
 

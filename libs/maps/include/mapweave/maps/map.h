@@ -73,6 +73,9 @@ struct Map {
   std::vector<RobotId> robots() const;      // sorted
 };
 
+// Whether a judgement's side is of this map: one of its submaps, or a keyframe, which is named by its session and index.
+bool holds(const Map&, const SubmapId&);
+
 // Hash of content alone (nodes' ids, stamps and payloads, frozen submaps; in id order): equal for maps that differ in belief only.
 Hash content_hash(const Map&);
 // Hash of a frozen submap's content: its nodes' ids, places in it and payloads. Throws ContractViolation when a node has no payload.

@@ -1,0 +1,187 @@
+#include "visual_map.h"
+
+#include <mapweave/core/error.h>
+
+#include <algorithm>
+#include <map>
+
+namespace mapweave::fusion {
+namespace {
+
+constexpr double kSamePoint_px = 2.5;  // between where a landmark was found and the feature that shows it
+constexpr std::size_t kLookedUp = 24;
+constexpr std::size_t kMostCompanions = 20;
+
+MappedKeyframe keyframe_of(const Node& node, const KeyframeFeatures& content) {
+  const CameraGeometry& geometry = *content.geometry;
+  MappedKeyframe result;
+  result.id = node.id, result.map_from_node = node.map_from_node, result.content = &content;
+  result.map_from_camera = compose(node.map_from_node, geometry.robot_from_camera);
+  result.camera = {geometry.width, geometry.height, geometry.fx, geometry.fy, geometry.cx, geometry.cy};
+  for (const KeyframePoint& point : content.points)
+    result.points.push_back({static_cast<float>(pixels_of(point.u)), static_cast<float>(pixels_of(point.v)),
+                             static_cast<float>(angle_deg_of(point.angle)), point.level});
+  result.landmark_of_feature.assign(content.points.size(), -1);
+  return result;
+}
+
+struct Shown {
+  std::int32_t landmark;
+  double u, v;
+};
+
+// Each landmark goes to the nearest feature that has none nearer.
+void tie_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
+  std::sort(shown.begin(), shown.end(),
+            [](const Shown& a, const Shown& b) { return a.v < b.v || (a.v == b.v && a.landmark < b.landmark); });
+  std::vector<double> nearest(keyframe.points.size(), kSamePoint_px * kSamePoint_px);
+  for (std::size_t i = 0; i < keyframe.points.size(); ++i) {
+    const double u = static_cast<double>(keyframe.points[i].u_px), v = static_cast<double>(keyframe.points[i].v_px);
+    for (auto s = std::lower_bound(shown.begin(), shown.end(), v - kSamePoint_px, [](const Shown&a, double y) { return a.v < y; });
+         s != shown.end() && s->v <= v + kSamePoint_px; ++s) {
+      const double square = (s->u - u) * (s->u - u) + (s->v - v) * (s->v - v);
+      if (square < nearest[i]) nearest[i] = square, keyframe.landmark_of_feature[i] = s->landmark;
+    }
+  }
+}
+
+Hash content_of(const matching::PlaceView& view) {
+  Hasher hasher;
+  hasher.add("place").add(static_cast<std::int64_t>(view.metric));
+  const auto add_pose = [&](const Pose3& pose) {
+    for (int i = 0; i < 3; ++i) hasher.add(pose.t[i]);
+    for (int i = 0; i < 4; ++i) hasher.add(pose.q.coeffs()[i]);
+  };
+  for (const matching::KeyframeView& keyframe : view.keyframes) {
+    hasher.add(keyframe.camera.fx).add(keyframe.camera.fy).add(keyframe.camera.cx).add(keyframe.camera.cy);
+    add_pose(keyframe.side_from_camera);
+    hasher.add(static_cast<std::int64_t>(keyframe.features.count));
+    for (std::size_t i = 0; i < keyframe.features.count; ++i) {
+      const matching::FeaturePoint& p = keyframe.features.points[i];
+      hasher.add(static_cast<double>(p.u_px)).add(static_cast<double>(p.v_px)).add(static_cast<std::int64_t>(p.level));
+      for (const std::uint64_t word : keyframe.features.descriptors[i]) hasher.add(static_cast<std::int64_t>(word));
+      hasher.add(static_cast<std::int64_t>(keyframe.landmark_of_feature[i]));
+    }
+  }
+  for (const matching::LandmarkView& landmark : view.landmarks)
+    for (int i = 0; i < 3; ++i) hasher.add(landmark.point_in_side[i]);
+  return hasher.finish();
+}
+
+}  // namespace
+
+VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map) {
+  for (const auto& [id, node] : map.nodes)
+    if (node.payload)
+      if (const auto* content = std::get_if<KeyframeFeatures>(node.payload.get())) keyframes_.push_back(keyframe_of(node, *content));
+  if (keyframes_.empty()) return;
+  for (const MappedKeyframe& keyframe : keyframes_) is_metric_ = is_metric_ || keyframe.content->geometry->baseline_m > 0.0;
+
+  std::vector<std::vector<Shown>> shown(keyframes_.size());
+  for (const auto& [id, landmark] : map.landmarks) {
+    const Node* anchor = map.nodes.find(landmark.anchor);
+    MAPWEAVE_EXPECT(anchor != nullptr, "a landmark hangs on a keyframe of its map");
+    for (const LandmarkSighting& sighting : landmark.seen) {
+      const std::size_t number = number_of(sighting.node);
+      if (number == keyframes_.size()) continue;
+      shown[number].push_back({static_cast<std::int32_t>(landmarks_.size()), pixels_of(sighting.u), pixels_of(sighting.v)});
+      is_metric_ = is_metric_ || sighting.inverse_depth != 0;
+    }
+    landmarks_.push_back({id, transformed(landmark.point_in_anchor(), anchor->map_from_node)});
+  }
+  const matching::BinaryVocabulary& vocabulary = matching::shipped_vocabulary();
+  pool.for_each(keyframes_.size(), [&](std::size_t i) {
+    tie_to_features(keyframes_[i], std::move(shown[i]));
+    keyframes_[i].bag = vocabulary.describe_picture(keyframes_[i].content->descriptors).bag;
+  });
+  find_companions();
+  index_.emplace(vocabulary.words());
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    index_->add(keyframes_[i].id, keyframes_[i].bag);
+    const std::size_t other = i > 0 ? i - 1 : std::min<std::size_t>(1, keyframes_.size() - 1);
+    keyframes_[i].likeness = matching::common_share(keyframes_[i].bag, keyframes_[other].bag);
+  }
+}
+
+void VisualMap::find_companions() {
+  std::vector<std::map<std::size_t, std::size_t>> shared(keyframes_.size());
+  for (const auto& [id, landmark] : map_->landmarks) {
+    std::vector<std::size_t> seen;
+    for (const LandmarkSighting& sighting : landmark.seen)
+      if (const std::size_t number = number_of(sighting.node); number < keyframes_.size()) seen.push_back(number);
+    for (const std::size_t one : seen)
+      for (const std::size_t other : seen)
+        if (one != other) ++shared[one][other];
+  }
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    auto& companions = keyframes_[i].companions;
+    for (const auto& [other, count] : shared[i]) companions.emplace_back(count, other);
+    std::sort(companions.begin(), companions.end(),
+              [](const auto& a, const auto& b) { return a.first > b.first || (a.first == b.first && a.second < b.second); });
+    if (companions.size() > kMostCompanions) companions.resize(kMostCompanions);
+  }
+}
+
+std::size_t VisualMap::number_of(const NodeId& id) const {
+  const auto place =
+      std::lower_bound(keyframes_.begin(), keyframes_.end(), id, [](const MappedKeyframe& k, const NodeId& key) { return k.id < key; });
+  return place != keyframes_.end() && place->id == id ? static_cast<std::size_t>(place - keyframes_.begin()) : keyframes_.size();
+}
+
+std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const {
+  auto groups = matching::best_of_groups(
+      index_->query(bag, kLookedUp, {}, least_score),
+      [&](const NodeId& id) {
+        std::vector<NodeId> result;
+        for (const auto& companion : keyframes_[number_of(id)].companions) result.push_back(keyframes_[companion.second].id);
+        return result;
+      },
+      0.4);
+  if (groups.size() > most) groups.resize(most);
+  return groups;
+}
+
+VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions) const {
+  VisualPlace place;
+  std::vector<std::size_t> members{keyframe};
+  for (const auto& companion : keyframes_[keyframe].companions)
+    if (members.size() <= companions) members.push_back(companion.second);
+  const Pose3 side_from_map = inverse(keyframes_[keyframe].map_from_node);
+  place.view.id = {keyframes_[keyframe].id.session, keyframes_[keyframe].id.index};
+  place.view.metric = is_metric_;
+  std::map<std::int32_t, std::int32_t> numbers;  // of the map's landmarks, in the place
+  place.landmark_of_feature.reserve(members.size());
+  for (const std::size_t member : members) {
+    const MappedKeyframe& from = keyframes_[member];
+    const Pose3 side_from_camera = compose(side_from_map, from.map_from_camera);
+    auto& of_feature = place.landmark_of_feature.emplace_back(from.points.size(), -1);
+    for (std::size_t i = 0; i < from.points.size(); ++i) {
+      const std::int32_t landmark = from.landmark_of_feature[i];
+      const double depth_m = depth_m_of(from.content->points[i].inverse_depth);
+      const auto next = static_cast<std::int32_t>(place.view.landmarks.size());
+      if (landmark >= 0) {
+        const auto [known, is_new] = numbers.emplace(landmark, next);
+        of_feature[i] = known->second;
+        if (is_new)
+          place.view.landmarks.push_back(
+              {transformed(landmarks_[static_cast<std::size_t>(landmark)].point_in_map, side_from_map), from.content->descriptors[i]});
+      } else if (is_metric_ && depth_m > 0.0) {
+        of_feature[i] = next;
+        const Eigen::Vector3d ray = from.camera.ray({static_cast<double>(from.points[i].u_px), static_cast<double>(from.points[i].v_px)});
+        place.view.landmarks.push_back({transformed(depth_m * ray, side_from_camera), from.content->descriptors[i]});
+      }
+    }
+    matching::KeyframeView view;
+    view.id = from.id;
+    view.camera = from.camera;
+    view.side_from_camera = side_from_camera;
+    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), nullptr};
+    view.landmark_of_feature = of_feature.data();
+    view.level_scale = from.content->geometry->level_scale;
+    place.view.keyframes.push_back(view);
+  }
+  place.view.content = content_of(place.view);
+  return place;
+}
+
+}  // namespace mapweave::fusion

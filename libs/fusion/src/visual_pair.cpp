@@ -1,0 +1,258 @@
+#include "visual_pair.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/graph/consistent_set.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace mapweave::fusion {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kSameScale = 0.1;  // of the logarithms of two scales
+
+// A small motion of b in its own frame is the opposite motion of a, seen through the transform between them.
+Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b) {
+  const Eigen::Matrix3d rotation = a_from_b.pose.q.toRotationMatrix();
+  const Vector3d& t = a_from_b.pose.t;
+  Eigen::Matrix3d cross;
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  Eigen::Matrix<double, 6, 6> carry = Eigen::Matrix<double, 6, 6>::Zero();
+  carry.topLeftCorner<3, 3>() = a_from_b.scale * rotation;
+  carry.bottomRightCorner<3, 3>() = rotation;
+  carry.topRightCorner<3, 3>() = cross * rotation;
+  return carry * covariance * carry.transpose();
+}
+
+bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap& b, const FusionOptions& options) {
+  const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t, &q = b.keyframes()[other.keyframe_b].map_from_node.t;
+  const Vector3d middle = 0.5 * (p + q);
+  const double scale = std::sqrt(one.a_from_b.scale * other.a_from_b.scale), far = scale * (p - q).norm();
+  const double apart = (matching::transformed(middle, one.a_from_b) - matching::transformed(middle, other.a_from_b)).norm();
+  return apart < options.consistency_m + options.consistency_per_m * far &&
+         one.a_from_b.pose.q.angularDistance(other.a_from_b.pose.q) < options.consistency_yaw_rad + 0.002 * far &&
+         std::abs(std::log(one.a_from_b.scale / other.a_from_b.scale)) < kSameScale;
+}
+
+double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
+
+bool holds(const VisualWitness& w, const FusionInput& input, const FusionOptions& options) {
+  return !w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options.min_probability &&
+         input.vetoed.count(w.judgement.id) == 0;
+}
+
+// Witnesses of which no two share a keyframe.
+std::size_t disjoint(const std::vector<const VisualWitness*>& witnesses) {
+  std::set<std::size_t> of_a, of_b;
+  std::size_t count = 0;
+  for (const VisualWitness* w : witnesses) {
+    if (of_a.count(w->keyframe_a) != 0 || of_b.count(w->keyframe_b) != 0) continue;
+    of_a.insert(w->keyframe_a), of_b.insert(w->keyframe_b);
+    ++count;
+  }
+  return count;
+}
+
+// Mean of the transforms, at the middle of the places in b.
+Sim3 mean_transform(const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
+  Vector3d in_a = Vector3d::Zero(), in_b = Vector3d::Zero();
+  Eigen::Vector4d turn = Eigen::Vector4d::Zero();
+  double log_scale = 0.0;
+  const auto share = 1.0 / static_cast<double>(witnesses.size());
+  for (const VisualWitness* w : witnesses) {
+    const Vector3d& p = b.keyframes()[w->keyframe_b].map_from_node.t;
+    in_b += share * p, in_a += share * matching::transformed(p, w->a_from_b);
+    const Eigen::Vector4d q = w->a_from_b.pose.q.coeffs();
+    turn += q.dot(witnesses.front()->a_from_b.pose.q.coeffs()) < 0.0 ? Eigen::Vector4d(-q) : q;
+    log_scale += share * std::log(w->a_from_b.scale);
+  }
+  Sim3 result;
+  result.scale = std::exp(log_scale);
+  result.pose.q = Eigen::Quaterniond(turn).normalized();
+  result.pose.t = in_a - result.scale * (result.pose.q * in_b);
+  return result;
+}
+
+std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> ranked;
+  for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
+    const MappedKeyframe& keyframe = b.keyframes()[j];
+    const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
+    for (const matching::SimilarPlace& place : a.alike(keyframe.bag, least, static_cast<std::size_t>(options.candidates)))
+      ranked.emplace_back(-matching::normalised_score(place.score, keyframe.likeness), a.number_of(place.id), j);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
+  std::vector<VisualQuestion> questions;
+  for (const auto& [score, i, j] : ranked) questions.push_back({i, j});
+  return questions;
+}
+
+}  // namespace
+
+bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, const FusionOptions& options, Memo& memo, WorkerPool& pool,
+                std::vector<Hash>& judged) {
+  constexpr double kNear_m = 1.0, kAlike_rad = 0.35;
+  constexpr std::size_t kMostLooks = 12, kLeastLooks = 4, kLeastFeatures = 150;
+  std::vector<std::tuple<double, std::size_t, std::size_t>> near;
+  for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
+    if (b.keyframes()[j].points.size() < kLeastFeatures) continue;
+    const Pose3 there = carried(a_from_b, b.keyframes()[j].map_from_camera);
+    std::pair<double, std::size_t> nearest{1e300, 0};
+    for (std::size_t i = 0; i < a.keyframes().size(); ++i) {
+      const Pose3& here = a.keyframes()[i].map_from_camera;
+      if (a.keyframes()[i].points.size() < kLeastFeatures || (here.t - there.t).norm() > kNear_m) continue;
+      const double turn = std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0));
+      if (turn < kAlike_rad) nearest = std::min(nearest, {(here.t - there.t).norm() + turn, i});
+    }
+    if (nearest.first < 1e300) near.emplace_back(nearest.first, nearest.second, j);
+  }
+  std::sort(near.begin(), near.end());
+  if (near.size() > kMostLooks) near.resize(kMostLooks);
+  if (near.size() < kLeastLooks) return false;
+  std::vector<VisualQuestion> questions;
+  for (const auto& [apart, i, j] : near) questions.push_back({i, j});
+  std::size_t known = 0;
+  for (const VisualWitness& w : judge(a, b, questions, options.visual, memo, pool)) {
+    judged.push_back(w.judgement.id);
+    if (w.judgement.hypotheses.empty() || w.judgement.doubt != Reason::none) continue;
+    const Vector3d& p = b.keyframes()[w.keyframe_b].map_from_node.t;
+    known += (matching::transformed(p, w.a_from_b) - matching::transformed(p, a_from_b)).norm() < kNear_m;
+  }
+  constexpr std::size_t kOneIn = 5;
+  return kOneIn * known < near.size();
+}
+
+Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
+  Sim3 result;
+  result.scale = a_from_b.scale * b_from_c.scale;
+  result.pose.q = (a_from_b.pose.q * b_from_c.pose.q).normalized();
+  result.pose.t = matching::transformed(b_from_c.pose.t, a_from_b);
+  return result;
+}
+
+Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
+
+std::vector<VisualWitness> judge(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
+                                 const VisualFusionOptions& options, Memo& memo, WorkerPool& pool) {
+  std::set<std::size_t> of_a, of_b;
+  for (const VisualQuestion& question : questions) of_a.insert(question.keyframe_a), of_b.insert(question.keyframe_b);
+  const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
+    const std::vector<std::size_t> order(numbers.begin(), numbers.end());
+    auto made = pool.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options.companions)); });
+    std::map<std::size_t, VisualPlace> places;
+    for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
+    return places;
+  };
+  const auto places_a = places_of(a, of_a), places_b = places_of(b, of_b);
+  auto witnesses = pool.map(questions.size(), [&](std::size_t i) {
+    throw_if_interrupted();
+    const auto [in_a, in_b] = questions[i];
+    const matching::PlaceView &one = places_a.at(in_a).view, &other = places_b.at(in_b).view;
+    const bool swapped = other.id < one.id;
+    const matching::PlaceView &first = swapped ? other : one, &second = swapped ? one : other;
+    VisualWitness witness;
+    witness.keyframe_a = in_a, witness.keyframe_b = in_b;
+    const auto known = memo.find(matching::visual_judgement_id(first.content, second.content, options.judge));
+    witness.judgement = known != memo.end() ? known->second : matching::judge_places(first, second, options.judge).judgement;
+    if (witness.judgement.hypotheses.empty()) return witness;
+    const Alignment& best = witness.judgement.hypotheses.front();
+    witness.node_a_from_node_b = swapped ? matching::inverse(best.a_from_b) : best.a_from_b;
+    const Eigen::Matrix<double, 6, 6> covariance = swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
+    witness.information = covariance.inverse();
+    witness.information = (0.5 * (witness.information + witness.information.transpose())).eval();
+    witness.a_from_b = composed(composed({a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
+                                {inverse(b.keyframes()[in_b].map_from_node), 1.0});
+    return witness;
+  });
+  for (const VisualWitness& witness : witnesses) memo.emplace(witness.judgement.id, witness.judgement);
+  return witnesses;
+}
+
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options, Memo& memo,
+                        WorkerPool& pool) {
+  VisualPairResult result;
+  Verdict& verdict = result.verdict;
+  verdict.a = a.map().id, verdict.b = b.map().id, verdict.by = input.by;
+  verdict.kind = "vision", verdict.proposer = "words";
+  verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
+
+  const auto witnesses = judge(a, b, questions_of(a, b, options.visual), options.visual, memo, pool);
+  std::vector<const VisualWitness*> good;
+  const VisualWitness* likeliest = nullptr;
+  std::size_t vetoed = 0;
+  for (const VisualWitness& w : witnesses) {
+    result.judged.push_back(w.judgement.id);
+    vetoed += input.vetoed.count(w.judgement.id);
+    if (holds(w, input, options)) good.push_back(&w);
+    if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
+      likeliest = &w;
+  }
+  if (good.empty()) {
+    if (likeliest != nullptr) {
+      const Judgement& judgement = likeliest->judgement;
+      verdict.probability = judgement.probability, verdict.overlap = judgement.evidence.inliers;
+      verdict.conflict = judgement.evidence.conflict, verdict.second_best = judgement.evidence.second_best_ratio;
+      verdict.reason = judgement.doubt == Reason::none ? Reason::too_few_witnesses : judgement.doubt;
+      if (verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable) verdict.decision = Decision::deferred;
+    }
+    if (vetoed > 0) verdict.reason = Reason::vetoed;
+    return result;
+  }
+
+  const auto clique_of = [&](const std::vector<const VisualWitness*>& from, double& weight) {
+    std::vector<bool> consistent(from.size() * from.size());
+    std::vector<double> weights;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      weights.push_back(log_odds(from[i]->judgement.probability));
+      for (std::size_t j = 0; j < from.size(); ++j) consistent[i * from.size() + j] = i != j && agree(*from[i], *from[j], b, options);
+    }
+    std::vector<const VisualWitness*> members;
+    weight = 0.0;
+    for (const auto i : graph::consistent_set(consistent, weights)) members.push_back(from[i]), weight += weights[i];
+    return members;
+  };
+  double weight = 0.0, rival_weight = 0.0;
+  const auto clique = clique_of(good, weight);
+  std::vector<const VisualWitness*> others;
+  for (const VisualWitness* w : good)
+    if (std::none_of(clique.begin(), clique.end(), [&](const VisualWitness* c) { return c == w || agree(*c, *w, b, options); }))
+      others.push_back(w);
+  if (!others.empty()) clique_of(others, rival_weight);
+  for (const VisualWitness* w : others) verdict.contradicted.push_back(w->judgement.id);
+  std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
+  verdict.second_best = rival_weight / weight;
+
+  double none_right = 1.0;
+  for (const VisualWitness* w : clique) {
+    const auto share = 1.0 / static_cast<double>(clique.size());
+    none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, 0.98);
+    verdict.overlap += share * w->judgement.evidence.inliers, verdict.conflict += share * w->judgement.evidence.conflict;
+    verdict.witnesses.push_back(w->judgement.id);
+  }
+  std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
+  verdict.probability = (1.0 - none_right) * (1.0 - std::min(1.0, verdict.second_best));
+  Alignment alignment;
+  alignment.a_from_b = mean_transform(clique, b);
+  const VisualWitness& nearest = *clique.front();
+  const Pose3 node_from_map = inverse(b.keyframes()[nearest.keyframe_b].map_from_node);
+  alignment.covariance = exchanged(nearest.information.inverse(), {inverse(node_from_map), 1.0});
+  verdict.alignment = alignment;
+
+  const bool sole = clique.size() == 1 && clique.front()->judgement.probability >= options.sole_witness_probability;
+  if (verdict.second_best > options.max_rival) {
+    verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
+  } else if (disjoint(clique) < static_cast<std::size_t>(options.min_witnesses) && !sole) {
+    verdict.decision = Decision::deferred, verdict.reason = Reason::too_few_witnesses;
+  } else {
+    verdict.decision = Decision::accepted, verdict.reason = Reason::none;
+    for (const VisualWitness* w : clique) result.witnesses.push_back(*w);
+  }
+  return result;
+}
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,346 @@
+#include "visual_team.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/graph/bundle_adjustment.h>
+#include <mapweave/graph/spatial_graph.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace mapweave::fusion {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr std::size_t kTied = 5, kLeastShared = 15;  // companions that a keyframe is tied to in the graph
+constexpr double kTieShare = 0.01, kTie_m = 0.01, kTie_rad = 0.005;
+constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
+constexpr double kSameView_rad = 0.9;
+constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
+constexpr int kMostDifferent = 50;       // bits
+constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
+constexpr double kSameDepth = 0.1;       // of the distance
+constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
+
+// A keyframe in the team.
+struct TeamKeyframe {
+  std::size_t member = 0;
+  const MappedKeyframe* content = nullptr;
+  std::size_t first_landmark = 0;  // number in the team of its map's first
+  double depth_m = 1.0;            // middle one of what it sees
+  Pose3 team_from_node;
+  Pose3 team_from_camera() const { return compose(team_from_node, content->content->geometry->robot_from_camera); }
+};
+
+struct Found {
+  std::size_t keyframe, feature, landmark;  // numbers in the team
+};
+
+// Landmarks that are the same, and the one that stands for each.
+class Classes {
+ public:
+  explicit Classes(std::size_t count) : parent_(count) {
+    for (std::size_t i = 0; i < count; ++i) parent_[i] = i;
+  }
+  std::size_t find(std::size_t i) const {
+    while (parent_[i] != i) i = parent_[i];
+    return i;
+  }
+  void join(std::size_t i, std::size_t j) {
+    i = find(i), j = find(j);
+    parent_[std::max(i, j)] = std::min(i, j);
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+class Team {
+ public:
+  Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
+       const VisualFusionOptions& options)
+      : members_(members), joins_(joins), team_from_map_(team_from_map), options_(options) {
+    for (std::size_t m = 0; m < members.size(); ++m) {
+      first_keyframe_.push_back(keyframes_.size());
+      const std::size_t first_landmark = landmark_ids_.size();
+      for (const MappedLandmark& landmark : members[m]->landmarks()) {
+        landmark_ids_.push_back(landmark.id);
+        landmark_member_.push_back(m);
+        landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) + first_keyframe_[m]);
+      }
+      for (const MappedKeyframe& keyframe : members[m]->keyframes())
+        keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node)});
+    }
+    for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
+  }
+
+  VisualTeam run() {
+    straighten();
+    place_landmarks();
+    for (int round = 0; round < options_.adjustments; ++round) {
+      find_shared(round == 0 ? kWide_px : kNarrow_px);
+      adjust_all();
+    }
+    return told();
+  }
+
+ private:
+  double scale_of(std::size_t member) const { return team_from_map_[member].scale; }
+
+  double middle_depth(const TeamKeyframe& keyframe) const {
+    std::vector<double> depths;
+    const Pose3 camera_from_map = inverse(keyframe.content->map_from_camera);
+    for (const std::int32_t landmark : keyframe.content->landmark_of_feature)
+      if (landmark >= 0)
+        depths.push_back(
+            transformed(members_[keyframe.member]->landmarks()[static_cast<std::size_t>(landmark)].point_in_map, camera_from_map).z());
+    if (depths.empty()) return 1.0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return scale_of(keyframe.member) * std::max(0.1, *middle);
+  }
+
+  void straighten() {
+    std::vector<Pose3> poses;
+    for (const TeamKeyframe& keyframe : keyframes_) poses.push_back(keyframe.team_from_node);
+    std::vector<graph::SpatialEdge> edges;
+    const auto tie = [&](std::size_t from, std::size_t to, double share) {
+      graph::SpatialEdge edge{static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), between(poses[from], poses[to]), {}};
+      const double sigma_m = kTie_m + kTieShare * edge.from_from_to.t.norm();
+      edge.information.setZero();
+      edge.information.diagonal().head<3>().setConstant(share / (sigma_m * sigma_m));
+      edge.information.diagonal().tail<3>().setConstant(share / (kTie_rad * kTie_rad));
+      edges.push_back(edge);
+    };
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+      const std::size_t first = first_keyframe_[keyframes_[i].member], own = i - first;
+      if (own > 0) tie(i - 1, i, 0.3);
+      const auto& companions = keyframes_[i].content->companions;
+      for (std::size_t c = 0; c < companions.size() && c < kTied; ++c)
+        if (companions[c].first >= kLeastShared && companions[c].second + first != i) tie(companions[c].second + first, i, 1.0);
+    }
+    for (const VisualJoin& join : joins_)
+      for (const VisualWitness& w : *join.witnesses) {
+        Pose3 from_from_to = w.node_a_from_node_b.pose;
+        from_from_to.t *= scale_of(join.a);
+        edges.push_back({static_cast<std::uint32_t>(first_keyframe_[join.a] + w.keyframe_a),
+                         static_cast<std::uint32_t>(first_keyframe_[join.b] + w.keyframe_b), from_from_to, w.information});
+      }
+    const graph::SpatialSolution solution = graph::solve(poses, edges);
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = solution.poses[i];
+  }
+
+  void place_landmarks() {
+    points_.clear();
+    for (std::size_t i = 0; i < landmark_ids_.size(); ++i) {
+      const std::size_t member = landmark_member_[i];
+      const Vector3d point = scale_of(member) * members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor();
+      points_.push_back(transformed(point, keyframes_[landmark_keyframe_[i]].team_from_node));
+    }
+  }
+
+  // Of other members, those that look at the same things, the nearest first.
+  std::vector<std::size_t> neighbours(std::size_t number) const {
+    const TeamKeyframe& here = keyframes_[number];
+    const Pose3 camera = here.team_from_camera();
+    std::vector<std::pair<double, std::size_t>> near;
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+      if (keyframes_[i].member == here.member) continue;
+      const Pose3 other = keyframes_[i].team_from_camera();
+      const double turn = std::acos(std::clamp((camera.q * Vector3d::UnitZ()).dot(other.q * Vector3d::UnitZ()), -1.0, 1.0));
+      const double apart = (camera.t - other.t).norm() / std::min(here.depth_m, keyframes_[i].depth_m);
+      if (turn < kSameView_rad && apart < 1.0) near.emplace_back(apart + turn, i);
+    }
+    std::sort(near.begin(), near.end());
+    if (near.size() > kLookedAt) near.resize(kLookedAt);
+    std::vector<std::size_t> result;
+    for (const auto& entry : near) result.push_back(entry.second);
+    return result;
+  }
+
+  void find_shared(double radius_px) {
+    found_.clear();
+    for (std::size_t number = 0; number < keyframes_.size(); ++number) {
+      std::map<std::size_t, const BinaryDescriptor*> looked_for;  // landmarks, and how one of their features looks
+      for (const std::size_t other : neighbours(number)) {
+        const TeamKeyframe& from = keyframes_[other];
+        for (std::size_t f = 0; f < from.content->points.size(); ++f)
+          if (const std::int32_t landmark = from.content->landmark_of_feature[f]; landmark >= 0)
+            looked_for.emplace(from.first_landmark + static_cast<std::size_t>(landmark), &from.content->content->descriptors[f]);
+      }
+      std::vector<Found> found = find_in(number, looked_for, radius_px);
+      if (found.size() >= kLeastFound) found_.insert(found_.end(), found.begin(), found.end());
+    }
+  }
+
+  std::vector<Found> find_in(std::size_t number, const std::map<std::size_t, const BinaryDescriptor*>& looked_for, double radius_px) const {
+    const TeamKeyframe& here = keyframes_[number];
+    const MappedKeyframe& content = *here.content;
+    const Pose3 camera_from_team = inverse(here.team_from_camera());
+    const double scale = scale_of(here.member);
+    std::vector<std::pair<float, std::size_t>> rows;
+    for (std::size_t f = 0; f < content.points.size(); ++f) rows.emplace_back(content.points[f].v_px, f);
+    std::sort(rows.begin(), rows.end());
+    std::map<std::size_t, std::pair<int, std::size_t>> best_of_feature;  // bits that differ, landmark
+    for (const auto& [landmark, descriptor] : looked_for) {
+      const Vector3d p = transformed(points_[landmark], camera_from_team);
+      if (!(p.z() > 0.1)) continue;
+      const Vector2d pixel = content.camera.project(p);
+      if (!content.camera.shows(pixel)) continue;
+      int nearest = kMostDifferent + 1, second = 257;
+      std::size_t feature = 0;
+      for (auto row = std::lower_bound(rows.begin(), rows.end(), std::make_pair(static_cast<float>(pixel.y() - radius_px), std::size_t{0}));
+           row != rows.end() && static_cast<double>(row->first) <= pixel.y() + radius_px; ++row) {
+        const matching::FeaturePoint& point = content.points[row->second];
+        if ((Vector2d(point.u_px, point.v_px) - pixel).squaredNorm() > radius_px * radius_px) continue;
+        const double depth_m = scale * depth_m_of(content.content->points[row->second].inverse_depth);
+        if (depth_m > 0.0 && std::abs(depth_m - p.z()) > kSameDepth * p.z()) continue;
+        const int bits = matching::hamming(*descriptor, content.content->descriptors[row->second]);
+        if (bits < nearest)
+          second = nearest, nearest = bits, feature = row->second;
+        else
+          second = std::min(second, bits);
+      }
+      if (nearest > kMostDifferent || nearest > kClearly * second) continue;
+      const auto [known, is_new] = best_of_feature.try_emplace(feature, nearest, landmark);
+      if (!is_new && nearest < known->second.first) known->second = {nearest, landmark};
+    }
+    std::vector<Found> found;
+    for (const auto& [feature, best] : best_of_feature) found.push_back({number, feature, best.second});
+    return found;
+  }
+
+  Classes classes() const {
+    Classes result(landmark_ids_.size());
+    for (const Found& found : found_) {
+      const TeamKeyframe& keyframe = keyframes_[found.keyframe];
+      const std::int32_t own = keyframe.content->landmark_of_feature[found.feature];
+      if (own < 0) continue;
+      const std::size_t here = keyframe.first_landmark + static_cast<std::size_t>(own);
+      const double depth_m = transformed(points_[here], inverse(keyframe.team_from_camera())).z();
+      if ((points_[here] - points_[found.landmark]).norm() < kSameDepth * std::max(depth_m, 0.1)) result.join(here, found.landmark);
+    }
+    return result;
+  }
+
+  void adjust_all() {
+    const Classes same = classes();
+    graph::Bundle bundle;
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+      const matching::Pinhole& camera = keyframes_[i].content->camera;
+      bundle.cameras.push_back({camera.fx, camera.fy, camera.cx, camera.cy});
+      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), i == 0});
+    }
+    bundle.points = points_;
+    const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
+      graph::BundleSighting sighting;
+      sighting.view = static_cast<std::uint32_t>(keyframe), sighting.point = static_cast<std::uint32_t>(same.find(landmark));
+      sighting.pixel = pixel, sighting.sigma_px = sigma_px;
+      if (inverse_depth != 0) {
+        sighting.inverse_depth = 1.0 / (scale_of(keyframes_[keyframe].member) * depth_m_of(inverse_depth));
+        sighting.inverse_depth_sigma = options_.inverse_depth_sigma;
+      }
+      bundle.sightings.push_back(sighting);
+    };
+    std::size_t number = 0;
+    for (std::size_t m = 0; m < members_.size(); ++m)
+      for (const auto& [id, landmark] : members_[m]->map().landmarks) {
+        for (const LandmarkSighting& seen : landmark.seen)
+          if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
+            see(first_keyframe_[m] + keyframe, number, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level),
+                seen.inverse_depth);
+        ++number;
+      }
+    for (const Found& found : found_) {
+      const MappedKeyframe& content = *keyframes_[found.keyframe].content;
+      if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
+      const matching::FeaturePoint& point = content.points[found.feature];
+      see(found.keyframe, found.landmark, {point.u_px, point.v_px},
+          2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level),
+          content.content->points[found.feature].inverse_depth);
+    }
+    std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
+    graph::adjust(bundle);
+    for (std::size_t i = 0; i < keyframes_.size(); ++i)
+      keyframes_[i].team_from_node =
+          compose(bundle.views[i].map_from_camera, inverse(keyframes_[i].content->content->geometry->robot_from_camera));
+    for (std::size_t i = 0; i < points_.size(); ++i) points_[i] = bundle.points[same.find(i)];
+  }
+
+  VisualTeam told() const {
+    VisualTeam team;
+    std::vector<std::pair<NodeId, Node>> nodes;
+    for (const TeamKeyframe& keyframe : keyframes_) {
+      Node node = *members_[keyframe.member]->map().nodes.find(keyframe.content->id);
+      node.map_from_node = keyframe.team_from_node;
+      nodes.emplace_back(node.id, std::move(node));
+    }
+    std::sort(nodes.begin(), nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (auto& [id, node] : nodes) team.nodes.set(id, std::move(node));
+
+    std::vector<Constraint> constraints;
+    for (const VisualJoin& join : joins_)
+      for (const VisualWitness& w : *join.witnesses) {
+        Constraint constraint;
+        constraint.id = {ConstraintKind::between_maps, members_[join.a]->keyframes()[w.keyframe_a].id,
+                         members_[join.b]->keyframes()[w.keyframe_b].id, 0};
+        constraint.from_from_to.pose = w.node_a_from_node_b.pose;
+        constraint.from_from_to.pose.t *= scale_of(join.a);
+        constraint.information = w.information;
+        constraint.because = w.judgement.id;
+        constraints.push_back(constraint);
+      }
+    std::sort(constraints.begin(), constraints.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
+    for (Constraint& constraint : constraints) {
+      const ConstraintId id = constraint.id;
+      team.constraints.set(id, std::move(constraint));
+    }
+
+    const Classes same = classes();
+    std::map<LandmarkId, Landmark> landmarks;
+    std::size_t number = 0;
+    for (std::size_t m = 0; m < members_.size(); ++m)
+      for (const auto& [id, landmark] : members_[m]->map().landmarks) {
+        const std::size_t kept = same.find(number);
+        if (kept == number) {
+          Landmark& own = landmarks.emplace(id, landmark).first->second;
+          own.point_units = landmark_units(transformed(points_[number], inverse(keyframes_[landmark_keyframe_[number]].team_from_node)));
+        } else {
+          auto& seen = landmarks.at(landmark_ids_[kept]).seen;
+          seen.insert(seen.end(), landmark.seen.begin(), landmark.seen.end());
+          team.same_as.set(id, landmark_ids_[kept]);
+        }
+        ++number;
+      }
+    for (auto& [id, landmark] : landmarks) {
+      std::stable_sort(landmark.seen.begin(), landmark.seen.end(), [](const auto& a, const auto& b) { return a.node < b.node; });
+      landmark.seen.erase(
+          std::unique(landmark.seen.begin(), landmark.seen.end(), [](const auto& a, const auto& b) { return a.node == b.node; }),
+          landmark.seen.end());
+      team.landmarks.set(id, std::move(landmark));
+    }
+    return team;
+  }
+
+  const std::vector<const VisualMap*>& members_;
+  const std::vector<VisualJoin>& joins_;
+  const std::vector<Sim3>& team_from_map_;
+  VisualFusionOptions options_;
+  std::vector<std::size_t> first_keyframe_;  // of each member
+  std::vector<TeamKeyframe> keyframes_;
+  std::vector<LandmarkId> landmark_ids_;
+  std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
+  std::vector<Vector3d> points_;                                  // in the team's frame
+  std::vector<Found> found_;
+};
+
+}  // namespace
+
+VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
+                const VisualFusionOptions& options) {
+  return Team(members, joins, team_from_map, options).run();
+}
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,25 @@
+#pragma once
+// Stage 4 of fuse() for maps of keyframes: one graph of all of them (the essential graph of CORB-SLAM 2.2), landmarks that two maps share
+// found and made one, then the bundle of all adjusted.
+
+#include "visual_pair.h"
+
+namespace mapweave::fusion {
+
+struct VisualJoin {
+  std::size_t a = 0, b = 0;  // numbers of the members
+  const std::vector<VisualWitness>* witnesses = nullptr;
+};
+
+struct VisualTeam {
+  Table<NodeId, Node> nodes;
+  Table<ConstraintId, Constraint> constraints;  // what the joins rest on
+  Table<LandmarkId, Landmark> landmarks;        // of those that are the same the lowest one, with all sightings
+  Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
+};
+
+// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes.
+VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
+                const VisualFusionOptions& options);
+
+}  // namespace mapweave::fusion

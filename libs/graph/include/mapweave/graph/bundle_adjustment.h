@@ -1,0 +1,54 @@
+#pragma once
+// Bundle adjustment of whole maps: cameras' poses and points that agree best with where the cameras saw them. Levenberg-Marquardt, the
+// points eliminated (Schur complement; Triggs et al., Bundle Adjustment: A Modern Synthesis, 2000), what is left sparse. Cold start, one
+// thread, iteration budgets: the same input gives the same bytes.
+
+#include <mapweave/core/geometry.h>
+
+#include <cstdint>
+#include <vector>
+
+namespace mapweave::graph {
+
+// Rectified. Frame `camera`: x right, y down, z forward.
+struct BundleCamera {
+  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
+};
+
+struct BundleView {
+  Pose3 map_from_camera;
+  std::uint32_t camera = 0;
+  bool fixed = false;
+};
+
+struct BundleSighting {
+  std::uint32_t view = 0, point = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double sigma_px = 1.0;
+  double inverse_depth = 0.0, inverse_depth_sigma = 0.0;  // 1/m, along the optical axis; with sigma 0 there is none
+  bool fits = true;                                       // those that do not are left out
+};
+
+struct Bundle {
+  std::vector<BundleCamera> cameras;
+  std::vector<BundleView> views;
+  std::vector<Eigen::Vector3d> points;
+  std::vector<BundleSighting> sightings;  // by rising point
+};
+
+struct BundleOptions {
+  int iterations = 15;
+  double soft_sigmas = 2.0;  // farther off, an error counts linearly (Huber)
+  double gate_sigmas = 5.0;  // farther off at the end, a sighting does not fit
+};
+
+struct BundleReport {
+  double cost_before = 0.0, cost_after = 0.0;
+  int iterations = 0;
+};
+
+// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for sightings that name no
+// view, camera or point, or are out of order.
+BundleReport adjust(Bundle& bundle, const BundleOptions& options = {});
+
+}  // namespace mapweave::graph

@@ -1,0 +1,272 @@
+#include <mapweave/core/error.h>
+#include <mapweave/graph/bundle_adjustment.h>
+
+#include <Eigen/LU>
+#include <Eigen/SparseCholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace mapweave::graph {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix63 = Eigen::Matrix<double, 6, 3>;
+
+constexpr double kNearest_m = 0.02;
+
+struct View {  // camera_from_map
+  Matrix3d rotation;
+  Vector3d translation;
+};
+
+View view_of(const Pose3& map_from_camera) {
+  const Matrix3d rotation = map_from_camera.q.conjugate().toRotationMatrix();
+  return {rotation, -(rotation * map_from_camera.t)};
+}
+
+// exp of a small motion (translation, rotation vector) in the camera's frame, from the left.
+View moved(const View& view, const Vector6& motion) {
+  const Vector3d turn = motion.tail<3>();
+  const double angle = turn.norm();
+  const Matrix3d rotation = angle < 1e-12 ? Matrix3d::Identity() : Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+  return {Eigen::Quaterniond(rotation * view.rotation).normalized().toRotationMatrix(), rotation * view.translation + motion.head<3>()};
+}
+
+double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
+
+// In sigmas: two of the pixel, one of the inverse depth. False behind the camera.
+bool residual_of(const BundleSighting& seen, const BundleCamera& camera, const Vector3d& p, Vector3d& value, Matrix3d* by_point) {
+  if (!(p.z() > kNearest_m)) return false;
+  const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
+  value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x()), weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y()),
+           0.0};
+  const double depth_weight = seen.inverse_depth_sigma > 0.0 ? 1.0 / seen.inverse_depth_sigma : 0.0;
+  value.z() = depth_weight * (z - seen.inverse_depth);
+  if (by_point != nullptr)
+    *by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z * z, 0, weight * camera.fy * z,
+        -weight * camera.fy * p.y() * z * z, 0, 0, -depth_weight * z * z;
+  return true;
+}
+
+class Adjustment {
+ public:
+  Adjustment(Bundle& bundle, const BundleOptions& options) : bundle_(bundle), options_(options), points_(bundle.points) {
+    for (const BundleView& view : bundle.views) {
+      MAPWEAVE_EXPECT(view.camera < bundle.cameras.size(), "a view names a camera");
+      column_.push_back(view.fixed ? -1 : free_++);
+      views_.push_back(view_of(view.map_from_camera));
+    }
+    first_.assign(bundle.points.size() + 1, bundle.sightings.size());
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
+      const BundleSighting& seen = bundle.sightings[i];
+      MAPWEAVE_EXPECT(
+          seen.view < bundle.views.size() && seen.point < bundle.points.size() && (i == 0 || bundle.sightings[i - 1].point <= seen.point),
+          "sightings name views and points, in order");
+      while (next <= seen.point) first_[next++] = i;
+    }
+    find_blocks();
+  }
+
+  BundleReport run() {
+    BundleReport report;
+    double cost = cost_of(views_, points_), lambda = 1e-4;
+    report.cost_before = cost;
+    bool build = true;
+    for (; report.iterations < options_.iterations && free_ > 0; ++report.iterations) {
+      if (build) linearise();
+      Eigen::VectorXd change;
+      if (!solve(lambda, change)) break;
+      std::vector<View> views = views_;
+      for (std::size_t i = 0; i < views.size(); ++i)
+        if (column_[i] >= 0) views[i] = moved(views[i], change.segment<6>(6 * column_[i]));
+      std::vector<Vector3d> points = points_;
+      for (std::size_t point = 0; point < points.size(); ++point) {
+        Vector3d sum = gradient_of_point_[point];
+        for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
+          if (const int c = column_[bundle_.sightings[i].view]; c >= 0 && used_[i])
+            sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * c);
+        points[point] -= inverse_[point] * sum;
+      }
+      const double now = cost_of(views, points);
+      build = now < cost;
+      if (build) {
+        const bool done = cost - now < 1e-5 * cost;
+        views_ = std::move(views), points_ = std::move(points), cost = now;
+        lambda = std::max(1e-8, 0.2 * lambda);
+        if (done) break;
+      } else {
+        lambda *= 8.0;
+        if (lambda > 1e6) break;
+      }
+    }
+    report.cost_after = cost;
+    write_back();
+    return report;
+  }
+
+ private:
+  // Blocks below the diagonal, by row, then column: of free views that see a common point.
+  void find_blocks() {
+    std::vector<std::vector<std::int32_t>> below(static_cast<std::size_t>(free_));
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
+        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
+          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
+          if (column >= 0 && row > column) below[static_cast<std::size_t>(row)].push_back(column);
+        }
+    row_begin_.push_back(0);
+    for (auto& columns : below) {
+      std::sort(columns.begin(), columns.end());
+      columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+      columns_.insert(columns_.end(), columns.begin(), columns.end());
+      row_begin_.push_back(columns_.size());
+    }
+  }
+  std::size_t block(int row, int column) const {
+    const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
+               end = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row) + 1]);
+    return static_cast<std::size_t>(std::lower_bound(begin, end, column) - columns_.begin());
+  }
+
+  Vector3d weights_of(const Vector3d& value) const {
+    const double pixels = value.head<2>().norm(), depth = std::abs(value.z()), soft = options_.soft_sigmas;
+    const double w = pixels > soft ? soft / pixels : 1.0;
+    return {w, w, depth > soft ? soft / depth : 1.0};
+  }
+
+  double cost_of(const std::vector<View>& views, const std::vector<Vector3d>& points) const {
+    double sum = 0.0;
+    Vector3d value;
+    for (const BundleSighting& seen : bundle_.sightings) {
+      if (!seen.fits) continue;
+      const View& view = views[seen.view];
+      const Vector3d p = view.rotation * points[seen.point] + view.translation;
+      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, nullptr))
+        sum += 100.0 * options_.soft_sigmas * options_.soft_sigmas;
+      else
+        sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) + soft_cost(std::abs(value.z()), options_.soft_sigmas);
+    }
+    return sum;
+  }
+
+  void linearise() {
+    hessian_of_view_.assign(static_cast<std::size_t>(free_), Matrix6::Zero());
+    gradient_of_view_ = Eigen::VectorXd::Zero(6 * free_);
+    hessian_of_point_.assign(points_.size(), Matrix3d::Zero());
+    gradient_of_point_.assign(points_.size(), Vector3d::Zero());
+    cross_.resize(bundle_.sightings.size());
+    used_.assign(bundle_.sightings.size(), 0);
+    Vector3d value;
+    Matrix3d by_camera_point;
+    for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
+      const BundleSighting& seen = bundle_.sightings[i];
+      if (!seen.fits) continue;
+      const View& view = views_[seen.view];
+      const Vector3d p = view.rotation * points_[seen.point] + view.translation;
+      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_camera_point)) continue;
+      used_[i] = 1;
+      const Vector3d weights = weights_of(value);
+      const Matrix3d by_point = by_camera_point * view.rotation, weighted = weights.asDiagonal() * by_point;
+      const Vector3d weighted_value = weights.cwiseProduct(value);
+      hessian_of_point_[seen.point].noalias() += by_point.transpose() * weighted;
+      gradient_of_point_[seen.point].noalias() += by_point.transpose() * weighted_value;
+      const int c = column_[seen.view];
+      if (c < 0) continue;
+      Eigen::Matrix<double, 3, 6> by_motion;
+      Matrix3d turned;
+      turned << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
+      by_motion.leftCols<3>() = by_camera_point;
+      by_motion.rightCols<3>().noalias() = by_camera_point * turned;
+      hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by_motion.transpose() * (weights.asDiagonal() * by_motion);
+      gradient_of_view_.segment<6>(6 * c).noalias() += by_motion.transpose() * weighted_value;
+      cross_[i].noalias() = by_motion.transpose() * weighted;
+    }
+  }
+
+  bool solve(double lambda, Eigen::VectorXd& change) {
+    std::vector<Matrix6> diagonal = hessian_of_view_, below(columns_.size(), Matrix6::Zero());
+    for (Matrix6& m : diagonal) {
+      m.diagonal() *= 1.0 + lambda;
+      m.diagonal().array() += 1e-9;
+    }
+    Eigen::VectorXd right = -gradient_of_view_;
+    inverse_.resize(points_.size());
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      Matrix3d damped = hessian_of_point_[point];
+      damped.diagonal() *= 1.0 + lambda;
+      damped.diagonal().array() += 1e-6;
+      inverse_[point] = damped.inverse();
+      const Vector3d shift = inverse_[point] * gradient_of_point_[point];
+      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i) {
+        const int row = column_[bundle_.sightings[i].view];
+        if (row < 0 || !used_[i]) continue;
+        right.segment<6>(6 * row).noalias() += cross_[i] * shift;
+        const Matrix63 left = cross_[i] * inverse_[point];
+        diagonal[static_cast<std::size_t>(row)].noalias() -= left * cross_[i].transpose();
+        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
+          if (const int column = column_[bundle_.sightings[j].view]; column >= 0 && column < row && used_[j])
+            below[block(row, column)].noalias() -= left * cross_[j].transpose();
+      }
+    }
+    std::vector<Eigen::Triplet<double>> entries;
+    entries.reserve(21 * diagonal.size() + 36 * below.size());
+    for (int row = 0; row < free_; ++row) {
+      const auto r = static_cast<std::size_t>(row);
+      for (int i = 0; i < 6; ++i)
+        for (int j = 0; j <= i; ++j) entries.emplace_back(6 * row + i, 6 * row + j, diagonal[r](i, j));
+      for (std::size_t b = row_begin_[r]; b < row_begin_[r + 1]; ++b)
+        for (int i = 0; i < 6; ++i)
+          for (int j = 0; j < 6; ++j) entries.emplace_back(6 * row + i, 6 * columns_[b] + j, below[b](i, j));
+    }
+    Eigen::SparseMatrix<double> matrix(6 * free_, 6 * free_);
+    matrix.setFromTriplets(entries.begin(), entries.end());
+    if (!analysed_) cholesky_.analyzePattern(matrix), analysed_ = true;
+    cholesky_.factorize(matrix);
+    if (cholesky_.info() != Eigen::Success) return false;
+    change = cholesky_.solve(right);
+    return change.allFinite();
+  }
+
+  void write_back() {
+    for (std::size_t i = 0; i < views_.size(); ++i)
+      if (column_[i] >= 0)
+        bundle_.views[i].map_from_camera = {-(views_[i].rotation.transpose() * views_[i].translation),
+                                            Eigen::Quaterniond(views_[i].rotation.transpose()).normalized()};
+    Vector3d value;
+    for (BundleSighting& seen : bundle_.sightings) {
+      const View& view = views_[seen.view];
+      seen.fits = residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera],
+                              view.rotation * points_[seen.point] + view.translation, value, nullptr) &&
+                  value.head<2>().norm() < options_.gate_sigmas && std::abs(value.z()) < options_.gate_sigmas;
+    }
+    bundle_.points = points_;
+  }
+
+  Bundle& bundle_;
+  BundleOptions options_;
+  std::vector<View> views_;
+  std::vector<Vector3d> points_;
+  std::vector<int> column_;  // of each view; -1: fixed
+  int free_ = 0;
+  std::vector<std::size_t> first_;  // sighting of each point, and the end
+  std::vector<std::size_t> row_begin_;
+  std::vector<std::int32_t> columns_;
+  std::vector<Matrix6> hessian_of_view_;
+  Eigen::VectorXd gradient_of_view_;
+  std::vector<Matrix3d> hessian_of_point_, inverse_;
+  std::vector<Vector3d> gradient_of_point_;
+  std::vector<Matrix63> cross_;  // of each sighting
+  std::vector<char> used_;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> cholesky_;
+  bool analysed_ = false;
+};
+
+}  // namespace
+
+BundleReport adjust(Bundle& bundle, const BundleOptions& options) { return Adjustment(bundle, options).run(); }
+
+}  // namespace mapweave::graph

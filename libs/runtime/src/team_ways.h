@@ -1,0 +1,15 @@
+#pragma once
+// The ways of a team's robots by their cameras' frames: fusion moves keyframes, and each frame moves with the keyframe before it.
+
+#include <mapweave/exporters/session_trajectories.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/runtime/camera_task.h>
+
+namespace mapweave::runtime {
+
+// Of the main camera of each member's map, by robot; of keyframes alone where `cameras` do not hold a member (stored maps).
+std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras);
+
+bool has_keyframes(const Map&);
+
+}  // namespace mapweave::runtime
