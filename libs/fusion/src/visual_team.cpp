@@ -15,7 +15,9 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr std::size_t kTied = 5, kLeastShared = 15;  // companions that a keyframe is tied to in the graph
-constexpr double kTieShare = 0.01, kTie_m = 0.01, kTie_rad = 0.005;
+// Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does not, so there the
+// shapes that they found hardly give way.
+constexpr double kTieShare = 0.015, kTie_m = 0.006, kTie_rad = 0.003, kStiff = 0.1;
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
@@ -78,6 +80,7 @@ class Team {
 
   VisualTeam run() {
     straighten();
+    straightened_ = ties(kStiff);
     place_landmarks();
     for (int round = 0; round < options_.adjustments; ++round) {
       find_shared(round == 0 ? kWide_px : kNarrow_px);
@@ -102,24 +105,33 @@ class Team {
     return scale_of(keyframe.member) * std::max(0.1, *middle);
   }
 
+  // How keyframes lay in their own maps: of those that see the same, and of one and the next.
+  std::vector<graph::BundleTie> ties(double stiffness) const {
+    std::vector<graph::BundleTie> result;
+    const auto tie = [&](std::size_t from, std::size_t to, double slack) {
+      const Pose3 from_from_to = between(keyframes_[from].team_from_node, keyframes_[to].team_from_node);
+      result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
+                        stiffness * slack * (kTie_m + kTieShare * from_from_to.t.norm()), stiffness * slack * kTie_rad});
+    };
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+      const std::size_t first = first_keyframe_[keyframes_[i].member];
+      if (i > first) tie(i - 1, i, 2.0);
+      const auto& companions = keyframes_[i].content->companions;
+      for (std::size_t c = 0; c < companions.size() && c < kTied; ++c)
+        if (companions[c].first >= kLeastShared) tie(companions[c].second + first, i, 1.0);
+    }
+    return result;
+  }
+
   void straighten() {
     std::vector<Pose3> poses;
     for (const TeamKeyframe& keyframe : keyframes_) poses.push_back(keyframe.team_from_node);
     std::vector<graph::SpatialEdge> edges;
-    const auto tie = [&](std::size_t from, std::size_t to, double share) {
-      graph::SpatialEdge edge{static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), between(poses[from], poses[to]), {}};
-      const double sigma_m = kTie_m + kTieShare * edge.from_from_to.t.norm();
-      edge.information.setZero();
-      edge.information.diagonal().head<3>().setConstant(share / (sigma_m * sigma_m));
-      edge.information.diagonal().tail<3>().setConstant(share / (kTie_rad * kTie_rad));
+    for (const graph::BundleTie& tie : ties(1.0)) {
+      graph::SpatialEdge edge{tie.from, tie.to, tie.from_from_to, Eigen::Matrix<double, 6, 6>::Zero()};
+      edge.information.diagonal().head<3>().setConstant(1.0 / (tie.sigma_m * tie.sigma_m));
+      edge.information.diagonal().tail<3>().setConstant(1.0 / (tie.sigma_rad * tie.sigma_rad));
       edges.push_back(edge);
-    };
-    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-      const std::size_t first = first_keyframe_[keyframes_[i].member], own = i - first;
-      if (own > 0) tie(i - 1, i, 0.3);
-      const auto& companions = keyframes_[i].content->companions;
-      for (std::size_t c = 0; c < companions.size() && c < kTied; ++c)
-        if (companions[c].first >= kLeastShared && companions[c].second + first != i) tie(companions[c].second + first, i, 1.0);
     }
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
@@ -130,6 +142,13 @@ class Team {
       }
     const graph::SpatialSolution solution = graph::solve(poses, edges);
     for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = solution.poses[i];
+  }
+
+  // Of the cameras instead of the nodes.
+  graph::BundleTie of_cameras(graph::BundleTie tie) const {
+    const auto mounting = [&](std::uint32_t keyframe) { return keyframes_[keyframe].content->content->geometry->robot_from_camera; };
+    tie.from_from_to = compose(compose(inverse(mounting(tie.from)), tie.from_from_to), mounting(tie.to));
+    return tie;
   }
 
   void place_landmarks() {
@@ -234,13 +253,15 @@ class Team {
       bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), i == 0});
     }
     bundle.points = points_;
+    for (const graph::BundleTie& tie : straightened_) bundle.ties.push_back(of_cameras(tie));
     const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
       graph::BundleSighting sighting;
       sighting.view = static_cast<std::uint32_t>(keyframe), sighting.point = static_cast<std::uint32_t>(same.find(landmark));
       sighting.pixel = pixel, sighting.sigma_px = sigma_px;
       if (inverse_depth != 0) {
         sighting.inverse_depth = 1.0 / (scale_of(keyframes_[keyframe].member) * depth_m_of(inverse_depth));
-        sighting.inverse_depth_sigma = options_.inverse_depth_sigma;
+        const CameraGeometry& camera = *keyframes_[keyframe].content->content->geometry;
+        sighting.inverse_depth_sigma = camera.baseline_m > 0.0 ? sigma_px / (camera.fx * camera.baseline_m) : options_.inverse_depth_sigma;
       }
       bundle.sightings.push_back(sighting);
     };
@@ -258,8 +279,7 @@ class Team {
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
       const matching::FeaturePoint& point = content.points[found.feature];
       see(found.keyframe, found.landmark, {point.u_px, point.v_px},
-          2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level),
-          content.content->points[found.feature].inverse_depth);
+          2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level), 0);
     }
     std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
     graph::adjust(bundle);
@@ -333,6 +353,7 @@ class Team {
   std::vector<LandmarkId> landmark_ids_;
   std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
   std::vector<Vector3d> points_;                                  // in the team's frame
+  std::vector<graph::BundleTie> straightened_;                    // of nodes
   std::vector<Found> found_;
 };
 

@@ -68,6 +68,10 @@ class Adjustment {
           "sightings name views and points, in order");
       while (next <= seen.point) first_[next++] = i;
     }
+    for (const BundleTie& tie : bundle.ties)
+      MAPWEAVE_EXPECT(
+          tie.from < bundle.views.size() && tie.to < bundle.views.size() && tie.from != tie.to && tie.sigma_m > 0.0 && tie.sigma_rad > 0.0,
+          "a tie names two views");
     find_blocks();
   }
 
@@ -118,6 +122,10 @@ class Adjustment {
           const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
           if (column >= 0 && row > column) below[static_cast<std::size_t>(row)].push_back(column);
         }
+    for (const BundleTie& tie : bundle_.ties) {
+      const int row = std::max(column_[tie.from], column_[tie.to]), column = std::min(column_[tie.from], column_[tie.to]);
+      if (column >= 0) below[static_cast<std::size_t>(row)].push_back(column);
+    }
     row_begin_.push_back(0);
     for (auto& columns : below) {
       std::sort(columns.begin(), columns.end());
@@ -150,7 +158,45 @@ class Adjustment {
       else
         sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) + soft_cost(std::abs(value.z()), options_.soft_sigmas);
     }
+    for (const BundleTie& tie : bundle_.ties) sum += error_of(tie, views).squaredNorm();
     return sum;
+  }
+
+  // How far the views are from what the tie says, in sigmas; a small motion of `to` in its own frame.
+  static Vector6 error_of(const BundleTie& tie, const std::vector<View>& views) {
+    const View &from = views[tie.from], &to = views[tie.to];
+    const Matrix3d measured = tie.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
+    const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
+    const Vector3d from_in_to = to.translation - to_from_from * from.translation;
+    const Eigen::AngleAxisd turn(Matrix3d(to_from_from * measured.transpose()));
+    const Vector3d expected = -(measured * tie.from_from_to.t);
+    Vector6 error;
+    error << (from_in_to - expected) / tie.sigma_m, turn.angle() * turn.axis() / tie.sigma_rad;
+    return error;
+  }
+
+  // Derivatives by small motions of the two cameras in their own frames, from the left, for small errors.
+  void linearise(const BundleTie& tie, std::size_t number) {
+    const Vector6 error = error_of(tie, views_);
+    const Matrix3d to_from_from = views_[tie.to].rotation * views_[tie.from].rotation.transpose();
+    const Vector3d t = views_[tie.to].translation - to_from_from * views_[tie.from].translation;
+    Matrix3d cross;
+    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+    Matrix6 by_to = Matrix6::Zero(), by_from = Matrix6::Zero();
+    by_to.topLeftCorner<3, 3>() = Matrix3d::Identity() / tie.sigma_m;
+    by_to.topRightCorner<3, 3>() = -cross / tie.sigma_m;
+    by_to.bottomRightCorner<3, 3>() = Matrix3d::Identity() / tie.sigma_rad;
+    by_from.topLeftCorner<3, 3>() = -to_from_from / tie.sigma_m;
+    by_from.bottomRightCorner<3, 3>() = -to_from_from / tie.sigma_rad;
+    const auto add = [&](std::uint32_t view, const Matrix6& by) {
+      if (const int c = column_[view]; c >= 0) {
+        hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by.transpose() * by;
+        gradient_of_view_.segment<6>(6 * c).noalias() += by.transpose() * error;
+      }
+    };
+    add(tie.from, by_from), add(tie.to, by_to);
+    const bool from_is_row = column_[tie.from] > column_[tie.to];
+    cross_of_tie_[number] = from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
   }
 
   void linearise() {
@@ -160,6 +206,8 @@ class Adjustment {
     gradient_of_point_.assign(points_.size(), Vector3d::Zero());
     cross_.resize(bundle_.sightings.size());
     used_.assign(bundle_.sightings.size(), 0);
+    cross_of_tie_.resize(bundle_.ties.size());
+    for (std::size_t i = 0; i < bundle_.ties.size(); ++i) linearise(bundle_.ties[i], i);
     Vector3d value;
     Matrix3d by_camera_point;
     for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
@@ -192,6 +240,10 @@ class Adjustment {
     for (Matrix6& m : diagonal) {
       m.diagonal() *= 1.0 + lambda;
       m.diagonal().array() += 1e-9;
+    }
+    for (std::size_t i = 0; i < bundle_.ties.size(); ++i) {
+      const int one = column_[bundle_.ties[i].from], other = column_[bundle_.ties[i].to];
+      if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_tie_[i];
     }
     Eigen::VectorXd right = -gradient_of_view_;
     inverse_.resize(points_.size());
@@ -259,7 +311,8 @@ class Adjustment {
   Eigen::VectorXd gradient_of_view_;
   std::vector<Matrix3d> hessian_of_point_, inverse_;
   std::vector<Vector3d> gradient_of_point_;
-  std::vector<Matrix63> cross_;  // of each sighting
+  std::vector<Matrix63> cross_;        // of each sighting
+  std::vector<Matrix6> cross_of_tie_;  // the view of the higher column by the other
   std::vector<char> used_;
   Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> cholesky_;
   bool analysed_ = false;

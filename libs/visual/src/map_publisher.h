@@ -13,7 +13,7 @@ namespace mapweave::visual {
 
 class MapPublisher {
  public:
-  MapPublisher(ClientPlace place, SessionId session, double sigma_px);
+  MapPublisher(ClientPlace place, SessionId session, double sigma_px, double inverse_depth_sigma);
   // What changed since the last call, one update for each map that it touches.
   std::vector<MapUpdate> take(const LandmarkMap& map, PublishedDetail detail);
 
@@ -41,7 +41,8 @@ class MapPublisher {
 
   ClientPlace place_;
   SessionId session_;
-  double sigma_px_;  // of a sighting on level 0
+  double sigma_px_;             // of a sighting on level 0
+  double inverse_depth_sigma_;  // of a depth camera's, away from edges
   std::shared_ptr<const CameraGeometry> geometry_;
   std::vector<SentKeyframe> keyframes_;  // by slot
   std::vector<SentLandmark> landmarks_;

@@ -381,7 +381,11 @@ void VisualClient::finish() {
 
 std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
   if (!state_->begun) return {};
-  if (!state_->publisher) state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, state_->options.tracking.sigma_px);
+  if (!state_->publisher) {
+    const ClientOptions& options = state_->options;
+    state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, options.tracking.sigma_px,
+                              options.depth.inverse_depth_sigma);
+  }
   return state_->publisher->take(state_->map, detail);
 }
 

@@ -29,11 +29,19 @@ struct BundleSighting {
   bool fits = true;                                       // those that do not are left out
 };
 
+// What is known of two views beside what they see: a rigid rig, or how they lay before.
+struct BundleTie {
+  std::uint32_t from = 0, to = 0;
+  Pose3 from_from_to;
+  double sigma_m = 0.01, sigma_rad = 0.01;
+};
+
 struct Bundle {
   std::vector<BundleCamera> cameras;
   std::vector<BundleView> views;
   std::vector<Eigen::Vector3d> points;
   std::vector<BundleSighting> sightings;  // by rising point
+  std::vector<BundleTie> ties;
 };
 
 struct BundleOptions {
@@ -47,8 +55,8 @@ struct BundleReport {
   int iterations = 0;
 };
 
-// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for sightings that name no
-// view, camera or point, or are out of order.
+// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for sightings and ties
+// that name no view, camera or point, or are out of order.
 BundleReport adjust(Bundle& bundle, const BundleOptions& options = {});
 
 }  // namespace mapweave::graph
