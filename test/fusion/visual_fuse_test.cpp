@@ -1,0 +1,153 @@
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/maps/map_update.h>
+#include <support/starry_maps.h>
+
+namespace mapweave::fusion {
+namespace {
+
+FusionResult fused(std::vector<Map> maps, int threads = 1, Memo* memo = nullptr, std::set<Hash> vetoed = {}) {
+  WorkerPool pool(threads);
+  Memo own;
+  const auto progress = make_silent_progress();
+  return fuse({std::move(maps), std::move(vetoed), TierId("cloud")}, {}, memo != nullptr ? *memo : own, pool, *progress);
+}
+
+std::string bytes_of(const Component& component) {
+  MapUpdate update = difference({}, component.map);
+  update.origin = {TierId("cloud"), component.map.id};
+  update.sequence = 1;
+  return encode(update);
+}
+
+struct TwoRobots {
+  test::StarryBuilding building{{1}};
+  std::vector<Pose2> way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = test::look_around(0.5, 0.7, 1.4, 4.0, 14);
+  Map a = building.keyframe_map("alpha", way_a), b = building.keyframe_map("beta", way_b);
+  Pose2 a_from_b = between(way_a.front(), way_b.front());
+};
+
+void expect_at(const Component& team, const char* map, const Pose2& truth, double most_m, double most_rad) {
+  const Pose2 pose = planar(*team.team_from_map.find(MapId(map)));
+  EXPECT_LT(std::hypot(pose.x - truth.x, pose.y - truth.y), most_m) << map;
+  EXPECT_LT(std::abs(wrap_angle(pose.phi - truth.phi)), most_rad) << map;
+}
+
+TEST(VisualFuse, joins_two_robots_that_saw_one_room) {
+  const TwoRobots robots;
+  const auto result = fused({robots.a, robots.b});
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::accepted) << to_text(result.verdicts[0].reason);
+  EXPECT_EQ(result.verdicts[0].kind, "vision");
+  EXPECT_GE(result.verdicts[0].witnesses.size(), 2U);
+  ASSERT_EQ(result.components.size(), 1U);
+  expect_at(result.components[0], "alpha", {}, 1e-6, 1e-6);
+  expect_at(result.components[0], "beta", robots.a_from_b, 0.02, 0.005);
+}
+
+TEST(VisualFuse, makes_landmarks_that_both_saw_one_and_keeps_owners) {
+  const TwoRobots robots;
+  const auto result = fused({robots.a, robots.b});
+  ASSERT_EQ(result.components.size(), 1U);
+  const Component& team = result.components[0];
+  EXPECT_GT(team.same_as.size(), 100U);
+  EXPECT_EQ(team.map.landmarks.size() + team.same_as.size(), robots.a.landmarks.size() + robots.b.landmarks.size());
+  for (const auto& [gone, kept] : team.same_as) {
+    EXPECT_EQ(gone.session.client.robot, RobotId("beta"));
+    EXPECT_FALSE(team.map.landmarks.contains(gone));
+    ASSERT_TRUE(team.map.landmarks.contains(kept));
+    EXPECT_EQ(kept.session.client.robot, RobotId("alpha"));
+  }
+}
+
+TEST(VisualFuse, straightens_a_map_that_bends_by_one_that_does_not) {
+  const test::StarryBuilding building({1});
+  const auto way = test::look_around(-1.0, 0.0, 0.0, 3.0, 24);
+  test::StarryOptions bent;
+  bent.drift_rad_per_keyframe = 0.002;
+  const Map straight = building.keyframe_map("alpha", way), drifted = building.keyframe_map("beta", way, bent);
+  const auto result = fused({straight, drifted});
+  ASSERT_EQ(result.components.size(), 1U);
+  const auto error = [&](const Map& map, const Pose3& team_from_map) {
+    double most = 0.0;
+    for (std::uint32_t i = 0; i < way.size(); ++i) {
+      const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i};
+      const Pose2 truth = between(way.front(), way[i]), pose = planar(compose(team_from_map, map.nodes.find(id)->map_from_node));
+      most = std::max(most, std::abs(wrap_angle(pose.phi - truth.phi)));
+    }
+    return most;
+  };
+  EXPECT_GT(error(drifted, {}), 0.04);
+  EXPECT_LT(error(result.components[0].map, {}), 0.01);
+}
+
+TEST(VisualFuse, finds_the_scale_of_a_single_camera_by_a_map_with_depth) {
+  const test::StarryBuilding building({1});
+  const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14);
+  std::vector<Pose2> way_b;
+  for (int i = 0; i < 14; ++i) way_b.push_back({-1.5 + 0.15 * i, 0.3, 1.0});
+  test::StarryOptions single;
+  single.depth = false, single.scale = 0.4;
+  const auto result = fused({building.keyframe_map("alpha", way_a), building.keyframe_map("beta", way_b, single)});
+  ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
+  ASSERT_NE(result.components[0].scales.find(MapId("beta")), nullptr);
+  EXPECT_NEAR(*result.components[0].scales.find(MapId("beta")), 2.5, 0.05);
+  const SessionId session{{RobotId("beta"), SensorId("camera")}, 1'000'000'000};
+  const Map& team = result.components[0].map;
+  EXPECT_NEAR((team.nodes.find({session, 0})->map_from_node.t - team.nodes.find({session, 13})->map_from_node.t).norm(), 0.15 * 13, 0.03);
+}
+
+TEST(VisualFuse, leaves_strangers_apart_and_says_why) {
+  const test::StarryBuilding building({1, 2, 3});  // walls hide nothing: not next door
+  const auto result = fused({building.keyframe_map("alpha", test::look_around(-1.0, 0.0, 0.0, 3.0, 12)),
+                             building.keyframe_map("beta", test::look_around(23.0, 0.0, 0.0, 3.0, 12))});
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::refused);
+  EXPECT_NE(result.verdicts[0].reason, Reason::none);
+}
+
+TEST(VisualFuse, defers_where_a_robot_has_seen_two_rooms_that_look_alike) {
+  const test::StarryBuilding building({1, 1, 1});
+  std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
+  for (const Pose2& pose : test::look_around(11.0, 0.0, 0.0, 3.0, 12)) both.push_back(pose);
+  const auto result =
+      fused({building.keyframe_map("alpha", both), building.keyframe_map("beta", test::look_around(23.0, 0.3, 0.0, 3.0, 12))});
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::deferred);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous);
+}
+
+TEST(VisualFuse, gives_the_same_bytes_for_any_order_threads_and_memo) {
+  const TwoRobots robots;
+  Memo memo;
+  const auto one = fused({robots.a, robots.b}, 1, &memo);
+  const auto other = fused({robots.b, robots.a}, 2), again = fused({robots.a, robots.b}, 1, &memo);
+  ASSERT_EQ(one.components.size(), 1U);
+  EXPECT_EQ(bytes_of(one.components[0]), bytes_of(other.components[0]));
+  EXPECT_EQ(bytes_of(one.components[0]), bytes_of(again.components[0]));
+}
+
+TEST(VisualFuse, comes_apart_again_when_its_witnesses_are_vetoed) {
+  const TwoRobots robots;
+  const auto joined = fused({robots.a, robots.b});
+  std::set<Hash> vetoed;
+  for (const Judgement& judgement : joined.judgements) vetoed.insert(judgement.id);
+  const auto apart = fused({robots.a, robots.b}, 1, nullptr, vetoed);
+  ASSERT_EQ(apart.components.size(), 2U);
+  EXPECT_EQ(apart.verdicts[0].reason, Reason::vetoed);
+  EXPECT_EQ(content_hash(apart.components[1].map), content_hash(robots.b));
+}
+
+TEST(VisualFuse, takes_maps_of_one_run_that_share_no_keyframe) {
+  const test::StarryBuilding building({1});
+  Map whole = building.keyframe_map("alpha", test::look_around(-1.0, 0.0, 0.0, 3.0, 12)), first = whole, second = whole;
+  first.landmarks = second.landmarks = {};
+  second.id = MapId("alpha.1");
+  for (const auto& [id, node] : whole.nodes) (id.index < 6 ? second : first).nodes.erase(id);
+  EXPECT_NO_THROW(fused({first, second}));
+  EXPECT_THROW(fused({whole, second}), Error);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion

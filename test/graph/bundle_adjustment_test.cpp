@@ -1,0 +1,93 @@
+#include <gtest/gtest.h>
+#include <mapweave/core/error.h>
+#include <mapweave/graph/bundle_adjustment.h>
+
+#include <random>
+
+namespace mapweave::graph {
+namespace {
+
+// Cameras on a ring look inwards at a ball of points.
+struct Ring {
+  Bundle truth, drifted;
+  explicit Ring(int views = 24, int points = 300, bool depth = true, double noise_px = 0.0) {
+    std::mt19937_64 random(3);
+    const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+    truth.cameras = {{500, 500, 320, 240}};
+    for (int i = 0; i < views; ++i) {
+      const double angle = 2.0 * M_PI * i / views;
+      const Eigen::Quaterniond inwards = Eigen::Quaterniond(Eigen::AngleAxisd(-angle - M_PI / 2, Eigen::Vector3d::UnitY()));
+      truth.views.push_back({{{4.0 * std::cos(angle), 0.0, 4.0 * std::sin(angle)}, inwards}, 0, i == 0});
+    }
+    for (int i = 0; i < points; ++i) truth.points.push_back({uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)});
+    for (std::uint32_t p = 0; p < truth.points.size(); ++p)
+      for (std::uint32_t v = 0; v < truth.views.size(); ++v) {
+        const Eigen::Vector3d in_camera = transformed(truth.points[p], inverse(truth.views[v].map_from_camera));
+        if (in_camera.z() < 0.5) continue;
+        BundleSighting seen{v, p, {}, 0.5, 0.0, 0.0, true};
+        seen.pixel = {500 * in_camera.x() / in_camera.z() + 320 + noise_px * uniform(-1, 1),
+                      500 * in_camera.y() / in_camera.z() + 240 + noise_px * uniform(-1, 1)};
+        if (depth) seen.inverse_depth = 1.0 / in_camera.z(), seen.inverse_depth_sigma = 0.005;
+        truth.sightings.push_back(seen);
+      }
+    drifted = truth;
+    for (std::size_t i = 1; i < drifted.views.size(); ++i) {
+      drifted.views[i].map_from_camera.t += 0.004 * static_cast<double>(i) * Eigen::Vector3d(1, 0.5, -0.3);
+      drifted.views[i].map_from_camera.q =
+          drifted.views[i].map_from_camera.q *
+          Eigen::Quaterniond(Eigen::AngleAxisd(0.002 * static_cast<double>(i), Eigen::Vector3d(0.3, 1, 0.2).normalized()));
+    }
+    for (auto& point : drifted.points) point += Eigen::Vector3d(uniform(-0.05, 0.05), uniform(-0.05, 0.05), uniform(-0.05, 0.05));
+  }
+  double worst(const Bundle& bundle) const {
+    double most = 0.0;
+    for (std::size_t i = 0; i < bundle.views.size(); ++i)
+      most = std::max(most, (bundle.views[i].map_from_camera.t - truth.views[i].map_from_camera.t).norm());
+    return most;
+  }
+};
+
+TEST(BundleAdjustment, comes_back_to_the_truth) {
+  Ring ring;
+  EXPECT_GT(ring.worst(ring.drifted), 0.08);
+  const BundleReport report = adjust(ring.drifted);
+  EXPECT_LT(report.cost_after, 1e-6 * report.cost_before);
+  EXPECT_LT(ring.worst(ring.drifted), 1e-4);
+  for (std::size_t i = 0; i < ring.truth.points.size(); ++i) EXPECT_LT((ring.drifted.points[i] - ring.truth.points[i]).norm(), 1e-4);
+}
+
+TEST(BundleAdjustment, leaves_out_what_is_wrong) {
+  Ring ring(24, 300, true, 0.2);
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20, ++wrong) ring.drifted.sightings[i].pixel.x() += 60.0;
+  adjust(ring.drifted);
+  EXPECT_LT(ring.worst(ring.drifted), 0.02);
+  for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20) wrong -= ring.drifted.sightings[i].fits ? 0 : 1;
+  EXPECT_EQ(wrong, 0U);
+}
+
+TEST(BundleAdjustment, holds_what_is_tied) {
+  Ring ring;
+  // A view that sees nothing, on a rig with another.
+  ring.drifted.views.push_back(ring.drifted.views[5]);
+  const Pose3 rig{{0.1, 0.2, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX()))};
+  ring.drifted.ties.push_back({5, 24, rig, 1e-3, 1e-3});
+  adjust(ring.drifted);
+  const Pose3 there = between(ring.drifted.views[5].map_from_camera, ring.drifted.views[24].map_from_camera);
+  EXPECT_LT((there.t - rig.t).norm(), 1e-3);
+  EXPECT_LT(there.q.angularDistance(rig.q), 1e-3);
+  ring.drifted.views.pop_back();
+  EXPECT_LT(ring.worst(ring.drifted), 1e-3);
+}
+
+TEST(BundleAdjustment, refuses_what_names_nothing) {
+  Ring ring(4, 10);
+  ring.drifted.sightings.front().view = 99;
+  EXPECT_THROW(adjust(ring.drifted), ContractViolation);
+  Ring other(4, 10);
+  other.drifted.ties.push_back({0, 77, {}, 1.0, 1.0});
+  EXPECT_THROW(adjust(other.drifted), ContractViolation);
+}
+
+}  // namespace
+}  // namespace mapweave::graph
