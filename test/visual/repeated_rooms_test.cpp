@@ -20,7 +20,7 @@ simulation::WorldOptions world_of(simulation::PlanKind kind, std::int64_t seed) 
   options.buildings.resize(1);
   options.buildings[0].kind = kind, options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd;
+  options.cameras[0].kind = simulation::CameraKind::rgbd, options.cameras[0].frames_per_second = 12.0;
   options.robots.resize(1);
   options.robots[0].id = "alpha";
   return options;
@@ -51,6 +51,7 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   const simulation::FeatureRecording recording(world, field, features, 0, 0);
   const auto& model = options.cameras[0].intrinsics();
   VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {}, matching::shipped_vocabulary());
+  const Pose3 robot_from_camera = compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
   simulation::Recording wheels(world, 0);
   auto wheels_said = wheels.next(), next = wheels_said;
   Outcome outcome;
@@ -59,10 +60,7 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
     const simulation::FeatureFrame seen = recording.frame(i);
     for (; next && !(seen.stamp < next->stamp); next = wheels.next()) wheels_said = next;
     FeatureFrame frame = frame_of(seen);
-    if (has_wheels) {
-      const Pose3 robot_from_camera = compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
-      frame.odometry_from_camera = compose(spatial(wheels_said->odometry_from_robot), robot_from_camera);
-    }
+    if (has_wheels) frame.odometry_from_camera = compose(spatial(wheels_said->odometry_from_robot), robot_from_camera);
     client.add(frame);
     truth[seen.stamp.ns] = seen.world_from_camera.t;
   }

@@ -13,8 +13,8 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::uint32_t kLatest = 10;  // keyframes that are no loop
-constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
+constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
+constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
 constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
@@ -198,13 +198,15 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
 LoopCloser::Witnesses LoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
   Witnesses result;
   std::vector<double> rivals_m;
+  std::optional<std::uint32_t> last;  // a keyframe speaks once
   for (const Claim& other : claims_) {
     if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
     const double apart_m = (other.correction * claim.centre - claim.correction * claim.centre).norm();
     const double between_m = (other.centre - claim.centre).norm();
     if (apart_m < options_.loops.drift_m + options_.loops.drift * between_m &&
         angle_of(other.correction * claim.correction.inverse()) < kTurnApart) {
-      ++result.agree;
+      result.agree += last != other.serial;
+      last = other.serial;
       result.extent_m = std::max(result.extent_m, between_m);
     } else if (apart_m > kApart_m) {
       rivals_m.push_back(apart_m);
@@ -260,8 +262,7 @@ Departure LoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop
   const auto [left, begun] = nearest_in_time(map, there, here);
   const Keyframe &last = map.keyframe(left), &first = map.keyframe(begun);
   const View first_as_claimed = stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
-  Departure off =
-      departure({last.stamp, last.way, last.view}, {first.stamp, first.way, first_as_claimed}, options_.session);
+  Departure off = departure({last.stamp, last.way, last.view}, {first.stamp, first.way, first_as_claimed}, options_.session);
   off.reach_m += drift * (way_between(map, left, loop.earlier) + way_between(map, begun, loop.newest));
   return off;
 }

@@ -47,7 +47,7 @@ class LoopCloser {
   // Claims by keyframes since `serial`, of the same sessions.
   struct Witnesses {
     int agree = 0;
-    double extent_m = 0.0;  // of where those stood that agree
+    double extent_m = 0.0;       // of where those stood that agree
     double rival_m = kUnique_m;  // how far off, at least, several others place the camera
   };
   Witnesses witnesses_of(const Claim& claim, std::uint32_t serial) const;

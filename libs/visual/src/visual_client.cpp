@@ -63,7 +63,7 @@ struct VisualClient::State {
   int reference = -1;                   // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
-  Way way;  // to the frame that is looked at
+  Way way;                // to the frame that is looked at
   int without_depth = 0;  // frames that could not begin a map, for all that they show
   bool noted_delay = false;
   double lost_s = 0.0;  // of seeing something since

@@ -1,6 +1,6 @@
 #pragma once
-// How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on the wall, and then only
-// the way between tells them apart.
+// How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on the wall, and then
+// only the way between tells them apart.
 
 #include "view.h"
 
@@ -12,7 +12,8 @@
 
 namespace mapweave::visual {
 
-inline constexpr double kUnique_m = std::numeric_limits<double>::infinity();  // to the next place that looks the same: there is none
+// To the next place that looks the same: there is none.
+inline constexpr double kUnique_m = std::numeric_limits<double>::infinity();
 
 // Up to a frame, since the first one.
 struct Way {
