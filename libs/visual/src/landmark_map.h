@@ -4,6 +4,7 @@
 
 #include "patch.h"
 #include "pose_from_points.h"
+#include "way.h"
 
 #include <mapweave/core/stamp.h>
 #include <mapweave/matching/orb_features.h>
@@ -57,6 +58,7 @@ View frame_from_keyframe(const AnchoredFrame& frame);
 struct Keyframe {
   Stamp stamp;
   View view;
+  Way way;
   std::uint32_t serial = 0;
   int session = 0;
   bool gone = false;

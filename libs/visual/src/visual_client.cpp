@@ -21,7 +21,6 @@ namespace {
 
 constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
 constexpr std::size_t kPlaces = 12;        // that a picture is compared with, of those that look most alike
-constexpr double kReach_m = 0.5;           // from one frame to the next
 constexpr double kCarried_s = 0.5;         // in so long a camera may have come anywhere
 constexpr int kNotedAfter = 10;            // frames
 constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
@@ -57,12 +56,14 @@ struct VisualClient::State {
   // Of the last frame that was tracked.
   Pyramid last;
   Stamp last_stamp;
+  Way last_way;
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
   std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
   int reference = -1;                   // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
+  Way way;                // to the frame that is looked at
   int without_depth = 0;  // frames that could not begin a map, for all that they show
   bool noted_delay = false;
   double lost_s = 0.0;  // of seeing something since
@@ -136,18 +137,33 @@ struct VisualClient::State {
     return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
   }
 
-  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer.
-  Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
+  Departure departure_to(const View& found, int among, Stamp now) const {
+    const Station here{now, way, found};
+    if (among == session) return departure({last_stamp, last_way, view}, here, options.session);
+    const Keyframe& left = map.keyframe(newest_of(map, among));
+    return departure({left.stamp, left.way, left.view}, here, options.session);
+  }
+
+  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer, nor
+  // are those to which the way did not lead.
+  Attempt find_again(const Pyramid& picture, Stamp now, Attempt best) {
+    const double interval_s = seconds_between(last_stamp, now), repeats_m = closer ? closer->repeats_m() : kUnique_m;
     const matching::OrbFeatures features =
         picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
-    const double reach_m = kReach_m + options.session.carried_m_per_s * interval_s;
     const auto try_near = [&](const std::vector<int>& keyframes) {
       const int among = map.keyframe(keyframes.front()).session;
       const auto found = find_place(map, keyframes, features, options.seed);
-      if (!found || (among == session && (found->centre() - view.centre()).norm() > reach_m)) return Attempt();
+      if (!found) return Attempt();
+      const Departure off = departure_to(*found, among, now);
+      const Allowed answer = allowed(off, repeats_m);
+      if (answer == Allowed::unclear || (answer == Allowed::no && !std::isfinite(off.error_m))) return Attempt();
       const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
-      return locate(picture, among, *found, speed);
+      Attempt attempt = locate(picture, among, *found, speed);
+      if (answer == Allowed::yes) return attempt;
+      if (is_good(attempt)) way.refused_m = std::min(way.refused_m, off.error_m);
+      return Attempt();
     };
+    if (is_good(best) && allowed(departure_to(best.pose.view, session, now), repeats_m) != Allowed::yes) best = Attempt();
     std::vector<int> around = near_keyframes(map, session, matches, view, 4);
     if (std::find(around.begin(), around.end(), reference) == around.end()) around.insert(around.begin(), reference);
     std::optional<Attempt> answer;
@@ -190,6 +206,7 @@ struct VisualClient::State {
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
     reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
+    map.keyframe(reference).way = way;
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
     fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
@@ -250,6 +267,7 @@ struct VisualClient::State {
       std::swap(matches, none), view = before;
       return false;
     }
+    map.keyframe(made).way = way;
     reference = made, reference_landmarks = matches.size();
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, reference);
@@ -263,6 +281,7 @@ struct VisualClient::State {
     const auto made = mono_start.add(map, number, frame, picture, seen, options);
     if (!made) return false;
     matches = std::move(seen);
+    map.keyframe(made->first).way = map.keyframe(made->second).way = way;
     reference = made->second, reference_landmarks = matches.size(), view = map.keyframe(reference).view;
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, made->first), closer->add(map, made->second);
@@ -272,7 +291,8 @@ struct VisualClient::State {
   }
 
   Tracked kept(Stamp stamp, bool keyframe) {
-    last_stamp = stamp, lost_s = 0.0, lost_stamp = stamp;
+    way.refused_m = std::numeric_limits<double>::infinity();
+    last_stamp = stamp, last_way = way, lost_s = 0.0, lost_stamp = stamp;
     map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
     return {TrackState::tracked, pose_of(view), static_cast<int>(matches.size()), keyframe, session};
   }
@@ -298,7 +318,7 @@ struct VisualClient::State {
 
   Tracked add(const FeatureFrame& frame) {
     Frame bare;
-    bare.stamp = frame.stamp;
+    bare.stamp = frame.stamp, bare.odometry_from_camera = frame.odometry_from_camera;
     Pyramid picture;
     picture.features = std::make_shared<const FeatureGrid>(frame, map.camera);
     return add(bare, std::move(picture));
@@ -306,6 +326,7 @@ struct VisualClient::State {
 
   Tracked add(const Frame& frame, Pyramid picture) {
     if (!begun) begun = frame.stamp;
+    go_on(way, frame.odometry_from_camera);
     if (!noted_delay && !frame.depth.image.empty() && std::abs(frame.depth.delay_s) > kLongestInterval_s) {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
@@ -314,8 +335,9 @@ struct VisualClient::State {
     if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
     const double interval_s = seconds_between(last_stamp, frame.stamp);
     Attempt attempt = follow(frame, picture, interval_s);
-    const bool followed = lost_s == 0.0 && is_good(attempt, true);
-    if (!followed) attempt = find_again(picture, interval_s, std::move(attempt));
+    const bool just_now = lost_stamp == last_stamp || (lost_s == 0.0 && interval_s < kCarried_s);
+    const bool followed = just_now && is_good(attempt, true);
+    if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
     matches.clear(), strays.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
