@@ -63,6 +63,16 @@ std::string flaw(const DescribedLandmark& landmark) {
   return {};
 }
 
+DescribedLandmark transformed(const DescribedLandmark& landmark, const Sim3& other_from_map) {
+  const auto& [pose, scale] = other_from_map;
+  DescribedLandmark result = landmark;
+  result.point_in_map = scale * (pose.q * landmark.point_in_map) + pose.t;
+  result.feature_from_point = scale * (pose.q * landmark.feature_from_point);
+  result.direction = pose.q * landmark.direction;
+  result.nearest_m *= scale, result.farthest_m *= scale, result.sigma_m *= scale;
+  return result;
+}
+
 // One camera's frustum, ready to be compared with cells and landmarks.
 class LandmarkIndex::View {
  public:

@@ -24,6 +24,7 @@ constexpr int kNoView = -1;
 
 // Whether the window's views tell where the landmark is.
 bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe) {
+  if (landmark.lent) return true;
   int views = 0;
   for (const Observation& o : landmark.seen) {
     if (view_of_keyframe[static_cast<std::size_t>(o.keyframe)] == kNoView) continue;
@@ -84,7 +85,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
       bundle.observations.push_back({view, static_cast<int>(bundle.points.size()), seen.sighting, true});
       origin.emplace_back(id, seen.keyframe);
     }
-    bundle.points.push_back(landmark.point);
+    bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);
   }
   bundle.flaws = map.flaws;
   BundleOptions bundle_options;

@@ -29,6 +29,8 @@ struct DescribedLandmark {
 // What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero, sigma positive.
 std::string flaw(const DescribedLandmark&);
 inline constexpr double kMostCoordinate_m = 1e6;
+// The same in another map's frame, where lengths are `scale` times as long.
+DescribedLandmark transformed(const DescribedLandmark&, const Sim3& other_from_map);
 
 struct Frustum {
   Pinhole pinhole;

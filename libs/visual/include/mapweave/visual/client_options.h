@@ -110,11 +110,14 @@ struct SessionOptions {
   double patience_s = 5.0;
   int least_corners = 60;
   double carried_m_per_s = 1.0;
+  bool await_place = false;
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("patience_s", patience_s, "of seeing something, lost, before a new map is begun");
     v.integer("least_corners", least_corners, 8, 10000, "a picture with fewer shows nothing");
     v.positive("carried_m_per_s", carried_m_per_s, "a lost camera may have come so far: farther places look alike, no more");
+    v.flag("await_place", await_place,
+           "a camera alone begins no map by itself: it waits until it is told where it is, and its scale with that");
   }
 };
 
