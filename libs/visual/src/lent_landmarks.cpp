@@ -63,6 +63,7 @@ int LentLandmarks::receive(LandmarkMap& map, int session, const std::vector<matc
       held.point = landmark.point_in_map, held.lent->sigma_m = landmark.sigma_m;
     }
   }
+  bound(map);
   return taken;
 }
 
@@ -120,6 +121,10 @@ void LentLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
     take_out(map, one);
     entry = entries_.erase(entry);
   }
+}
+
+// Those longest out of view go first.
+void LentLandmarks::bound(LandmarkMap& map) {
   if (entries_.size() <= kMost) return;
   std::vector<std::pair<std::uint32_t, LandmarkId>> order;
   for (const auto& [id, entry] : entries_) order.emplace_back(entry.in_view, id);

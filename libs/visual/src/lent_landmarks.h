@@ -41,6 +41,7 @@ class LentLandmarks {
     int failures = 0;
     std::uint32_t in_view = 0;  // the last keyframe, counted, that it was in the view of
   };
+  void bound(LandmarkMap& map);
   bool is_held(const LandmarkMap& map, Entry& entry) const;
   void take_out(LandmarkMap& map, Entry& entry) const;
 

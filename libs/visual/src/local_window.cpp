@@ -8,6 +8,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr int kLeastShared = 15;  // landmarks, of a keyframe in the window
+constexpr int kLeastLent = 20;    // landmarks, that hold a window
 
 FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
   FlawPrior prior;
@@ -48,13 +49,15 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     bundle.views.push_back(map.keyframe(number).view);
     bundle.fixed.push_back(fixed ? 1 : 0);
   };
-  const int first = first_of(map, map.keyframe(newest).session);
-  for (int number : chosen) add_view(number, number == first);
-
   std::vector<int> ids;
   for (int number : chosen) ids.insert(ids.end(), map.keyframe(number).landmarks.begin(), map.keyframe(number).landmarks.end());
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  const bool held_by_lent = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).lent; }) >= kLeastLent;
+
+  const int session = map.keyframe(newest).session, first = first_of(map, session);
+  const bool is_adopted = std::find(map.adopted.begin(), map.adopted.end(), session) != map.adopted.end();
+  for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_lent));
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : ids)
     for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
@@ -64,10 +67,10 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   int held = 0;
   for (const Shared& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
-  if (std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
+  if (!held_by_lent && std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
 
   // Where nothing measures depth, two views hold the scale.
-  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && fixed < 2; ++fixed) {
+  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && !held_by_lent && fixed < 2; ++fixed) {
     std::size_t oldest = chosen.size();
     for (std::size_t i = 0; i < chosen.size(); ++i)
       if (!bundle.fixed[i] && (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial)) oldest = i;

@@ -253,6 +253,7 @@ struct VisualClient::State {
       drop_what_is_gone();
       const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
       adopted.erase(std::remove_if(adopted.begin(), adopted.end(), moves), adopted.end());
+      map.adopted.erase(std::remove(map.adopted.begin(), map.adopted.end(), std::max(session, other)), map.adopted.end());
       join_sessions(map, *loop);
       session = map.keyframe(reference).session;
     }
@@ -412,7 +413,7 @@ struct VisualClient::State {
     matches = std::move(checked->matches), view = checked->view, motion = View();
     reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
     reference_landmarks = matches.size(), session = number;
-    if (begins) sessions_begun = number + 1, adopted.push_back({number, answer.map});
+    if (begins) sessions_begun = number + 1, adopted.push_back({number, answer.map}), map.adopted.push_back(number);
     if (closer) closer->add(map, reference);
     mono_start.clear();
     last = asked->picture;
