@@ -28,8 +28,8 @@ class LentLandmarksTest : public testing::Test {
     }
   }
   std::vector<Match> look(const std::vector<Match>& matches = {}, double radius_px = 5.0) {
-    return lent.look(map, 0, FeatureGrid({{}, features, std::vector<float>(features.points.size(), 0.0F)}, map.camera), View(), matches,
-                     radius_px, 0.0);
+    return lent.look(map, 0, FeatureGrid({{}, features, std::vector<float>(features.points.size(), 0.0F)}, map.camera), View(), Motion(),
+                     matches, radius_px, 0.0);
   }
   void see(const std::vector<Match>& matches) {
     for (const Match& match : matches) map.see(match.landmark, {0, map.sighting_of(match, 0.5)});

@@ -11,6 +11,7 @@
 #include <mapweave/matching/orb_features.h>
 #include <mapweave/visual/client_options.h>
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
@@ -116,6 +117,7 @@ struct LandmarkMap {
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
+  bool is_adopted(int session) const { return std::find(adopted.begin(), adopted.end(), session) != adopted.end(); }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
   View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
   // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.

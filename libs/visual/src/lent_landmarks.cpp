@@ -67,7 +67,7 @@ int LentLandmarks::receive(LandmarkMap& map, int session, const std::vector<matc
   return taken;
 }
 
-std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const FeatureGrid& features, const View& view,
+std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const FeatureGrid& features, const View& view, const Motion& motion,
                                        const std::vector<Match>& matches, double radius_px, double sigma_px) {
   std::vector<char> matched(map.landmarks.size(), 0), taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) matched[static_cast<std::size_t>(match.landmark)] = 1;
@@ -78,7 +78,8 @@ std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const Feat
     if (held && static_cast<std::size_t>(entry.slot) < matched.size() && matched[static_cast<std::size_t>(entry.slot)]) continue;
     const auto at = expected(entry.known, map.camera, view);
     if (!at) continue;
-    const int feature = features.find(entry.known.descriptor, at->feature, radius_px, taken);
+    const Eigen::Vector2d flow = row_flow(map.camera, motion, at->pixel, (view * entry.known.point_in_map).z());
+    const int feature = features.find(entry.known.descriptor, at->feature + map.flaws.readout_s * flow, radius_px, taken);
     if (feature < 0) continue;
     taken[static_cast<std::size_t>(feature)] = 1;
     if (!held) {
@@ -88,7 +89,7 @@ std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const Feat
       entry.slot = map.add(std::move(landmark)), entry.serial = map.landmark(entry.slot).serial;
     }
     const Eigen::Vector2d pixel = features.pixel(feature) - (at->feature - at->pixel);
-    result.push_back({entry.slot, pixel, Eigen::Vector2d::Zero(), features.level(feature), feature});
+    result.push_back({entry.slot, pixel, flow, features.level(feature), feature});
   }
   return result;
 }

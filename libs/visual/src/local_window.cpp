@@ -24,12 +24,12 @@ FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
 constexpr int kNoView = -1;
 
 // Whether the window's views tell where the landmark is.
-bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe) {
+bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
   if (landmark.lent) return true;
   int views = 0;
   for (const Observation& o : landmark.seen) {
     if (view_of_keyframe[static_cast<std::size_t>(o.keyframe)] == kNoView) continue;
-    if (o.sighting.inverse_depth_sigma > 0.0) return true;
+    if (knows_depth && o.sighting.inverse_depth_sigma > 0.0) return true;
     ++views;
   }
   return views > 1;
@@ -56,7 +56,9 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   const bool held_by_lent = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).lent; }) >= kLeastLent;
 
   const int session = map.keyframe(newest).session, first = first_of(map, session);
-  const bool is_adopted = std::find(map.adopted.begin(), map.adopted.end(), session) != map.adopted.end();
+  const bool is_adopted = map.is_adopted(session);
+  // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others tell.
+  const bool knows_depth = !(map.monocular && is_adopted && held_by_lent);
   for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_lent));
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : ids)
@@ -77,7 +79,8 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     if (oldest == chosen.size()) break;
     bundle.fixed[oldest] = 1;
   }
-  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe); }), ids.end());
+  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe, knows_depth); }),
+            ids.end());
 
   std::vector<std::pair<int, int>> origin;  // landmark, keyframe
   for (int id : ids) {
@@ -86,6 +89,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
       const int view = view_of_keyframe[static_cast<std::size_t>(seen.keyframe)];
       if (view == kNoView) continue;
       bundle.observations.push_back({view, static_cast<int>(bundle.points.size()), seen.sighting, true});
+      if (!knows_depth) bundle.observations.back().sighting.inverse_depth_sigma = 0.0;
       origin.emplace_back(id, seen.keyframe);
     }
     bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);

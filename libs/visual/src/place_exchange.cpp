@@ -83,7 +83,8 @@ std::optional<CheckedPlace> check_place(LandmarkMap& map, LentLandmarks& lent, i
   const auto drop_all = [&] { lent.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
   for (const double reach : {kFar, kClose}) {
     drop_all();
-    place.matches = lent.look(map, session, grid, place.view, {}, reach * map.camera.width, asked.picture.features ? 0.0 : kFeature_px);
+    place.matches =
+        lent.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width, asked.picture.features ? 0.0 : kFeature_px);
     const PoseFromPoints pose = agreement(map, place.matches, place.view, options);
     if (pose.count < kLeastShown || pose.count < kShownShare * static_cast<double>(place.matches.size())) {
       drop_all();

@@ -92,25 +92,26 @@ struct VisualClient::State {
   }
 
   // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones
-  // that agree among themselves; then by all that do not speak against it.
+  // that agree among themselves; then by all that do not speak against it. What others say counts where it agrees with the client's own;
+  // but a camera alone that was told its scale has it from them.
   PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
-    std::vector<Sighting> sightings, own, known;
+    std::vector<Sighting> all, own, known, lent_ones;
     for (const Match& match : found) {
-      sightings.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
-      if (map.landmark(match.landmark).lent) continue;
-      own.push_back(sightings.back());
-      if (map.landmark(match.landmark).seen.size() > 2) known.push_back(sightings.back());
+      all.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
+      const Landmark& landmark = map.landmark(match.landmark);
+      (landmark.lent ? lent_ones : own).push_back(all.back());
+      if (!landmark.lent && landmark.seen.size() > 2) known.push_back(all.back());
     }
+    const std::vector<Sighting>* leading = nullptr;
+    if (map.monocular && !lent_ones.empty()) leading = map.is_adopted(session) ? &lent_ones : &own;
+    if (!map.monocular && known.size() >= kEnough) leading = &known;
+    if (!map.monocular && known.size() < kEnough && !lent_ones.empty()) leading = &own;
     const double gate = options.tracking.gate_sigmas;
-    if (own.size() < sightings.size() && own.size() >= kEnough) {  // what others say counts where it agrees
-      const bool is_known = known.size() >= kEnough && !map.monocular;
-      const PoseFromPoints first = pose_from_points(is_known ? known : own, map.camera, start, map.flaws, gate);
-      if (first.count >= static_cast<int>(kEnough)) return pose_from_points(sightings, map.camera, first.view, map.flaws, gate, gate);
+    if (leading != nullptr && leading->size() >= kEnough) {
+      const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.flaws, gate);
+      if (first.count >= static_cast<int>(kEnough)) return pose_from_points(all, map.camera, first.view, map.flaws, gate, gate);
     }
-    if (known.size() < kEnough || map.monocular) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
-    const PoseFromPoints first = pose_from_points(known, map.camera, start, map.flaws, gate);
-    if (first.count < static_cast<int>(kEnough)) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
-    return pose_from_points(sightings, map.camera, first.view, map.flaws, gate, gate);
+    return pose_from_points(all, map.camera, start, map.flaws, gate);
   }
 
   // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
@@ -204,7 +205,7 @@ struct VisualClient::State {
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
     reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
-    borrow(picture);
+    borrow(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
     fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
@@ -218,13 +219,14 @@ struct VisualClient::State {
   }
 
   // Landmarks of others that the newest keyframe shows: frames follow them by how it does.
-  void borrow(const Pyramid& picture) {
+  void borrow(const Pyramid& picture, const Motion& speed) {
     if (lent.size() == 0) return;
     const Keyframe& keyframe = map.keyframe(reference);
     const View here = keyframe.view;
     const double reach_px = std::max(8.0, kLentReach * map.camera.width);
-    auto found = picture.features ? lent.look(map, session, *picture.features, here, matches, reach_px, 0.0)
-                                  : lent.look(map, session, grid_of(keyframe.features, map.camera), here, matches, reach_px, kFeature_px);
+    auto found = picture.features
+                     ? lent.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
+                     : lent.look(map, session, grid_of(keyframe.features, map.camera), here, speed, matches, reach_px, kFeature_px);
     lent.keep(map, found, agreement(map, found, here, options.tracking).fits);
     for (const Match& match : found) see_lent(map, reference, picture, match, options.tracking.sigma_px);
     matches.insert(matches.end(), found.begin(), found.end());
