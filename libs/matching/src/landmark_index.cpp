@@ -105,7 +105,8 @@ class LandmarkIndex::View {
 
   // Exact, but for kSlack_m: separating axes of two convex outlines are normal to an edge of one of them.
   bool touches(const Eigen::Vector2d& low, const Eigen::Vector2d& high) const {
-    if (low.x() > high_.x() + kSlack_m || low.y() > high_.y() + kSlack_m || high.x() < low_.x() - kSlack_m || high.y() < low_.y() - kSlack_m)
+    if (low.x() > high_.x() + kSlack_m || low.y() > high_.y() + kSlack_m || high.x() < low_.x() - kSlack_m ||
+        high.y() < low_.y() - kSlack_m)
       return false;
     for (std::size_t i = 0; i < hull_.size(); ++i) {
       const Eigen::Vector2d& from = hull_[i];
@@ -205,10 +206,12 @@ void LandmarkIndex::set(const DescribedLandmark& landmark) {
     landmarks_.emplace_back(), place_in_cell_.emplace_back();
   }
   const std::uint32_t slot = known->second;
+  const std::uint32_t session = sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size())).first->second;
   landmarks_[slot] = landmark;
   std::vector<Member>& members = cells_[cell_of(landmark.point_in_map)];
   place_in_cell_[slot] = static_cast<std::uint32_t>(members.size());
-  members.push_back({landmark.point_in_map, landmark.direction, landmark.nearest_m, landmark.farthest_m, landmark.updated_by, slot});
+  members.push_back({landmark.point_in_map, landmark.direction, landmark.nearest_m, landmark.farthest_m, landmark.updated_by, slot, session,
+                     landmark.id.index});
 }
 
 bool LandmarkIndex::remove(const LandmarkId& id) {
@@ -236,11 +239,15 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
   if (!is_within(view.low(), 4.0 * kMostCoordinate_m) || !is_within(view.high(), 4.0 * kMostCoordinate_m))
     throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: a frustum out of reach");
 
+  std::vector<std::uint64_t> rank_of_session(sessions_.size());  // names are compared once, not for every answer
+  std::uint64_t rank = 0;
+  for (const auto& [session, number] : sessions_) rank_of_session[number] = rank++;
   std::vector<Found> found;
   const auto look_into = [&](const std::vector<Member>& members) {
     for (const Member& member : members) {
       const auto merit = view.merit_of(member);
-      if (merit && !(asking && member.updated_by == *asking)) found.push_back({*merit, member.slot});
+      if (merit && !(asking && member.updated_by == *asking))
+        found.push_back({*merit, rank_of_session[member.session] << 32 | member.index, member.slot});
     }
   };
   const double side = options_.cell_m;
@@ -264,7 +271,7 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
             if (const auto members = cells_.find(cell); members != cells_.end()) look_into(members->second);
   }
 
-  const auto by_id = [&](const Found& a, const Found& b) { return landmarks_[a.slot].id < landmarks_[b.slot].id; };
+  const auto by_id = [](const Found& a, const Found& b) { return a.order < b.order; };
   const auto most = static_cast<std::size_t>(options.most);
   if (found.size() > most) {
     std::nth_element(found.begin(), found.begin() + options.most, found.end(),

@@ -1,14 +1,14 @@
 #pragma once
-// Which landmarks may a camera see? A hash table over the cells of a grid in the map's x-y plane, in which landmarks of robots on the ground
-// spread most (CVS III-C, figure 2). All cells that the frustum's outline touches are looked into (CVS: those whose middle lies within it,
-// which loses some at its border), then every landmark there is projected.
+// Which landmarks may a camera see? A hash table over the cells of a grid in the map's x-y plane, in which landmarks of robots on the
+// ground spread most (CVS III-C, figure 2). All cells that the frustum's outline touches are looked into (CVS: those whose middle lies
+// within it, which loses some at its border), then every landmark there is projected.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/landmark.h>
 #include <mapweave/matching/orb_descriptor.h>
 #include <mapweave/matching/pinhole.h>
 
-#include <limits>
+#include <map>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -34,7 +34,7 @@ DescribedLandmark transformed(const DescribedLandmark&, const Sim3& other_from_m
 
 struct Frustum {
   Pinhole pinhole;
-  Pose3 map_from_camera;  // optical: x right, y down, z forward
+  Pose3 map_from_camera;              // optical: x right, y down, z forward
   double near_m = 0.2, far_m = 10.0;  // along the optical axis
 };
 
@@ -75,8 +75,8 @@ class LandmarkIndex {
   std::size_t size() const { return slots_.size(); }
 
   // Those in front of the camera, within its picture and distances, and seen before from about there; without those that `asking` updated
-  // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not within
-  // 0..far, a pose that is none, beyond kMostCoordinate_m.
+  // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not
+  // within 0..far, a pose that is none, beyond kMostCoordinate_m.
   std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
 
  private:
@@ -94,10 +94,11 @@ class LandmarkIndex {
     Eigen::Vector3d point, direction;
     double nearest_m, farthest_m;
     ClientId updated_by;
-    std::uint32_t slot;
+    std::uint32_t slot, session, index;  // session: in the order of arrival
   };
   struct Found {
     double merit;
+    std::uint64_t order;  // as ids are
     std::uint32_t slot;
   };
   class View;
@@ -108,6 +109,7 @@ class LandmarkIndex {
   std::unordered_map<LandmarkId, std::uint32_t, IdHash> slots_;
   std::vector<DescribedLandmark> landmarks_;  // by slot
   std::vector<std::uint32_t> place_in_cell_, free_slots_;
+  std::map<SessionId, std::uint32_t> sessions_;  // numbered in the order of arrival
   std::unordered_map<Cell, std::vector<Member>, CellHash> cells_;
 };
 
