@@ -41,7 +41,8 @@ bool is_retrieved(const DescribedLandmark& one, const Frustum& frustum, const Re
   if (u < -m || v < -m || u > kPinhole.width - 1 + m || v > kPinhole.height - 1 + m) return false;
   const Eigen::Vector3d ray = one.point_in_map - frustum.map_from_camera.t;
   if (one.direction.norm() > 0.0 && std::acos(std::min(1.0, ray.normalized().dot(one.direction))) > options.most_turn_rad) return false;
-  return one.farthest_m == 0.0 || (ray.norm() * options.most_range_ratio >= one.nearest_m && ray.norm() <= one.farthest_m * options.most_range_ratio);
+  return one.farthest_m == 0.0 ||
+         (ray.norm() * options.most_range_ratio >= one.nearest_m && ray.norm() <= one.farthest_m * options.most_range_ratio);
 }
 
 class RandomLandmarks : public test::RandomMaps {
@@ -56,7 +57,8 @@ class RandomLandmarks : public test::RandomMaps {
   }
   Frustum camera(const Eigen::Vector3d& around) {
     const double kPitches[] = {0.0, M_PI / 2, -M_PI / 2, uniform(-1.5, 1.5)};
-    Frustum frustum = looking(around + Eigen::Vector3d(uniform(-10, 10), uniform(-10, 10), uniform(-1, 2)), uniform(-4, 4), kPitches[below(4)]);
+    Frustum frustum =
+        looking(around + Eigen::Vector3d(uniform(-10, 10), uniform(-10, 10), uniform(-1, 2)), uniform(-4, 4), kPitches[below(4)]);
     if (below(4) == 0) frustum.map_from_camera.q = (frustum.map_from_camera.q * pose().q).normalized();
     frustum.near_m = uniform(0.05, 1.0), frustum.far_m = frustum.near_m + uniform(0.1, 12.0);
     return frustum;

@@ -76,8 +76,10 @@ std::optional<DescribedLandmark> described(const Map& map, const Landmark& landm
     if (look.has_feature && (best == nullptr || least(look) < least(*best))) best = &look;
   if (best == nullptr) return std::nullopt;
   result.descriptor = best->descriptor, result.feature_from_point = best->feature_from_point;
-  if (result.direction.norm() > 1e-6) result.direction.normalize();
-  else result.direction.setZero();
+  if (result.direction.norm() > 1e-6)
+    result.direction.normalize();
+  else
+    result.direction.setZero();
   result.sigma_m = std::max(options.sigma_m, sum_sigma / static_cast<double>(looks.size()));
   return flaw(result).empty() ? std::optional(result) : std::nullopt;
 }

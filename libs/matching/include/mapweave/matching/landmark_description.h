@@ -1,6 +1,6 @@
 #pragma once
-// How landmarks of a map are known again: cameras follow corners by what surrounds them, maps keep features with descriptors. A landmark takes
-// the descriptor of a feature beside it.
+// How landmarks of a map are known again: cameras follow corners by what surrounds them, maps keep features with descriptors. A landmark
+// takes the descriptor of a feature beside it.
 
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/landmark_index.h>
