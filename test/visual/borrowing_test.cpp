@@ -136,6 +136,8 @@ TEST(Borrowing, refuses_what_is_no_landmark_and_sessions_that_are_not) {
   EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 0);
   EXPECT_EQ(drive.client.borrowed(), 0U);
   bad.push_back(good);
+  bad.push_back(good);
+  bad.back().id.session = {place_of("beta").client, at(0).ns};  // its own
   EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 1);
   EXPECT_EQ(drive.client.borrowed(), 1U);
   drive.run(60, [](const Pose3&) {});

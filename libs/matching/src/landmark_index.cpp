@@ -127,17 +127,19 @@ class LandmarkIndex::View {
     return true;
   }
 
-  // How alike it is seen; nothing where it is not.
-  std::optional<double> merit_of(const Member& member) const {
-    const Eigen::Vector3d ray = member.point - frustum_.map_from_camera.t;
+  bool shows(const Eigen::Vector3d& point) const {
+    const Eigen::Vector3d ray = point - frustum_.map_from_camera.t;
     const double depth = camera_from_map_.row(2).dot(ray);
-    if (!(depth >= frustum_.near_m && depth <= frustum_.far_m)) return std::nullopt;
+    if (!(depth >= frustum_.near_m && depth <= frustum_.far_m)) return false;
     const Eigen::Vector3d p = camera_from_map_ * ray;
     const Eigen::Vector2d pixel = frustum_.pinhole.project(p);
     const double margin = options_.margin_px;
-    if (!(pixel.x() >= -margin && pixel.y() >= -margin && pixel.x() <= frustum_.pinhole.width - 1.0 + margin &&
-          pixel.y() <= frustum_.pinhole.height - 1.0 + margin))
-      return std::nullopt;
+    return pixel.x() >= -margin && pixel.y() >= -margin && pixel.x() <= frustum_.pinhole.width - 1.0 + margin &&
+           pixel.y() <= frustum_.pinhole.height - 1.0 + margin;
+  }
+  // How alike one that is shown is seen; nothing where it was not seen from about here.
+  std::optional<double> merit_of(const Eigen::Vector3d& point, const Member& member) const {
+    const Eigen::Vector3d ray = point - frustum_.map_from_camera.t;
     const double range = ray.norm(), cosine = ray.dot(member.direction) / range;
     const bool knows_direction = !member.direction.isZero(0.0), knows_range = member.farthest_m > 0.0;
     if (knows_direction && cosine < least_cosine_) return std::nullopt;
@@ -184,11 +186,11 @@ LandmarkIndex::Cell LandmarkIndex::cell_of(const Eigen::Vector3d& point) const {
 
 void LandmarkIndex::take_out(std::uint32_t slot) {
   const auto cell = cells_.find(cell_of(landmarks_[slot].point_in_map));
-  std::vector<Member>& members = cell->second;
+  auto& [points, members] = cell->second;
   const std::uint32_t place = place_in_cell_[slot];
-  members[place] = members.back();
+  points[place] = points.back(), members[place] = members.back();
   place_in_cell_[members[place].slot] = place;
-  members.pop_back();
+  points.pop_back(), members.pop_back();
   if (members.empty()) cells_.erase(cell);
 }
 
@@ -206,10 +208,12 @@ void LandmarkIndex::set(const DescribedLandmark& landmark) {
     landmarks_.emplace_back(), place_in_cell_.emplace_back();
   }
   const std::uint32_t slot = known->second;
+  const std::uint32_t session = sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size())).first->second;
   landmarks_[slot] = landmark;
-  std::vector<Member>& members = cells_[cell_of(landmark.point_in_map)];
+  auto& [points, members] = cells_[cell_of(landmark.point_in_map)];
   place_in_cell_[slot] = static_cast<std::uint32_t>(members.size());
-  members.push_back({landmark.point_in_map, landmark.direction, landmark.nearest_m, landmark.farthest_m, landmark.updated_by, slot});
+  points.push_back(landmark.point_in_map);
+  members.push_back({landmark.direction, landmark.nearest_m, landmark.farthest_m, landmark.updated_by, slot, session, landmark.id.index});
 }
 
 bool LandmarkIndex::remove(const LandmarkId& id) {
@@ -237,11 +241,17 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
   if (!is_within(view.low(), 4.0 * kMostCoordinate_m) || !is_within(view.high(), 4.0 * kMostCoordinate_m))
     throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: a frustum out of reach");
 
+  std::vector<std::uint64_t> rank_of_session(sessions_.size());  // names are compared once, not for every answer
+  std::uint64_t rank = 0;
+  for (const auto& [session, number] : sessions_) rank_of_session[number] = rank++;
   std::vector<Found> found;
-  const auto look_into = [&](const std::vector<Member>& members) {
-    for (const Member& member : members) {
-      const auto merit = view.merit_of(member);
-      if (merit && !(asking && member.updated_by == *asking)) found.push_back({*merit, member.slot});
+  const auto look_into = [&](const Members& cell) {
+    for (std::size_t i = 0; i < cell.points.size(); ++i) {
+      if (!view.shows(cell.points[i])) continue;
+      const Member& member = cell.members[i];
+      if (asking && member.updated_by == *asking) continue;
+      if (const auto merit = view.merit_of(cell.points[i], member))
+        found.push_back({*merit, rank_of_session[member.session] << 32 | member.index, member.slot});
     }
   };
   const double side = options_.cell_m;
@@ -265,7 +275,7 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
             if (const auto members = cells_.find(cell); members != cells_.end()) look_into(members->second);
   }
 
-  const auto by_id = [&](const Found& a, const Found& b) { return landmarks_[a.slot].id < landmarks_[b.slot].id; };
+  const auto by_id = [](const Found& a, const Found& b) { return a.order < b.order; };
   const auto most = static_cast<std::size_t>(options.most);
   if (found.size() > most) {
     std::nth_element(found.begin(), found.begin() + options.most, found.end(),

@@ -21,6 +21,15 @@ FeatureGrid grid_of(const matching::OrbFeatures& features, const PinholeCamera& 
   return FeatureGrid(frame, camera);
 }
 
+std::vector<BorrowedLandmark> of_others(const std::vector<BorrowedLandmark>& landmarks, const SessionId& own,
+                                        const Pose3& robot_from_camera) {
+  const Pose3 camera_from_robot = inverse(robot_from_camera);
+  std::vector<BorrowedLandmark> result;
+  for (const BorrowedLandmark& landmark : landmarks)
+    if (landmark.id.session != own) result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
+  return result;
+}
+
 PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view, const TrackingOptions& options) {
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.sigma_px, &view));

@@ -18,6 +18,10 @@ struct UnplacedFrame {
 // few for that, with `view` itself.
 PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view, const TrackingOptions& options);
 
+// Those that `own` did not make, in the frame of the map in memory: that of the first camera, not of the robot.
+std::vector<BorrowedLandmark> of_others(const std::vector<BorrowedLandmark>& landmarks, const SessionId& own,
+                                        const Pose3& robot_from_camera);
+
 class PlaceExchange {
  public:
   // Of each frame that was not placed; the last one counts.

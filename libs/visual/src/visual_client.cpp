@@ -406,10 +406,9 @@ struct VisualClient::State {
     return kept(frame.stamp, keyframe);
   }
 
-  int receive(const ClientPlace& place, int number, std::vector<BorrowedLandmark> landmarks) {
-    const Pose3 camera_from_robot = inverse(place.robot_from_camera);
-    for (BorrowedLandmark& landmark : landmarks) landmark = matching::transformed(landmark, {camera_from_robot, 1.0});
-    const int taken = lent.receive(map, number, landmarks);
+  int receive(const ClientPlace& place, int number, const std::vector<BorrowedLandmark>& landmarks) {
+    const SessionId own{place.client, begun ? begun->ns : 0};
+    const int taken = lent.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
     drop_what_is_gone();
     return taken;
   }

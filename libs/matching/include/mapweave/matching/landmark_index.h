@@ -8,7 +8,7 @@
 #include <mapweave/matching/orb_descriptor.h>
 #include <mapweave/matching/pinhole.h>
 
-#include <limits>
+#include <map>
 #include <optional>
 #include <unordered_map>
 #include <vector>
@@ -90,14 +90,19 @@ class LandmarkIndex {
   struct IdHash {
     std::size_t operator()(const LandmarkId&) const;
   };
-  struct Member {  // what the check looks at
-    Eigen::Vector3d point, direction;
+  struct Member {  // what the check looks at next
+    Eigen::Vector3d direction;
     double nearest_m, farthest_m;
     ClientId updated_by;
-    std::uint32_t slot;
+    std::uint32_t slot, session, index;  // session: in the order of arrival
+  };
+  struct Members {                        // as many of both
+    std::vector<Eigen::Vector3d> points;  // what it looks at first
+    std::vector<Member> members;
   };
   struct Found {
     double merit;
+    std::uint64_t order;  // as ids are
     std::uint32_t slot;
   };
   class View;
@@ -108,7 +113,8 @@ class LandmarkIndex {
   std::unordered_map<LandmarkId, std::uint32_t, IdHash> slots_;
   std::vector<DescribedLandmark> landmarks_;  // by slot
   std::vector<std::uint32_t> place_in_cell_, free_slots_;
-  std::unordered_map<Cell, std::vector<Member>, CellHash> cells_;
+  std::map<SessionId, std::uint32_t> sessions_;  // numbered in the order of arrival
+  std::unordered_map<Cell, Members, CellHash> cells_;
 };
 
 }  // namespace mapweave::matching

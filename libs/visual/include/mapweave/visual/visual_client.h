@@ -95,7 +95,8 @@ class VisualClient {
   // Landmarks of others for a session's map, to track by: keyframes look for them by their descriptors, frames follow how those show them.
   // They are never altered: a known one that is lent again takes its new place, what does not fit what the client sees is dropped, what
   // stays out of view for long is forgotten, all of a session's when it is straightened after a loop. take_updates() tells what keyframes
-  // saw of them (MapUpdate::borrowed). How many are kept is answered: those of a session that is not kept, or not sound, are not.
+  // saw of them (MapUpdate::borrowed). How many are kept is answered: its own ones, those for a session that is not kept, and what is not
+  // sound are left out.
   int lend(const ClientPlace& place, int session, const std::vector<BorrowedLandmark>& landmarks);
   std::size_t borrowed() const;       // that the client holds
   std::size_t borrowed_seen() const;  // that keyframes see
