@@ -56,18 +56,18 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
-void add(Results& results, const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
   if (cameras.maps.empty())
     results.add_map(folder, title, map);
   else
-    results.add_cameras(folder, title, cameras);
+    results.add_cameras(folder, title, dense, cameras);
 }
 
 }  // namespace
 
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                  Progress& progress) {
-  Results results(settings.out, settings.force, configuration, pool);
+  Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   report.team.tier = cloud_tier();
   auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
@@ -116,7 +116,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     if (!outcomes[i].map) continue;
     const std::string name = outcomes[i].robot.str();
-    add(results, "robots/" + name, "robot " + name, *outcomes[i].map, cameras[i]);
+    add(results, "robots/" + name, "robot " + name, false, *outcomes[i].map, cameras[i]);
   }
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
@@ -132,7 +132,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
 Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                 Progress& progress) {
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
-  Results results(settings.out, settings.force, configuration, pool);
+  Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   const auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
@@ -143,7 +143,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   if (robot.outcome.map) {
     report.team.components = {{robot.outcome.map->id}};
     for (std::size_t i = 1; i < robot.cameras.maps.size(); ++i) report.team.components.push_back({robot.cameras.maps[i].map.id});
-    add(results, "", "robot " + robot.report.id.str(), *robot.outcome.map, robot.cameras);
+    add(results, "", "robot " + robot.report.id.str(), true, *robot.outcome.map, robot.cameras);
   } else if (robot.outcome.trouble) {
     throw *robot.outcome.trouble;
   }
