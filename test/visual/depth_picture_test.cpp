@@ -38,7 +38,7 @@ TEST(DepthPicture, of_a_depth_camera_is_its_own) {
 TEST(DepthPicture, of_a_depth_camera_leaves_out_what_is_too_far_to_be_exact) {
   DepthPictureOptions options;
   options.most_error_m = 0.04;  // at 0.004 1/m: up to sqrt(10) m
-  const auto depths = depth_picture_of(room.frame(Stamp{1}, test::standing(0, 0, 0.3)), rig_of(0.0), options);
+  const auto depths = depth_picture_of(room.frame(Stamp{1}, test::standing(0, 1.5, 0.3)), rig_of(0.0), options);
   EXPECT_GT(*std::max_element(depths.pixels.begin(), depths.pixels.end()), 3.0F);
   EXPECT_LT(*std::max_element(depths.pixels.begin(), depths.pixels.end()), 3.163F);
 }

@@ -59,12 +59,16 @@ struct OctoMapWriter::Tree {
   std::size_t most_nodes = 0, left_out = 0;
   bool finished = false;
   octomap::KeyRay ray;  // kept between calls: its memory is large
-  std::vector<Place> free;
 
-  struct Seen {
+  bool learn(const octomap::point3d& camera, const std::vector<ColouredPoint>& points);
+
+ private:
+  struct End {  // a cell that rays end in
     Place place = 0;
     std::uint32_t rgb = 0;
   };
+  std::vector<End> ends_of(const std::vector<ColouredPoint>& points) const;
+  std::vector<Place> free_before(const octomap::point3d& camera, const std::vector<End>& ends);
 };
 
 OctoMapWriter::OctoMapWriter(const OctoMapOptions& options) : tree_(new Tree) {
@@ -79,54 +83,84 @@ std::size_t OctoMapWriter::nodes() const { return tree_->tree->size(); }
 std::size_t OctoMapWriter::most_nodes() const { return tree_->most_nodes; }
 std::size_t OctoMapWriter::left_out() const { return tree_->left_out; }
 
-void OctoMapWriter::add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map) {
-  MAPWEAVE_EXPECT(!tree_->finished && camera_in_map.allFinite(), "a camera stands somewhere before the end");
-  octomap::ColorOcTree& tree = *tree_->tree;
-  const octomap::point3d origin(static_cast<float>(camera_in_map.x()), static_cast<float>(camera_in_map.y()),
-                                static_cast<float>(camera_in_map.z()));
+// One for each cell, in the mean colour of its points.
+std::vector<OctoMapWriter::Tree::End> OctoMapWriter::Tree::ends_of(const std::vector<ColouredPoint>& points) const {
+  std::vector<End> seen, ends;
+  seen.reserve(points.size());
   octomap::OcTreeKey key;
-  const bool inside = tree.coordToKeyChecked(origin, key);
-  std::vector<Tree::Seen> seen;
-  seen.reserve(points_in_map.size());
-  for (const auto& [point, rgb] : points_in_map) {
+  for (const auto& [point, rgb] : points) {
     MAPWEAVE_EXPECT(point.allFinite(), "a point is finite");
-    if (inside && tree.coordToKeyChecked(octomap::point3d(point.x(), point.y(), point.z()), key))
-      seen.push_back({place_of(key), rgb});
-    else
-      ++tree_->left_out;
+    if (tree->coordToKeyChecked(octomap::point3d(point.x(), point.y(), point.z()), key)) seen.push_back({place_of(key), rgb});
   }
-  std::stable_sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.place < b.place; });
-  std::vector<Tree::Seen> ends;  // one for each cell, in the mean colour of its points
+  std::stable_sort(seen.begin(), seen.end(), [](const End& a, const End& b) { return a.place < b.place; });
   for (std::size_t first = 0, last = 0; first < seen.size(); first = last) {
     std::uint64_t sums[3] = {0, 0, 0};
     for (; last < seen.size() && seen[last].place == seen[first].place; ++last)
-      for (int axis = 0; axis < 3; ++axis) sums[axis] += seen[last].rgb >> (16 - 8 * axis) & 0xff;
+      for (int channel = 0; channel < 3; ++channel) sums[channel] += seen[last].rgb >> (16 - 8 * channel) & 0xff;
     std::uint32_t rgb = 0;
     for (const std::uint64_t sum : sums) rgb = rgb << 8 | static_cast<std::uint32_t>(sum / (last - first));
     ends.push_back({seen[first].place, rgb});
   }
+  return ends;
+}
 
-  const auto is_end = [&](Place place) {
-    const auto at = std::lower_bound(ends.begin(), ends.end(), place, [](const Tree::Seen& end, Place p) { return end.place < p; });
-    return at != ends.end() && at->place == place;
+// The cells between the camera and the ends, sorted, without those that are ends themselves.
+std::vector<Place> OctoMapWriter::Tree::free_before(const octomap::point3d& camera, const std::vector<End>& ends) {
+  constexpr std::size_t kAtOnce = 1 << 20;  // many rays pass through the same cells
+  std::vector<Place> free;
+  std::size_t unique = 0;
+  const auto compact = [&] {
+    std::sort(free.begin(), free.end());
+    free.erase(std::unique(free.begin(), free.end()), free.end());
+    unique = free.size();
   };
-  std::vector<Place>& free = tree_->free;
-  free.clear();
-  for (const Tree::Seen& end : ends) {
-    if (!tree.computeRayKeys(origin, tree.keyToCoord(key_of(end.place)), tree_->ray)) continue;
-    for (const octomap::OcTreeKey& cell : tree_->ray) free.push_back(place_of(cell));
+  for (const End& end : ends) {
+    if (!tree->computeRayKeys(camera, tree->keyToCoord(key_of(end.place)), ray)) continue;
+    for (const octomap::OcTreeKey& cell : ray) free.push_back(place_of(cell));
+    if (free.size() > 2 * unique + kAtOnce) compact();
   }
-  std::sort(free.begin(), free.end());
-  free.erase(std::unique(free.begin(), free.end()), free.end());
-  for (const Place place : free)
-    if (!is_end(place)) tree.updateNode(key_of(place), false);
-  for (const Tree::Seen& end : ends) {
-    octomap::ColorOcTreeNode* node = tree.updateNode(key_of(end.place), true);
+  compact();
+  auto end = ends.begin();
+  free.erase(std::remove_if(free.begin(), free.end(),
+                            [&](Place place) {
+                              while (end != ends.end() && end->place < place) ++end;
+                              return end != ends.end() && end->place == place;
+                            }),
+             free.end());
+  return free;
+}
+
+// False where there is no memory for all of it.
+bool OctoMapWriter::Tree::learn(const octomap::point3d& camera, const std::vector<ColouredPoint>& points) {
+  const std::vector<End> ends = ends_of(points);
+  for (const Place place : free_before(camera, ends)) {
+    tree->updateNode(key_of(place), false);
+    if (tree->size() > most_nodes) return false;
+  }
+  for (const End& end : ends) {
+    octomap::ColorOcTreeNode* node = tree->updateNode(key_of(end.place), true);
     const octomap::ColorOcTreeNode::Color colour(static_cast<std::uint8_t>(end.rgb >> 16), static_cast<std::uint8_t>(end.rgb >> 8),
                                                  static_cast<std::uint8_t>(end.rgb));
     node->setColor(node->isColorSet() ? mixed(node->getColor(), colour) : colour);
+    if (tree->size() > most_nodes) return false;
   }
-  while (tree_->tree->size() > tree_->most_nodes) tree_->tree = coarser(*tree_->tree);
+  return true;
+}
+
+void OctoMapWriter::add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map) {
+  MAPWEAVE_EXPECT(!tree_->finished && camera_in_map.allFinite(), "a camera stands somewhere before the end");
+  const auto inside = [&](const octomap::point3d& place) {
+    octomap::OcTreeKey key;
+    return tree_->tree->coordToKeyChecked(place, key);
+  };
+  const octomap::point3d camera(static_cast<float>(camera_in_map.x()), static_cast<float>(camera_in_map.y()),
+                                static_cast<float>(camera_in_map.z()));
+  if (!inside(camera)) {
+    tree_->left_out += points_in_map.size();
+    return;
+  }
+  for (const auto& [point, rgb] : points_in_map) tree_->left_out += inside({point.x(), point.y(), point.z()}) ? 0 : 1;
+  while (!tree_->learn(camera, points_in_map)) tree_->tree = coarser(*tree_->tree);
 }
 
 OctoMapFiles OctoMapWriter::finish() {
