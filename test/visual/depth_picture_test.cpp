@@ -101,7 +101,8 @@ TEST(ColourAt, looks_where_the_lens_bent_and_rectifying_turned_it) {
   EXPECT_EQ(colour_at(frame, room.camera, {10.0, 10.0}), (std::array<std::uint8_t, 3>{0, 0, 0}));
   auto pixels = std::make_shared<std::vector<std::uint8_t>>(3 * 320 * 240);
   (*pixels)[3 * (120 * 320 + 186)] = 7;  // blue, 26 pixels to the right of the middle: 0.1 rad
-  frame.colour = {{pixels, pixels->data()}, 320, 240, 3 * 320, room.camera, {}, Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()))};
+  frame.colour = {
+      {pixels, pixels->data()}, 320, 240, 3 * 320, room.camera, {}, Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()))};
   EXPECT_EQ(colour_at(frame, room.camera, {160.0, 120.0}), (std::array<std::uint8_t, 3>{0, 0, 7}));
 }
 

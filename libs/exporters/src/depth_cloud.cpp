@@ -8,9 +8,9 @@
 namespace mapweave::exporters {
 namespace {
 
-constexpr std::uint32_t kParts = 1024;         // of a voxel's side
+constexpr std::uint32_t kParts = 1024;          // of a voxel's side
 constexpr std::uint32_t kMostPoints = 1 << 16;  // of a voxel: more do not change its mean
-constexpr double kBytesPerVoxel = 80.0;        // an entry of the table with all that the allocator adds
+constexpr double kBytesPerVoxel = 80.0;         // an entry of the table with all that the allocator adds
 constexpr double kFarthest_m = 1e7;
 
 }  // namespace
@@ -28,8 +28,8 @@ DepthCloud::DepthCloud(const DepthCloudOptions& options)
 
 void DepthCloud::add(const std::vector<ColouredPoint>& points_in_map) {
   for (const ColouredPoint& point : points_in_map) {
-    MAPWEAVE_EXPECT(point.point.allFinite() && static_cast<double>(point.point.cwiseAbs().maxCoeff()) < kFarthest_m,
-                    "points are finite and near");
+    MAPWEAVE_EXPECT(point.point.allFinite(), "a point is finite");
+    if (static_cast<double>(point.point.cwiseAbs().maxCoeff()) > kFarthest_m) continue;
     Voxel voxel;
     std::array<std::uint32_t, 3> place;
     for (std::size_t axis = 0; axis < 3; ++axis) {

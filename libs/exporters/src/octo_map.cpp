@@ -37,7 +37,8 @@ std::unique_ptr<octomap::ColorOcTree> coarser(const octomap::ColorOcTree& tree) 
       for (int y = 0; y < side; ++y)
         for (int z = 0; z < side; ++z) {
           const int steps[3] = {x, y, z};
-          for (unsigned axis = 0; axis < 3; ++axis) key[axis] = static_cast<octomap::key_type>((low[axis] >> 1) + kMiddle / 2 + steps[axis]);
+          for (unsigned axis = 0; axis < 3; ++axis)
+            key[axis] = static_cast<octomap::key_type>((low[axis] >> 1) + kMiddle / 2 + steps[axis]);
           octomap::ColorOcTreeNode* known = result->search(key);
           const float log_odds = known == nullptr ? leaf->getLogOdds() : std::max(known->getLogOdds(), leaf->getLogOdds());
           const bool was_coloured = known != nullptr && known->isColorSet();

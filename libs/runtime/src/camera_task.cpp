@@ -27,7 +27,8 @@ const char* name_of(visual::CameraKind kind) {
 // A camera with its client, which begins with the first frame.
 class Camera {
  public:
-  Camera(const ChosenCamera& chosen, const visual::ClientOptions& options) : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
+  Camera(const ChosenCamera& chosen, const visual::ClientOptions& options)
+      : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
     report_.label = chosen.label, report_.kind = name_of(chosen.kind);
   }
 

@@ -27,8 +27,7 @@ std::vector<DepthWay> ways_of(const CameraMap& part, const CamerasOutcome& camer
     const auto camera =
         std::find_if(cameras.cameras.begin(), cameras.cameras.end(), [&](const CameraResult& c) { return c.report.label == way.label; });
     if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || way.frames.empty()) continue;
-    DepthWay depth{
-        cameras.robot, camera->chosen, {camera->report.readout_s, camera->report.inverse_depth_offset}, way.frames, {}};
+    DepthWay depth{cameras.robot, camera->chosen, {camera->report.readout_s, camera->report.inverse_depth_offset}, way.frames, {}};
     for (const auto& [id, node] : part.map.nodes)
       if (id.session.client.sensor.str() == sensor_name(way.label)) depth.keyframes.push_back(node.stamp);
     std::sort(depth.keyframes.begin(), depth.keyframes.end());
@@ -167,7 +166,8 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder, co
   }
   if (output.octomap) {
     note_coarser("map.bt", output.dense.octomap.resolution_m, octomap.resolution_m(), output.dense.octomap.memory_mb, notes);
-    if (octomap.left_out() > 0) notes.push_back("map.bt: " + std::to_string(octomap.left_out()) + " points lie outside of what OctoMap can hold");
+    if (octomap.left_out() > 0)
+      notes.push_back("map.bt: " + std::to_string(octomap.left_out()) + " points lie outside of what OctoMap can hold");
     const exporters::OctoMapFiles files = octomap.finish();
     write_file(folder / "map.bt", files.bt);
     write_file(folder / "map.ot", files.ot);

@@ -20,8 +20,9 @@ struct DepthWay {
 std::vector<DepthWay> depth_ways(const CameraMap&, const CamerasOutcome&);
 std::vector<DepthWay> depth_ways(const fusion::Component&, const std::vector<CamerasOutcome>&);
 
-// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are ways. What was not as expected is answered for
-// people. Memory: that of the options, and one picture. Throws Error(kInterrupted).
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthWay>&, const RunConfiguration&, Progress&);
+// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are ways. What was not as
+// expected is answered for people. Memory: that of the options, and one picture. Throws Error(kInterrupted).
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthWay>&, const RunConfiguration&,
+                                         Progress&);
 
 }  // namespace mapweave::runtime

@@ -52,14 +52,14 @@ cv::Mat padded(const GreyImage& image, int left) {
 }
 
 InverseDepths of_pair(const Frame& frame, const CameraRig& rig, double max_disparity) {
-  constexpr int kBlock = 5, kUnits = 16;        // disparities come in sixteenths of a pixel
-  constexpr int kSmall = 8, kLarge = 32;        // of changes of disparity by 1 and by more: OpenCV's advice, per pixel of the block
+  constexpr int kBlock = 5, kUnits = 16;           // disparities come in sixteenths of a pixel
+  constexpr int kSmall = 8, kLarge = 32;           // of changes of disparity by 1 and by more: OpenCV's advice, per pixel of the block
   constexpr int kSpeckle = 100, kSameSurface = 2;  // surfaces of fewer pixels are chance; pixels of disparity
   constexpr float kLeastDisparity_px = 1.0F;
   // The matcher leaves the first columns out that could lie beyond the right picture's rim: hence the padding.
   const int disparities = 16 * std::max(1, static_cast<int>(std::ceil(max_disparity * frame.grey.width / 16.0)));
-  const auto matcher = cv::StereoSGBM::create(0, disparities, kBlock, kSmall * kBlock * kBlock, kLarge * kBlock * kBlock, 1, 31, 10, kSpeckle,
-                                              kSameSurface, cv::StereoSGBM::MODE_SGBM);
+  const auto matcher = cv::StereoSGBM::create(0, disparities, kBlock, kSmall * kBlock * kBlock, kLarge * kBlock * kBlock, 1, 31, 10,
+                                              kSpeckle, kSameSurface, cv::StereoSGBM::MODE_SGBM);
   cv::Mat found;
   matcher->compute(padded(frame.grey, disparities), padded(frame.right, disparities), found);
   const auto focal_baseline = static_cast<float>(rig.camera.fx * rig.baseline_m);
@@ -90,7 +90,8 @@ std::vector<bool> steps_of(const InverseDepths& inverse, double sigma) {
 
 }  // namespace
 
-Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const DepthPictureOptions& options, const Pose3& depth_from_picture) {
+Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const DepthPictureOptions& options,
+                              const Pose3& depth_from_picture) {
   MAPWEAVE_EXPECT(is_finite(depth_from_picture), "the motion between picture and depth is finite");
   if (!frame.shows_depth()) return {};
   const bool pair = !frame.right.empty();

@@ -21,7 +21,7 @@ struct DepthCloudOptions {
 class DepthCloud {
  public:
   explicit DepthCloud(const DepthCloudOptions& options = {});
-  // Contract: finite, within 10,000 km.
+  // Those farther than 10,000 km from the map's origin are left out. Contract: finite.
   void add(const std::vector<ColouredPoint>& points_in_map);
 
   double voxel_m() const { return voxel_m_; }  // now: that of the options, doubled once or more where memory was short
