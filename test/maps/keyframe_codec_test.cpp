@@ -107,6 +107,21 @@ TEST(KeyframeCodec, takes_the_oldest_form_that_says_it_all) {
   part = {};
   part.removed_landmarks = update.removed_landmarks;
   EXPECT_EQ(version_of(part), 2U);
+  part.borrowed = {update.changed_landmarks[1]};
+  EXPECT_EQ(version_of(part), 3U);
+}
+
+TEST(KeyframeCodec, gives_sightings_of_borrowed_landmarks_back) {
+  MapUpdate update = some_update(1, 20);
+  update.borrowed = {update.changed_landmarks[1]};
+  update.borrowed[0].id.session.client.robot = RobotId("beta");
+  const MapUpdate again = decode_map_update(encode(update), "here");
+  ASSERT_EQ(again.borrowed.size(), 1U);
+  EXPECT_EQ(again.borrowed[0].id, update.borrowed[0].id);
+  ASSERT_EQ(again.borrowed[0].seen.size(), 2U);
+  for (std::size_t k = 0; k < 2; ++k) expect_same(again.borrowed[0].seen[k], update.borrowed[0].seen[k]);
+  const std::string bytes = encode(update);
+  for (std::size_t length = 0; length < bytes.size(); length += 7) EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
 }
 
 // CORB-SLAM sends light keyframes after the first full one; ours say 1/45 of a full one's bytes or less.
@@ -268,6 +283,8 @@ TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
   refuses("sightings out of order", [](MapUpdate& u) { std::swap(u.landmarks[0].seen[0], u.landmarks[0].seen[1]); });
   refuses("a sighting twice", [](MapUpdate& u) { u.changed_landmarks[1].seen[1] = u.changed_landmarks[1].seen[0]; });
   refuses("a sighting on level 40", [](MapUpdate& u) { u.changed_landmarks[1].seen[1].level = 40; });
+  refuses("a borrowed landmark that moves", [](MapUpdate& u) { u.borrowed = {u.changed_landmarks[0]}; });
+  refuses("borrowed landmarks out of order", [](MapUpdate& u) { u.borrowed = {u.changed_landmarks[1], u.changed_landmarks[1]}; });
   refuses("landmarks out of order", [](MapUpdate& u) { std::swap(u.landmarks[0], u.landmarks[1]); });
   refuses("a robot without a name", [](MapUpdate& u) { u.removed_landmarks[0].session.client.robot = RobotId(); });
 }

@@ -202,6 +202,18 @@ TEST_F(LandmarkUpdate, is_refused_when_something_is_seen_outside_of_a_picture) {
   EXPECT_EQ(updated(map_, nothing_).landmarks.front().second.seen.front().u, 16 * 640 - 1);
 }
 
+TEST_F(LandmarkUpdate, names_borrowed_landmarks_of_other_maps_which_are_none_of_this_one) {
+  const LandmarkId foreign{{{RobotId("beta"), SensorId("camera")}, 4}, 17};
+  nothing_.borrowed = {{foreign, std::nullopt, {map_.landmarks.front().second.seen.front()}}};
+  const Map same = updated(map_, nothing_);
+  EXPECT_EQ(same.landmarks.size(), map_.landmarks.size());
+  EXPECT_FALSE(same.landmarks.contains(foreign));
+  nothing_.borrowed[0].seen[0].u = 16 * 640;
+  expect_misfit(map_, nothing_, "seen outside of the picture");
+  nothing_.borrowed[0].seen = {random_.sighting({session(), 9999})};
+  expect_misfit(map_, nothing_, "hangs on an unknown node");
+}
+
 TEST_F(LandmarkUpdate, of_changed_features_breaks_the_contract) {
   Map changed = map_;
   Node& node = changed.nodes.begin()->second;

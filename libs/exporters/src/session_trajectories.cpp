@@ -3,17 +3,33 @@
 #include <mapweave/core/error.h>
 
 #include <algorithm>
+#include <set>
 
 namespace mapweave::exporters {
 
+namespace {
+
+bool is_keyframe(const Node& node) { return node.payload != nullptr && std::holds_alternative<KeyframeFeatures>(*node.payload); }
+
+}  // namespace
+
 std::vector<SessionTrajectory> session_trajectories(const Map& map) {
   std::vector<SessionTrajectory> trajectories;
+  std::set<SessionId> seeing, scanning;
   for (const auto& [id, node] : map.nodes) {
     if (node.payload != nullptr && std::holds_alternative<OccupancyGrid>(*node.payload)) continue;
     MAPWEAVE_EXPECT(is_finite(node.map_from_node), "the pose of " + to_string(id) + " is not finite");
     if (trajectories.empty() || trajectories.back().session != id.session) trajectories.push_back({id.session, {}});
     trajectories.back().poses.push_back({node.stamp, node.map_from_node});
+    (is_keyframe(node) ? seeing : scanning).insert(id.session);
   }
+  // The way of a robot that has a laser too is told once.
+  const auto is_told = [&](const SessionTrajectory& trajectory) {
+    return seeing.count(trajectory.session) != 0 && std::any_of(scanning.begin(), scanning.end(), [&](const SessionId& session) {
+             return session.client.robot == trajectory.session.client.robot && seeing.count(session) == 0;
+           });
+  };
+  trajectories.erase(std::remove_if(trajectories.begin(), trajectories.end(), is_told), trajectories.end());
   for (auto& trajectory : trajectories)
     std::stable_sort(trajectory.poses.begin(), trajectory.poses.end(),
                      [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });

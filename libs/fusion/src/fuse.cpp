@@ -230,7 +230,7 @@ class Fusing {
     }
     if (by_camera) {
       Verdict verdict = seen;
-      verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose), judged));
+      verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)));
       if (verdict.conflict > options_.max_wall_conflict) verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;
       return verdict;
     }
@@ -249,26 +249,22 @@ class Fusing {
     return apart.head<2>().norm() < kAlike_m && std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
   }
 
-  // Share of the walls of one map that the other saw through, once b lies so.
-  double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b, std::vector<Hash>& judged) {
+  // Share of the walls of one map that the other saw through, once b lies so. Nothing is searched for, so that nothing can be missed.
+  double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b) {
     double conflict = 0.0, overlap_m2 = 0.0;
-    std::vector<Question> questions;
     for (const std::size_t j : maps_[b].representatives) {
       std::pair<double, std::size_t> nearest{1e300, 0};
+      const Pose2 there = compose(a_from_b, maps_[b].map_from_submap[j]);
       for (const std::size_t i : maps_[a].representatives) {
-        const Pose2 apart = between(maps_[a].map_from_submap[i], compose(a_from_b, maps_[b].map_from_submap[j]));
+        const Pose2 apart = between(maps_[a].map_from_submap[i], there);
         nearest = std::min(nearest, {std::hypot(apart.x, apart.y), i});
       }
       constexpr double kNear_m = 6.0;
       if (nearest.first > kNear_m) continue;
-      questions.push_back({nearest.second,
-                           j,
-                           {between(maps_[a].map_from_submap[nearest.second], compose(a_from_b, maps_[b].map_from_submap[j])), 0.5, 0.05}});
-    }
-    for (const Witness& w : judge_.ask(maps_[a], maps_[b], questions)) {
-      const Evidence& e = w.judgement.evidence;
-      judged.push_back(w.judgement.id);
-      if (w.judgement.hypotheses.empty()) continue;
+      const PreparedMap &one = maps_[a], &other = maps_[b];
+      const Evidence e =
+          matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes), *cache_.get(*other.submaps[j], other.map->nodes),
+                          between(one.map_from_submap[nearest.second], there));
       conflict += e.conflict * e.overlap_m2, overlap_m2 += e.overlap_m2;
     }
     return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;

@@ -173,7 +173,13 @@ MapSolution optimise(Map& map, const SolveOptions& options) {
     names.push_back(id);
   }
   const Solution solution = solve(poses, edges, options);
-  for (std::size_t i = 0; i < ids.size(); ++i) map.nodes.find(ids[i])->map_from_node = spatial(solution.poses[i]);
+  // What does not lie in the plane (height, roll, pitch of a camera's robot) stays as it is.
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    Pose3& pose = map.nodes.find(ids[i])->map_from_node;
+    const Pose3 flat = spatial(poses[i]), moved = spatial(solution.poses[i]);
+    const bool is_planar = pose.t == flat.t && pose.q.x() == 0.0 && pose.q.y() == 0.0;
+    pose = is_planar ? moved : compose(compose(moved, inverse(flat)), pose);
+  }
   if (std::all_of(solution.weight.begin(), solution.weight.end(), [](double weight) { return weight > 0.5; })) {
     result.chi2 = solution.chi2;
     result.iterations = solution.iterations;

@@ -8,7 +8,7 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion = 2;                          // of updates: 1 knows no keyframes and landmarks
+constexpr std::uint32_t kVersion = 3;                          // of updates: 1 knows no keyframes and landmarks, 2 none borrowed
 constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
@@ -26,7 +26,8 @@ enum Field : int {
   kRemovedConstraints,
   kLandmarks,
   kChangedLandmarks,
-  kRemovedLandmarks
+  kRemovedLandmarks,
+  kBorrowed
 };
 
 const NodeId& id_of(const NodeId& id) { return id; }
@@ -93,6 +94,7 @@ std::uint32_t version_of(const MapUpdate& update) {
   const bool has_keyframes = std::any_of(update.nodes.begin(), update.nodes.end(),
                                          [](const Node& node) { return std::get_if<KeyframeFeatures>(node.payload.get()) != nullptr; });
   const bool has_landmarks = !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
+  if (!update.borrowed.empty()) return 3;
   return has_keyframes || has_landmarks ? 2 : 1;
 }
 
@@ -110,6 +112,7 @@ void for_each_list(Update& update, const Action& action) {
   action(kLandmarks, update.landmarks);
   action(kChangedLandmarks, update.changed_landmarks);
   action(kRemovedLandmarks, update.removed_landmarks);
+  action(kBorrowed, update.borrowed);
 }
 
 template <class Form>
@@ -159,6 +162,11 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
     case kChangedLandmarks:
       return append(update.changed_landmarks, reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader)), reader);
     case kRemovedLandmarks: return append(update.removed_landmarks, reader.landmark_id(parsed<form::Id>(bytes, reader)), reader);
+    case kBorrowed: {
+      const LandmarkChange borrowed = reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader));
+      if (borrowed.point_units) reader.corrupt("a borrowed landmark moves");
+      return append(update.borrowed, borrowed, reader);
+    }
     default: reader.corrupt("field " + std::to_string(field) + " is unknown");
   }
 }
@@ -167,6 +175,7 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
 
 std::string encode(const MapUpdate& update) {
   expect_sound(update.origin);
+  for (const LandmarkChange& borrowed : update.borrowed) MAPWEAVE_EXPECT(!borrowed.point_units, "borrowed landmarks do not move");
   SessionTable sessions;
   Geometries geometries;
   form::Header header;

@@ -137,6 +137,10 @@ void update_landmarks(Map& map, const MapUpdate& update) {
   }
 }
 
+void expect_borrowed(const Map& map, const MapUpdate& update) {
+  for (const LandmarkChange& borrowed : update.borrowed) expect_fitting(borrowed, map, update);
+}
+
 void forget_sightings(Table<LandmarkId, Landmark>& landmarks, std::vector<NodeId> gone) {
   if (gone.empty()) return;
   std::sort(gone.begin(), gone.end());
@@ -221,6 +225,7 @@ Map updated(Map older, const MapUpdate& update) {
   for (const Constraint& constraint : update.constraints) expect_nodes_of(constraint, map, update);
   set_all(map.constraints, update.constraints);
   update_landmarks(map, update);
+  expect_borrowed(map, update);
 
   if (!update.removed_nodes.empty()) {  // nothing may still name them
     for (const auto& [id, submap] : map.submaps) expect_nodes_of(submap, map, update);

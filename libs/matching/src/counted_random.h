@@ -1,16 +1,11 @@
 #pragma once
 // Random numbers by counter: a pure function of the key, so that no draw depends on what else was drawn, nor on threads.
 
+#include <mapweave/core/mixed_bits.h>
+
 #include <cstdint>
 
 namespace mapweave::matching {
-
-// The finalizer of SplitMix64 (Steele, Lea, Flood: Fast splittable pseudorandom number generators, OOPSLA 2014).
-inline std::uint64_t mixed(std::uint64_t bits) {
-  bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
-  bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
-  return bits ^ (bits >> 31);
-}
 
 class CountedRandom {
  public:

@@ -57,10 +57,11 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
 }
 
 void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
-  if (cameras.maps.empty())
-    results.add_map(folder, title, map);
-  else
-    results.add_cameras(folder, title, dense, cameras);
+  const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
+  if (by_laser) results.add_map(folder, title, map);
+  if (cameras.maps.empty()) return;
+  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title, dense && !by_laser, cameras);
+  if (dense && by_laser) results.add_dense(folder, title, map, cameras);
 }
 
 }  // namespace
@@ -142,7 +143,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   report.stages.push_back({TierId(), "mapping", robot.report.wall_seconds});
   if (robot.outcome.map) {
     report.team.components = {{robot.outcome.map->id}};
-    for (std::size_t i = 1; i < robot.cameras.maps.size(); ++i) report.team.components.push_back({robot.cameras.maps[i].map.id});
+    for (const Map& map : robot.outcome.apart) report.team.components.push_back({map.id});
     add(results, "", "robot " + robot.report.id.str(), true, *robot.outcome.map, robot.cameras);
   } else if (robot.outcome.trouble) {
     throw *robot.outcome.trouble;

@@ -194,7 +194,7 @@ CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chose
   std::deque<Camera> cameras;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;
-  for (const ChosenCamera& camera : chosen) cameras.emplace_back(camera, options);
+  for (const ChosenCamera& camera : chosen.cameras) cameras.emplace_back(camera, options);
   try {
     replay(robot, configuration.reading, cameras, give_up, progress);
   } catch (const Error& error) {

@@ -118,17 +118,15 @@ void note_coarser(const std::string& file, double asked_m, double made_m, double
 
 std::vector<DepthWay> depth_ways(const CameraMap& part, const CamerasOutcome& cameras) { return ways_of(part, cameras, part.ways); }
 
-std::vector<DepthWay> depth_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras) {
+std::vector<DepthWay> depth_ways(const Map& map, const Table<MapId, double>& scales, const CamerasOutcome& cameras) {
   std::vector<DepthWay> result;
-  for (const CamerasOutcome& outcome : cameras)
-    for (const CameraMap& part : outcome.maps) {
-      if (!std::binary_search(component.members.begin(), component.members.end(), part.map.id)) continue;
-      const double* scale = component.scales.find(part.map.id);
-      if (scale != nullptr && *scale != 1.0) continue;
-      std::vector<CameraWay> ways = part.ways;
-      for (CameraWay& way : ways) way.frames = carried_along(part, way, component.map, 1.0);
-      for (DepthWay& way : ways_of(part, outcome, ways)) result.push_back(std::move(way));
-    }
+  for (const CameraMap& part : cameras.maps) {
+    const double* scale = scales.find(part.map.id);
+    if (scale != nullptr && *scale != 1.0) continue;
+    std::vector<CameraWay> ways = part.ways;
+    for (CameraWay& way : ways) way.frames = carried_along(part, way, map, 1.0);
+    for (DepthWay& way : ways_of(part, cameras, ways)) result.push_back(std::move(way));
+  }
   return result;
 }
 

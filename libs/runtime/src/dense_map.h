@@ -2,7 +2,6 @@
 // What depth cameras and stereo pairs saw, at the poses that mapping ended with: a second way through the logs, one picture at a time.
 
 #include <mapweave/core/progress.h>
-#include <mapweave/fusion/fuse.h>
 #include <mapweave/runtime/camera_task.h>
 
 namespace mapweave::runtime {
@@ -16,9 +15,10 @@ struct DepthWay {
   std::vector<Stamp> keyframes;  // sorted
 };
 
-// Of the cameras that see depth. Of a component those of members whose lengths grew are left out: their depth is of another scale.
+// Of the cameras that see depth, in their own map, or in one that holds their keyframes: those of maps whose lengths grew by one of
+// `scales` are left out, as their depth is of another scale.
 std::vector<DepthWay> depth_ways(const CameraMap&, const CamerasOutcome&);
-std::vector<DepthWay> depth_ways(const fusion::Component&, const std::vector<CamerasOutcome>&);
+std::vector<DepthWay> depth_ways(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
 
 // map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are ways. What was not as
 // expected is answered for people. Memory: that of the options, and one picture. Throws Error(kInterrupted).

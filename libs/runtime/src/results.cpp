@@ -54,14 +54,14 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
   }
 }
 
-OccupancyGrid Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
+void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
   const std::size_t notes = notes_.size();
   const OccupancyGrid grid = grid_of(title, map);
   if (grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
-  return grid;
+  if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -131,6 +131,12 @@ void Results::draw_dense(const std::filesystem::path& folder, const std::string&
   }
 }
 
+void Results::add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+  const Stopwatch watch;
+  draw_dense(folder, title, depth_ways(map, {}, cameras));
+  output_seconds_ += watch.seconds();
+}
+
 void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                         const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
@@ -180,14 +186,14 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
     const std::string place = i == 0 ? folder : further + std::to_string(i);
     const std::string name = i == 0 ? title : title + ", apart " + std::to_string(i);
     const Map& map = fused.components[i].map;
-    const bool seen = has_keyframes(map);
-    if (seen && map.submaps.empty()) {
+    if (map.submaps.empty() && has_keyframes(map))
       draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
-    } else {
-      const OccupancyGrid grid = draw(place, name, robot_trajectories, map);
-      if (seen && !grid.empty()) draw_landmarks_on(grid, place, name, map);
-    }
-    if (tier == cloud_tier()) draw_dense(place, name, depth_ways(fused.components[i], cameras));
+    else
+      draw(place, name, robot_trajectories, map);
+    std::vector<DepthWay> depth;
+    for (const CamerasOutcome& outcome : cameras)
+      for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
+    if (tier == cloud_tier()) draw_dense(place, name, depth);
     mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
   }
   const double composing = composing_seconds_ - composing_before;

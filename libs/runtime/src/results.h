@@ -27,6 +27,8 @@ class Results {
   // of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2, ... `dense`: also what is asked for of
   // depth, which takes a second way through the log.
   void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
+  // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
+  void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
   // into the report. `cameras`: what the fused maps of keyframes came from, for the frames between them. Depth is the cloud's alone.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
@@ -48,7 +50,7 @@ class Results {
   void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map);
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                  const std::vector<CamerasOutcome>& cameras);
-  OccupancyGrid draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
+  void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
   Progress& progress_;

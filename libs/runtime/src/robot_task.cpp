@@ -7,6 +7,9 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 
+#include <algorithm>
+#include <iterator>
+
 namespace mapweave::runtime {
 namespace {
 
@@ -61,6 +64,34 @@ void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configurati
         "robot " + robot.id.str() + ": " + std::to_string(agent.packer().unusable()) + " records made no sense and were left out");
 }
 
+// Cameras on the robot; with a map of the laser, which is there already, in one graph.
+void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
+                    const std::atomic<bool>& give_up, Progress& progress, RobotResult& result) {
+  result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
+  tiers::RobotOutcome& outcome = result.outcome;
+  outcome.robot = robot.id;
+  if (outcome.map && result.cameras.maps.empty()) {
+    log(LogLevel::warning, "robot " + robot.id.str() + " is mapped by its laser alone: " + std::string(result.cameras.trouble->what()));
+    return;
+  }
+  if (!outcome.trouble) outcome.trouble = result.cameras.trouble;
+  result.report.log_seconds = std::max(result.report.log_seconds, result.cameras.log_seconds);
+  for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
+  std::vector<Map> seen;
+  for (const CameraMap& map : result.cameras.maps) seen.push_back(map.map);
+  if (outcome.map && !seen.empty()) {
+    fusion::BoundMap both = fusion::bound(std::move(*outcome.map), seen, configuration.bind, configuration.fusion.solve);
+    outcome.map = std::move(both.map);
+    const auto is_apart = [&](const Map& map) { return std::find(both.apart.begin(), both.apart.end(), map.id) != both.apart.end(); };
+    seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const Map& map) { return !is_apart(map); }), seen.end());
+    for (std::size_t i = 0; i < seen.size(); ++i) seen[i].id = MapId(robot.id.str() + "." + std::to_string(i + 1));
+    outcome.apart = std::move(seen);
+  } else if (!seen.empty()) {
+    outcome.map = std::move(seen.front());
+    outcome.apart.assign(std::make_move_iterator(seen.begin() + 1), std::make_move_iterator(seen.end()));
+  }
+}
+
 }  // namespace
 
 RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
@@ -74,20 +105,9 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   try {
     result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
     const ChosenSensors chosen = choose_sensors(robot.log, configuration);
-    if (chosen.empty()) {
-      map_by_laser(robot, configuration, keep_going, give_up, progress, result);
-    } else {
-      result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
-      result.outcome = {robot.id, std::nullopt, result.cameras.trouble};
-      for (const CameraMap& map : result.cameras.maps) {
-        if (result.outcome.map)
-          result.outcome.apart.push_back(map.map);
-        else
-          result.outcome.map = map.map;
-      }
-      result.report.log_seconds = result.cameras.log_seconds;
-      for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
-    }
+    if (chosen.laser) map_by_laser(robot, configuration, keep_going, give_up, progress, result);
+    const bool go_on = !result.outcome.trouble || keep_going;
+    if (!chosen.cameras.empty() && go_on) map_by_cameras(robot, chosen, configuration, keep_going, give_up, progress, result);
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) throw;
     result.outcome = {robot.id, std::nullopt, error};

@@ -73,9 +73,10 @@ CameraKind kind_of(SensorChoice sensor) {
 }  // namespace
 
 ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfiguration& configuration) {
-  if (configuration.sensor == SensorChoice::laser) return {};
+  const bool all = configuration.sensor == SensorChoice::all;
+  if (configuration.sensor == SensorChoice::laser) return {true, {}};
   const Found found = look(log, configuration.reading, configuration.sensor == SensorChoice::automatic);
-  if (configuration.sensor == SensorChoice::automatic && found.laser) return {};
+  if (configuration.sensor == SensorChoice::automatic && found.laser) return {true, {}};
   const CameraKind wanted = kind_of(configuration.sensor);
   const std::string& label = configuration.visual.label;
   ChosenSensors chosen;
@@ -84,15 +85,16 @@ ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfigur
     labels.push_back(name);
     if (!label.empty() && name != label) continue;
     if (wanted == CameraKind::automatic || wanted == CameraKind::mono || wanted == kind)
-      chosen.push_back({name, wanted == CameraKind::automatic ? kind : wanted});
+      chosen.cameras.push_back({name, wanted == CameraKind::automatic ? kind : wanted});
   }
-  if (!chosen.empty()) return chosen;
+  chosen.laser = all && found.laser;
+  if (chosen.laser || !chosen.cameras.empty()) return chosen;
   if (!label.empty() && found.cameras.count(label) == 0 && !labels.empty()) {
     const auto nearest = nearest_name(label, labels);
     throw Error(ErrorCode::kBadInput, "the log has no camera '" + label + "'; it has " + in_words(found), log.string(),
                 nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
   }
-  if (wanted == CameraKind::automatic) return {};  // a laser may still come, and its absence is told by who maps with it
+  if (wanted == CameraKind::automatic) return {true, {}};  // a laser may still come, and its absence is told by who maps with it
   throw Error(ErrorCode::kBadInput, "the log has no " + in_words(wanted) + "; it has " + in_words(found), log.string(),
               "choose another sensor, or leave the choice to auto");
 }

@@ -163,7 +163,8 @@ void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& op
       Eigen::Matrix3d damped = point_hessian[point];
       damped.diagonal() *= 1.0 + lambda;
       damped.diagonal().array() += 1e-6;
-      inverse[point] = damped.inverse();
+      const bool fixed = !bundle.fixed_points.empty() && bundle.fixed_points[point];
+      inverse[point] = fixed ? Eigen::Matrix3d::Zero() : Eigen::Matrix3d(damped.inverse());
       const Eigen::Matrix<double, 2, 3> flaws_left = flaws_by_point[point] * inverse[point];
       right.segment<2>(flaws_at).noalias() += flaws_left * point_gradient[point];
       reduced.corner().noalias() -= flaws_left * flaws_by_point[point].transpose();

@@ -17,6 +17,7 @@ struct Bundle {
   std::vector<View> views;
   std::vector<char> fixed;  // of each view
   std::vector<Eigen::Vector3d> points;
+  std::vector<char> fixed_points;               // of each point; empty: none is
   std::vector<BundleObservation> observations;  // sorted by point
 };
 

@@ -108,6 +108,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
   };
   for (const Match& match : matches) {
     known[static_cast<std::size_t>(match.landmark)] = 1;
+    if (map.landmark(match.landmark).lent) continue;
     if (match.pixel.x() >= 0 && match.pixel.y() >= 0 && match.pixel.x() < map.camera.width && match.pixel.y() < map.camera.height)
       shown[cell_of(match.pixel)] = &match;
   }
@@ -118,7 +119,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
       known[static_cast<std::size_t>(id)] = 1;
       const Landmark& landmark = map.landmark(id);
       const Eigen::Vector3d p = view * landmark.point;
-      if (p.z() < 0.1) continue;
+      if (p.z() < 0.1 || landmark.lent) continue;
       const Eigen::Vector2d pixel = map.camera.project(p);
       if (!(pixel.x() >= kCell && pixel.y() >= kCell && pixel.x() < map.camera.width - kCell && pixel.y() < map.camera.height - kCell))
         continue;

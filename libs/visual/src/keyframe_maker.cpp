@@ -89,8 +89,12 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   for (const Match& match : matches) {
     Landmark& landmark = map.landmark(match.landmark);
     const auto depth = meter.at(match.pixel, match.level, (view * landmark.point).z());
-    map.see(match.landmark, {number, sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px)});
-    occupied.push_back(match.pixel);
+    Sighting sighting = sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px);
+    if (landmark.lent)
+      map.widen(sighting, landmark, (view * landmark.point).z());
+    else
+      occupied.push_back(match.pixel);
+    map.see(match.landmark, {number, sighting});
     keep_appearance(map, landmark, picture, match, view, number);
   }
   const View map_from_camera = view.inverse();
@@ -132,6 +136,12 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   return number;
 }
 
+void see_lent(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px) {
+  const View& view = map.keyframe(keyframe).view;
+  map.see(match.landmark, {keyframe, map.sighting_of(match, sigma_px, &view)});
+  if (!picture.features) keep_appearance(map, map.landmark(match.landmark), picture, match, view, keyframe);
+}
+
 int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FeatureGrid& features, const View& view,
                          std::vector<Match>& matches, const ClientOptions& options) {
   const auto sighting = [&](int feature) {
@@ -151,8 +161,13 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Featu
   const int number = map.add(std::move(made));
   std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) {
-    map.see(match.landmark, {number, sighting(match.feature)});
-    taken[static_cast<std::size_t>(match.feature)] = 1;
+    const Landmark& landmark = map.landmark(match.landmark);
+    Sighting seen = sighting(match.feature);
+    if (landmark.lent)
+      map.widen(seen, landmark, (view * landmark.point).z());
+    else
+      taken[static_cast<std::size_t>(match.feature)] = 1;
+    map.see(match.landmark, {number, seen});
   }
   const View map_from_camera = view.inverse();
   for (int feature = 0; feature < features.size(); ++feature) {

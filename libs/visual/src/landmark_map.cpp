@@ -45,6 +45,13 @@ Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) co
   return seen.share_unknown / kStep * (camera.project(there) - camera.project(here));
 }
 
+void LandmarkMap::widen(Sighting& sighting, const Landmark& seen, double depth_m) const {
+  const double depth = std::max(depth_m, 0.1), away = seen.lent->sigma_m / depth;
+  sighting.sigma_px =
+      std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.lent->sigma_px * seen.lent->sigma_px + camera.fx * camera.fx * away * away);
+  if (sighting.inverse_depth_sigma > 0.0) sighting.inverse_depth_sigma = std::hypot(sighting.inverse_depth_sigma, away / depth);
+}
+
 int LandmarkMap::add(Keyframe keyframe) {
   keyframe.serial = keyframes_made++;
   return put(keyframes, free_keyframes, std::move(keyframe));
@@ -64,7 +71,8 @@ void LandmarkMap::forget(int id, int number) {
   auto& seen = landmark(id).seen;
   seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
   strike(keyframe(number).landmarks, id);
-  if (seen.empty() || (seen.size() == 1 && monocular && seen.front().sighting.inverse_depth_sigma <= 0.0)) remove_landmark(id);
+  if (seen.empty() || (seen.size() == 1 && monocular && !landmark(id).lent && seen.front().sighting.inverse_depth_sigma <= 0.0))
+    remove_landmark(id);
 }
 
 void LandmarkMap::remove_landmark(int id) {

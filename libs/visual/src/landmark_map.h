@@ -4,12 +4,17 @@
 
 #include "patch.h"
 #include "pose_from_points.h"
+#include "way.h"
 
+#include <mapweave/core/ids.h>
 #include <mapweave/core/stamp.h>
+#include <mapweave/maps/landmark.h>
 #include <mapweave/matching/orb_features.h>
 #include <mapweave/visual/client_options.h>
 
+#include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 
 namespace mapweave::visual {
@@ -28,6 +33,13 @@ struct Appearance {
   View from_keyframe;  // of the camera that saw it
 };
 
+// Of a landmark that others made: its point is theirs to say.
+struct Lent {
+  LandmarkId id;
+  double sigma_m = 0.0;   // of its point
+  double sigma_px = 0.0;  // of how it was found by its descriptor, which its patches inherit
+};
+
 struct Landmark {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();  // in the map
   std::vector<Observation> seen;
@@ -38,6 +50,7 @@ struct Landmark {
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
   double share_unknown = 0.0;  // sigma of its distance from the keyframe that saw it first, as a share; 0 where it was measured
+  std::optional<Lent> lent;
 };
 
 inline constexpr std::size_t kSettled = 3;  // keyframes that see a landmark whose depth was learnt tell it better than that
@@ -57,6 +70,7 @@ View frame_from_keyframe(const AnchoredFrame& frame);
 struct Keyframe {
   Stamp stamp;
   View view;
+  Way way;
   std::uint32_t serial = 0;
   int session = 0;
   bool gone = false;
@@ -90,8 +104,9 @@ struct DepthCandidate {
 
 struct LandmarkMap {
   PinholeCamera camera;
-  double baseline_m = 0.0;  // to the right camera; 0 without one
-  bool monocular = false;   // nothing measures depth: scale is what each session's first keyframes made it
+  double baseline_m = 0.0;   // to the right camera; 0 without one
+  bool monocular = false;    // nothing measures depth: scale is what each session's first keyframes made it
+  std::vector<int> adopted;  // sessions whose frame is that of the landmarks of others, not of their first keyframe
   SensorFlaws flaws;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
@@ -104,6 +119,7 @@ struct LandmarkMap {
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
+  bool is_adopted(int session) const { return std::find(adopted.begin(), adopted.end(), session) != adopted.end(); }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
   View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
   // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.
@@ -113,18 +129,20 @@ struct LandmarkMap {
     if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled) sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
     sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
+    if (view != nullptr && seen.lent) widen(sighting, seen, (*view * seen.point).z());
     return sighting;
   }
 
   Eigen::Vector2d slack_of(const Landmark& landmark, const View& view) const;
-  int add(Keyframe keyframe);  // its serial number is set here
+  void widen(Sighting& sighting, const Landmark& lent, double depth_m) const;  // by what is not known of the landmark
+  int add(Keyframe keyframe);                                                  // its serial number is set here
   int add(Landmark landmark);
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);
   // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session. Landmarks that only one other sees go too.
   void remove_keyframe(int keyframe, int heir);
-  // `other` is the same as `kept`, and is gone.
+  // `other` is the same as `kept`, and is gone. Neither is lent.
   void fuse(int kept, int other);
   // A keyframe that nothing depends on yet, with the landmarks that only it sees.
   void discard(int keyframe);

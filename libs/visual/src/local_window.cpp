@@ -8,6 +8,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr int kLeastShared = 15;  // landmarks, of a keyframe in the window
+constexpr int kLeastLent = 20;    // landmarks, that hold a window
 
 FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
   FlawPrior prior;
@@ -23,11 +24,12 @@ FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
 constexpr int kNoView = -1;
 
 // Whether the window's views tell where the landmark is.
-bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe) {
+bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
+  if (landmark.lent) return true;
   int views = 0;
   for (const Observation& o : landmark.seen) {
     if (view_of_keyframe[static_cast<std::size_t>(o.keyframe)] == kNoView) continue;
-    if (o.sighting.inverse_depth_sigma > 0.0) return true;
+    if (knows_depth && o.sighting.inverse_depth_sigma > 0.0) return true;
     ++views;
   }
   return views > 1;
@@ -47,13 +49,17 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     bundle.views.push_back(map.keyframe(number).view);
     bundle.fixed.push_back(fixed ? 1 : 0);
   };
-  const int first = first_of(map, map.keyframe(newest).session);
-  for (int number : chosen) add_view(number, number == first);
-
   std::vector<int> ids;
   for (int number : chosen) ids.insert(ids.end(), map.keyframe(number).landmarks.begin(), map.keyframe(number).landmarks.end());
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  const bool held_by_lent = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).lent; }) >= kLeastLent;
+
+  const int session = map.keyframe(newest).session, first = first_of(map, session);
+  const bool is_adopted = map.is_adopted(session);
+  // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others tell.
+  const bool knows_depth = !(map.monocular && is_adopted && held_by_lent);
+  for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_lent));
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : ids)
     for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
@@ -63,17 +69,18 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   int held = 0;
   for (const Shared& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
-  if (std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
+  if (!held_by_lent && std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
 
   // Where nothing measures depth, two views hold the scale.
-  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && fixed < 2; ++fixed) {
+  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && !held_by_lent && fixed < 2; ++fixed) {
     std::size_t oldest = chosen.size();
     for (std::size_t i = 0; i < chosen.size(); ++i)
       if (!bundle.fixed[i] && (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial)) oldest = i;
     if (oldest == chosen.size()) break;
     bundle.fixed[oldest] = 1;
   }
-  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe); }), ids.end());
+  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe, knows_depth); }),
+            ids.end());
 
   std::vector<std::pair<int, int>> origin;  // landmark, keyframe
   for (int id : ids) {
@@ -82,9 +89,10 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
       const int view = view_of_keyframe[static_cast<std::size_t>(seen.keyframe)];
       if (view == kNoView) continue;
       bundle.observations.push_back({view, static_cast<int>(bundle.points.size()), seen.sighting, true});
+      if (!knows_depth) bundle.observations.back().sighting.inverse_depth_sigma = 0.0;
       origin.emplace_back(id, seen.keyframe);
     }
-    bundle.points.push_back(landmark.point);
+    bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);
   }
   bundle.flaws = map.flaws;
   BundleOptions bundle_options;

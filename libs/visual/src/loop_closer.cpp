@@ -1,21 +1,25 @@
 #include "loop_closer.h"
 
+#include "map_correction.h"
+
 #include <mapweave/matching/alignment_search.h>
 #include <mapweave/matching/visual_judge.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <queue>
 
 namespace mapweave::visual {
 namespace {
 
-constexpr std::uint32_t kLatest = 10;  // keyframes that are no loop
-constexpr std::uint32_t kMemory = 10;  // keyframes for which a claim stands
+constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
+constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
+constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
 constexpr double kLeastAlike = 0.3;
-constexpr double kTurnApart = 0.05;
+constexpr double kTurnApart = 0.05, kApart_m = 1.0;
 constexpr int kTied = 15;
 
 std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t most) {
@@ -88,6 +92,23 @@ double way_between(const LandmarkMap& map, int from, int to) {
   return std::numeric_limits<double>::infinity();
 }
 
+// Of two sessions, the keyframes with the least time between them.
+std::pair<int, int> nearest_in_time(const LandmarkMap& map, int session, int other) {
+  std::vector<int> order;
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
+    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other)) order.push_back(number);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  std::pair<int, int> nearest{order.front(), order.back()};
+  double least_s = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const Keyframe &a = map.keyframe(order[i - 1]), &b = map.keyframe(order[i]);
+    if (a.session == b.session || !(seconds_between(a.stamp, b.stamp) < least_s)) continue;
+    least_s = seconds_between(a.stamp, b.stamp);
+    nearest = a.session == session ? std::pair(order[i - 1], order[i]) : std::pair(order[i], order[i - 1]);
+  }
+  return nearest;
+}
+
 double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
 
 }  // namespace
@@ -132,7 +153,7 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
   if (!options_.loops.enabled) return std::nullopt;
   const Keyframe& keyframe = map.keyframe(newest);
   const std::uint32_t now = keyframe.serial;
-  while (!claims_.empty() && claims_.front().serial + kMemory < now) claims_.pop_front();
+  while (!claims_.empty() && claims_.front().serial + kRemembered < now) claims_.pop_front();
   std::vector<char> near(map.keyframes.size(), 0);
   for (const Shared& shared : covisible(map, newest)) near[static_cast<std::size_t>(shared.keyframe)] = 1;
   const auto is_no_loop = [&](const NodeId& id) {
@@ -151,19 +172,50 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
   for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
     auto loop = compare(map, finder, newest, static_cast<int>(groups[i].id.index), picture, motion);
     if (!loop) continue;
-    Claim claim{now, keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre()};
-    int witnesses = 1;
-    for (const Claim& other : claims_) {
-      if (other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
-      const double apart = (other.correction * claim.centre - claim.correction * claim.centre).norm();
-      if (apart < options_.loops.drift_m && angle_of(other.correction * claim.correction.inverse()) < kTurnApart) ++witnesses;
-    }
+    const Claim claim{now, keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre()};
     claims_.push_back(claim);
-    if (witnesses < options_.loops.witnesses) return std::nullopt;
+    const Departure off = departure_of(map, *loop);
+    const Allowed answer = allowed(off, repeats_m_);
+    const Witnesses lately = witnesses_of(claim, now - std::min(now, kMemory));
+    const bool is_sure = lately.agree >= options_.loops.witnesses;
+    if (claim.session == claim.earlier_session) {
+      const double moved_m = (claim.correction * claim.centre - claim.centre).norm();
+      if (is_sure && answer == Allowed::no && moved_m > 2.0 * off.reach_m) repeats_m_ = std::min(repeats_m_, moved_m);
+      if (answer != Allowed::yes) continue;
+      if (!is_sure) return std::nullopt;
+    } else {
+      const Witnesses all = witnesses_of(claim, 0);
+      repeats_m_ = std::min(repeats_m_, all.rival_m);
+      const bool is_unique = std::isinf(repeats_m_) && all.extent_m >= 2.0 * options_.session.alike_m;
+      if (!is_sure || !(answer == Allowed::yes || is_unique)) continue;
+    }
     claims_.clear();
     return loop;
   }
   return std::nullopt;
+}
+
+LoopCloser::Witnesses LoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
+  Witnesses result;
+  std::vector<double> rivals_m;
+  std::optional<std::uint32_t> last;  // a keyframe speaks once
+  for (const Claim& other : claims_) {
+    if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
+    const double apart_m = (other.correction * claim.centre - claim.correction * claim.centre).norm();
+    const double between_m = (other.centre - claim.centre).norm();
+    if (apart_m < options_.loops.drift_m + options_.loops.drift * between_m &&
+        angle_of(other.correction * claim.correction.inverse()) < kTurnApart) {
+      result.agree += last != other.serial;
+      last = other.serial;
+      result.extent_m = std::max(result.extent_m, between_m);
+    } else if (apart_m > kApart_m) {
+      rivals_m.push_back(apart_m);
+    }
+  }
+  std::sort(rivals_m.begin(), rivals_m.end());
+  const auto several = static_cast<std::size_t>(options_.loops.witnesses);
+  if (rivals_m.size() >= several) result.rival_m = rivals_m.front();
+  return result;
 }
 
 std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
@@ -183,8 +235,10 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   loop.newest = newest, loop.earlier = earlier;
   loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
-  found.erase(std::remove_if(found.begin(), found.end(), [&](const Match& match) { return !is_known(map.landmark(match.landmark)); }),
-              found.end());
+  const auto tells_little = [&](const Match& match) {
+    return map.landmark(match.landmark).lent.has_value() || !is_known(map.landmark(match.landmark));
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), tells_little), found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
   const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.flaws, options_.tracking.gate_sigmas);
@@ -193,21 +247,26 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   loop.serial = map.keyframe(newest).serial;
   for (std::size_t i = 0; i < found.size(); ++i)
     if (pose.fits[i]) loop.matches.push_back(found[i]), loop.serials.push_back(map.landmark(found[i].landmark).serial);
-  if (!is_plausible(map, loop)) return std::nullopt;
   return loop;
 }
 
-bool LoopCloser::is_plausible(const LandmarkMap& map, const FoundLoop& loop) const {
-  if (map.keyframe(loop.newest).session != map.keyframe(loop.earlier).session) return true;  // nothing is known of the way
-  const View correction = correction_of(map, loop);
-  const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
-  const double moved = (correction * centre - centre).norm();
-  const double way = way_between(map, loop.newest, loop.earlier);
-  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01;
-  const double stretched = std::abs(std::log(loop.scale));
-  constexpr double kStretch = 0.1;
-  return stretched < kStretch + options_.loops.drift * way && moved < options_.loops.drift_m + options_.loops.drift * way &&
-         angle_of(correction) < kTurn + kTurnPerMetre * way;
+Departure LoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
+  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 0.1;
+  const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
+  const double drift = options_.loops.drift;
+  if (here == there) {
+    const View correction = correction_of(map, loop);
+    const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
+    const double way = way_between(map, loop.newest, loop.earlier), reach_m = options_.loops.drift_m + drift * way;
+    const bool as_expected = std::abs(std::log(loop.scale)) < kStretch + drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
+    return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};
+  }
+  const auto [left, begun] = nearest_in_time(map, there, here);
+  const Keyframe &last = map.keyframe(left), &first = map.keyframe(begun);
+  const View first_as_claimed = stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
+  Departure off = departure({last.stamp, last.way, last.view}, {first.stamp, first.way, first_as_claimed}, options_.session);
+  off.reach_m += drift * (way_between(map, left, loop.earlier) + way_between(map, begun, loop.newest));
+  return off;
 }
 
 }  // namespace mapweave::visual

@@ -1,7 +1,8 @@
 #pragma once
 // The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are judged
 // (visual_judge.h), then compared landmark by landmark. Believed is what several keyframes say alike and what the way between could have
-// led to.
+// led to. What looks the same where the way cannot have led is another place: from then on, nothing is believed that a step to such a place
+// would explain as well.
 
 #include "landmark_finder.h"
 #include "place_finder.h"
@@ -33,6 +34,8 @@ class LoopCloser {
   std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
   // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
   std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture, const Motion& motion);
+  // The least distance of two places that look the same, as far as is known; infinite where all that was seen is unique.
+  double repeats_m() const { return repeats_m_; }
 
  private:
   struct Claim {
@@ -41,14 +44,22 @@ class LoopCloser {
     View correction;
     Eigen::Vector3d centre;  // of that keyframe
   };
+  // Claims by keyframes since `serial`, of the same sessions.
+  struct Witnesses {
+    int agree = 0;
+    double extent_m = 0.0;       // of where those stood that agree
+    double rival_m = kUnique_m;  // how far off, at least, several others place the camera
+  };
+  Witnesses witnesses_of(const Claim& claim, std::uint32_t serial) const;
+  Departure departure_of(const LandmarkMap& map, const FoundLoop& loop) const;
   std::optional<FoundLoop> compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
                                    const Motion& motion) const;
-  bool is_plausible(const LandmarkMap& map, const FoundLoop& loop) const;
   matching::BinaryVocabulary vocabulary_;
   ClientOptions options_;
   matching::PlaceIndex index_;
   matching::BagOfWords last_bag_;
   std::deque<Claim> claims_;
+  double repeats_m_ = kUnique_m;
 };
 
 // Keyframes of a session that are tied: by landmarks, or as neighbours in time where landmarks do not.

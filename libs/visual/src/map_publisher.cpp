@@ -24,6 +24,27 @@ void sort_by_id(std::vector<Item>& items) {
 
 }  // namespace
 
+std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const Pose3& robot_from_camera) {
+  const PinholeCamera& camera = map.camera;
+  return std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy,
+                                                               map.baseline_m, kLevelScale, robot_from_camera});
+}
+
+KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector<float>& depths,
+                        std::shared_ptr<const CameraGeometry> geometry) {
+  KeyframeFeatures result{std::move(geometry), {}, features.descriptors};
+  const double right = result.geometry->width - 1.0, bottom = result.geometry->height - 1.0;
+  result.points.reserve(features.points.size());
+  for (std::size_t i = 0; i < features.points.size(); ++i) {
+    const matching::FeaturePoint& point = features.points[i];
+    result.points.push_back({pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)),
+                             pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)),
+                             inverse_depth_units(static_cast<double>(depths[i])), point.level,
+                             angle_units(static_cast<double>(point.angle_deg))});
+  }
+  return result;
+}
+
 MapPublisher::MapPublisher(ClientPlace place, SessionId session, double sigma_px, double inverse_depth_sigma)
     : place_(std::move(place)), session_(session), sigma_px_(sigma_px), inverse_depth_sigma_(inverse_depth_sigma) {}
 
@@ -43,22 +64,8 @@ Pose3 MapPublisher::map_from_robot(const Keyframe& keyframe) const {
 }
 
 std::shared_ptr<const Payload> MapPublisher::payload_of(const LandmarkMap& map, const Keyframe& keyframe) {
-  const PinholeCamera& camera = map.camera;
-  if (!geometry_)
-    geometry_ = std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx,
-                                                                      camera.cy, map.baseline_m, kLevelScale, place_.robot_from_camera});
-  KeyframeFeatures features;
-  features.geometry = geometry_;
-  features.descriptors = keyframe.features.descriptors;
-  features.points.reserve(keyframe.features.points.size());
-  for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
-    const matching::FeaturePoint& point = keyframe.features.points[i];
-    features.points.push_back({pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, camera.width - 1.0)),
-                               pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, camera.height - 1.0)),
-                               inverse_depth_units(static_cast<double>(keyframe.depths[i])), point.level,
-                               angle_units(static_cast<double>(point.angle_deg))});
-  }
-  return std::make_shared<const Payload>(std::move(features));
+  if (!geometry_) geometry_ = geometry_of(map, place_.robot_from_camera);
+  return std::make_shared<const Payload>(packed(keyframe.features, keyframe.depths, geometry_));
 }
 
 LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observation& observation) const {
@@ -106,7 +113,7 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
-    const bool told = !landmark.gone && landmark.seen.size() >= least_seen;
+    const bool told = !landmark.gone && !landmark.lent && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
     const Observation* anchor = nullptr;
     std::vector<std::pair<std::uint32_t, const Observation*>> seen;
@@ -153,13 +160,43 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   }
 }
 
+// Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not told unless all is.
+void MapPublisher::publish_lent(const LandmarkMap& map, PublishedDetail detail) {
+  const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;
+  lent_.resize(std::max(lent_.size(), map.landmarks.size()));
+  for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
+    const Landmark& landmark = map.landmarks[slot];
+    if (landmark.gone || !landmark.lent || landmark.seen.size() < least_seen) continue;
+    SentLandmark& sent = lent_[slot];
+    if (sent.part < 0 || sent.serial != landmark.serial) sent = {landmark.serial, 0, 0, Eigen::Vector3i::Zero(), {}};
+    std::vector<std::uint32_t> now;
+    std::map<int, LandmarkChange> told;  // by part
+    for (const Observation& o : landmark.seen) {
+      const Keyframe& keyframe = map.keyframe(o.keyframe);
+      now.push_back(keyframe.serial);
+      if (std::binary_search(sent.seen.begin(), sent.seen.end(), keyframe.serial)) continue;
+      LandmarkChange& change = told[keyframe.session];
+      change.id = landmark.lent->id;
+      change.seen.push_back(sighting_of(map, o));
+    }
+    std::sort(now.begin(), now.end());
+    sent.seen = std::move(now);
+    for (auto& [part, change] : told) {
+      std::sort(change.seen.begin(), change.seen.end(), [](const auto& a, const auto& b) { return a.node < b.node; });
+      update_of(part).borrowed.push_back(std::move(change));
+    }
+  }
+}
+
 std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetail detail) {
   updates_.clear();
   publish_keyframes(map, detail);
   publish_landmarks(map, detail);
+  publish_lent(map, detail);
   std::vector<MapUpdate> result;
   for (auto& [part, update] : updates_) {
     sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks), sort_by_id(update.changed_landmarks);
+    sort_by_id(update.borrowed);
     std::sort(update.removed_nodes.begin(), update.removed_nodes.end());
     std::sort(update.removed_landmarks.begin(), update.removed_landmarks.end());
     result.push_back(std::move(update));

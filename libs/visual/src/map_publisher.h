@@ -11,6 +11,11 @@
 
 namespace mapweave::visual {
 
+std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const Pose3& robot_from_camera);
+// depths: metres along the optical axis, of each feature; 0 unknown.
+KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector<float>& depths,
+                        std::shared_ptr<const CameraGeometry> geometry);
+
 class MapPublisher {
  public:
   MapPublisher(ClientPlace place, SessionId session, double sigma_px, double inverse_depth_sigma);
@@ -38,6 +43,7 @@ class MapPublisher {
   LandmarkSighting sighting_of(const LandmarkMap& map, const Observation& observation) const;
   void publish_keyframes(const LandmarkMap& map, PublishedDetail detail);
   void publish_landmarks(const LandmarkMap& map, PublishedDetail detail);
+  void publish_lent(const LandmarkMap& map, PublishedDetail detail);
 
   ClientPlace place_;
   SessionId session_;
@@ -46,6 +52,7 @@ class MapPublisher {
   std::shared_ptr<const CameraGeometry> geometry_;
   std::vector<SentKeyframe> keyframes_;  // by slot
   std::vector<SentLandmark> landmarks_;
+  std::vector<SentLandmark> lent_;         // by slot; sightings alone
   std::map<int, std::uint64_t> sequence_;  // by part
   std::map<int, MapUpdate> updates_;       // of this call
 };

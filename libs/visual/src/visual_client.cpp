@@ -6,8 +6,9 @@
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
-#include "map_publisher.h"
+#include "map_report.h"
 #include "mono_start.h"
+#include "place_exchange.h"
 #include "sensor_notes.h"
 
 #include <mapweave/core/error.h>
@@ -21,10 +22,11 @@ namespace {
 
 constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
 constexpr std::size_t kPlaces = 12;        // that a picture is compared with, of those that look most alike
-constexpr double kReach_m = 0.5;           // from one frame to the next
 constexpr double kCarried_s = 0.5;         // in so long a camera may have come anywhere
 constexpr int kNotedAfter = 10;            // frames
 constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
+constexpr std::size_t kEnough = 20;        // landmarks, to say alone where the camera is
+constexpr double kLentReach = 0.02;        // widths of the picture: how far landmarks of others are looked for
 
 struct Attempt {
   std::vector<Match> found;
@@ -57,18 +59,23 @@ struct VisualClient::State {
   // Of the last frame that was tracked.
   Pyramid last;
   Stamp last_stamp;
+  Way last_way;
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
   std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
   int reference = -1;                   // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
   int session = 0, sessions_begun = 0;
+  Way way;                // to the frame that is looked at
   int without_depth = 0;  // frames that could not begin a map, for all that they show
   bool noted_delay = false;
   double lost_s = 0.0;  // of seeing something since
   Stamp lost_stamp;     // the last frame that was lost
   std::optional<Straightening> straightening;
   std::optional<MapPublisher> publisher;
+  LentLandmarks lent;
+  PlaceExchange exchange;
+  std::vector<AdoptedFrame> adopted;
   std::optional<Stamp> begun;
   int loops = 0;
 
@@ -86,25 +93,34 @@ struct VisualClient::State {
   }
 
   // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones
-  // that agree among themselves; then by all that do not speak against it.
+  // that agree among themselves; then by all that do not speak against it. What others say counts where it agrees with the client's own;
+  // but a camera alone that was told its scale has it from them.
   PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
-    constexpr std::size_t kEnough = 20;
-    std::vector<Sighting> sightings, known;
+    std::vector<Sighting> all, own, known, lent_ones;
     for (const Match& match : found) {
-      sightings.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
-      if (map.landmark(match.landmark).seen.size() > 2) known.push_back(sightings.back());
+      all.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
+      const Landmark& landmark = map.landmark(match.landmark);
+      (landmark.lent ? lent_ones : own).push_back(all.back());
+      if (!landmark.lent && landmark.seen.size() > 2) known.push_back(all.back());
     }
+    const std::vector<Sighting>* leading = nullptr;
+    if (map.monocular && !lent_ones.empty()) leading = map.is_adopted(session) ? &lent_ones : &own;
+    if (!map.monocular && known.size() >= kEnough) leading = &known;
+    if (!map.monocular && known.size() < kEnough && !lent_ones.empty()) leading = &own;
     const double gate = options.tracking.gate_sigmas;
-    if (known.size() < kEnough || map.monocular) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
-    const PoseFromPoints first = pose_from_points(known, map.camera, start, map.flaws, gate);
-    if (first.count < static_cast<int>(kEnough)) return pose_from_points(sightings, map.camera, start, map.flaws, gate);
-    return pose_from_points(sightings, map.camera, first.view, map.flaws, gate, gate);
+    if (leading != nullptr && leading->size() >= kEnough) {
+      const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.flaws, gate);
+      if (first.count >= static_cast<int>(kEnough)) return pose_from_points(all, map.camera, first.view, map.flaws, gate, gate);
+    }
+    return pose_from_points(all, map.camera, start, map.flaws, gate);
   }
 
   // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
   bool is_good(const Attempt& attempt, bool followed = false) const {
     const int least = followed ? options.tracking.least_landmarks / 2 : options.tracking.least_landmarks;
-    return attempt.pose.count >= least && 2 * attempt.pose.count >= static_cast<int>(attempt.found.size());
+    int found = 0;  // what others say of a place does not speak against it
+    for (std::size_t i = 0; i < attempt.found.size(); ++i) found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).lent;
+    return attempt.pose.count >= least && 2 * attempt.pose.count >= found;
   }
 
   // Without pictures to lay on each other, motion is expected to go on, and landmarks are looked for far and then near.
@@ -136,18 +152,33 @@ struct VisualClient::State {
     return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
   }
 
-  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer.
-  Attempt find_again(const Pyramid& picture, double interval_s, Attempt best) {
+  Departure departure_to(const View& found, int among, Stamp now) const {
+    const Station here{now, way, found};
+    if (among == session) return departure({last_stamp, last_way, view}, here, options.session);
+    const Keyframe& left = map.keyframe(newest_of(map, among));
+    return departure({left.stamp, left.way, left.view}, here, options.session);
+  }
+
+  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer, nor
+  // are those to which the way did not lead.
+  Attempt find_again(const Pyramid& picture, Stamp now, Attempt best) {
+    const double interval_s = seconds_between(last_stamp, now), repeats_m = closer ? closer->repeats_m() : kUnique_m;
     const matching::OrbFeatures features =
         picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
-    const double reach_m = kReach_m + options.session.carried_m_per_s * interval_s;
     const auto try_near = [&](const std::vector<int>& keyframes) {
       const int among = map.keyframe(keyframes.front()).session;
       const auto found = find_place(map, keyframes, features, options.seed);
-      if (!found || (among == session && (found->centre() - view.centre()).norm() > reach_m)) return Attempt();
+      if (!found) return Attempt();
+      const Departure off = departure_to(*found, among, now);
+      const Allowed answer = allowed(off, repeats_m);
+      if (answer == Allowed::unclear || (answer == Allowed::no && !std::isfinite(off.error_m))) return Attempt();
       const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
-      return locate(picture, among, *found, speed);
+      Attempt attempt = locate(picture, among, *found, speed);
+      if (answer == Allowed::yes) return attempt;
+      if (is_good(attempt)) way.refused_m = std::min(way.refused_m, off.error_m);
+      return Attempt();
     };
+    if (is_good(best) && allowed(departure_to(best.pose.view, session, now), repeats_m) != Allowed::yes) best = Attempt();
     std::vector<int> around = near_keyframes(map, session, matches, view, 4);
     if (std::find(around.begin(), around.end(), reference) == around.end()) around.insert(around.begin(), reference);
     std::optional<Attempt> answer;
@@ -190,15 +221,32 @@ struct VisualClient::State {
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
     reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
+    map.keyframe(reference).way = way;
+    borrow(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
     fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
                     picture, map.keyframe(reference).view);
     cull_landmarks(map, reference, options.memory);
+    lent.tidy(map, session, map.keyframe(reference).view);
     drop_what_is_gone();
     cull_keyframes();
     look_for_loop(frame.stamp, picture, speed);
     view = map.keyframe(reference).view;
+  }
+
+  // Landmarks of others that the newest keyframe shows: frames follow them by how it does.
+  void borrow(const Pyramid& picture, const Motion& speed) {
+    if (lent.size() == 0) return;
+    const Keyframe& keyframe = map.keyframe(reference);
+    const View here = keyframe.view;
+    const double reach_px = std::max(8.0, kLentReach * map.camera.width);
+    auto found = picture.features
+                     ? lent.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
+                     : lent.look(map, session, grid_of(keyframe.features, map.camera), here, speed, matches, reach_px, kFeature_px);
+    lent.keep(map, found, agreement(map, found, here, options.tracking).fits);
+    for (const Match& match : found) see_lent(map, reference, picture, match, options.tracking.sigma_px);
+    matches.insert(matches.end(), found.begin(), found.end());
   }
 
   void cull_keyframes() {
@@ -219,7 +267,12 @@ struct VisualClient::State {
     auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
     ++loops;
-    if (map.keyframe(loop->earlier).session != session) {
+    if (const int other = map.keyframe(loop->earlier).session; other != session) {
+      for (int one : {session, other}) lent.forget(map, one);
+      drop_what_is_gone();
+      const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
+      adopted.erase(std::remove_if(adopted.begin(), adopted.end(), moves), adopted.end());
+      map.adopted.erase(std::remove(map.adopted.begin(), map.adopted.end(), std::max(session, other)), map.adopted.end());
       join_sessions(map, *loop);
       session = map.keyframe(reference).session;
     }
@@ -230,6 +283,8 @@ struct VisualClient::State {
 
   void straighten() {
     straightening->work->run();
+    lent.forget(map, session);  // its map changes under them
+    drop_what_is_gone();
     const View view_from_reference = view * map.keyframe(reference).view.inverse();
     const double scale = straightening->correction->apply(map)[static_cast<std::size_t>(reference)];
     see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
@@ -239,7 +294,8 @@ struct VisualClient::State {
 
   // The session's first keyframe. False where it would have nothing to hold on to.
   bool begin(const Frame& frame, Pyramid picture, int number) {
-    if (!frame.shows_depth() && !picture.features) return begin_without_depth(frame, std::move(picture), number);
+    if (!frame.shows_depth() && !picture.features)
+      return !options.session.await_place && begin_without_depth(frame, std::move(picture), number);
     std::vector<Match> none;
     std::swap(matches, none);
     const View before = std::exchange(view, View());
@@ -250,6 +306,7 @@ struct VisualClient::State {
       std::swap(matches, none), view = before;
       return false;
     }
+    map.keyframe(made).way = way;
     reference = made, reference_landmarks = matches.size();
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, reference);
@@ -263,6 +320,7 @@ struct VisualClient::State {
     const auto made = mono_start.add(map, number, frame, picture, seen, options);
     if (!made) return false;
     matches = std::move(seen);
+    map.keyframe(made->first).way = map.keyframe(made->second).way = way;
     reference = made->second, reference_landmarks = matches.size(), view = map.keyframe(reference).view;
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, made->first), closer->add(map, made->second);
@@ -272,7 +330,9 @@ struct VisualClient::State {
   }
 
   Tracked kept(Stamp stamp, bool keyframe) {
-    last_stamp = stamp, lost_s = 0.0, lost_stamp = stamp;
+    way.refused_m = std::numeric_limits<double>::infinity();
+    last_stamp = stamp, last_way = way, lost_s = 0.0, lost_stamp = stamp;
+    exchange.clear();
     map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
     return {TrackState::tracked, pose_of(view), static_cast<int>(matches.size()), keyframe, session};
   }
@@ -288,6 +348,7 @@ struct VisualClient::State {
     motion = View();
     if (shows_something(picture)) lost_s += std::max(1e-3, seconds_between(lost_stamp, frame.stamp));
     lost_stamp = frame.stamp;
+    exchange.miss(frame, picture);
     if (lost_s >= options.session.patience_s && begin(frame, std::move(picture), sessions_begun)) return kept(frame.stamp, true);
     Tracked tracked;
     tracked.state = TrackState::lost, tracked.session = session;
@@ -298,7 +359,7 @@ struct VisualClient::State {
 
   Tracked add(const FeatureFrame& frame) {
     Frame bare;
-    bare.stamp = frame.stamp;
+    bare.stamp = frame.stamp, bare.odometry_from_camera = frame.odometry_from_camera;
     Pyramid picture;
     picture.features = std::make_shared<const FeatureGrid>(frame, map.camera);
     return add(bare, std::move(picture));
@@ -306,21 +367,26 @@ struct VisualClient::State {
 
   Tracked add(const Frame& frame, Pyramid picture) {
     if (!begun) begun = frame.stamp;
+    go_on(way, frame.odometry_from_camera);
     if (!noted_delay && !frame.depth.image.empty() && std::abs(frame.depth.delay_s) > kLongestInterval_s) {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
     }
     if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
-    if (reference < 0) return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
+    if (reference < 0) {
+      exchange.miss(frame, picture), lost_stamp = frame.stamp;
+      return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
+    }
     const double interval_s = seconds_between(last_stamp, frame.stamp);
     Attempt attempt = follow(frame, picture, interval_s);
-    const bool followed = lost_s == 0.0 && is_good(attempt, true);
-    if (!followed) attempt = find_again(picture, interval_s, std::move(attempt));
+    const bool just_now = lost_stamp == last_stamp || (lost_s == 0.0 && interval_s < kCarried_s);
+    const bool followed = just_now && is_good(attempt, true);
+    if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
     matches.clear(), strays.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
       if (!attempt.pose.fits[i]) {
-        strays.push_back(attempt.found[i].pixel);
+        if (!map.landmark(attempt.found[i].landmark).lent) strays.push_back(attempt.found[i].pixel);
         continue;
       }
       matches.push_back(attempt.found[i]);
@@ -338,6 +404,45 @@ struct VisualClient::State {
     if (keyframe) make_keyframe(frame, picture, attempt.motion);
     last = std::move(picture);
     return kept(frame.stamp, keyframe);
+  }
+
+  int receive(const ClientPlace& place, int number, const std::vector<BorrowedLandmark>& landmarks) {
+    const SessionId own{place.client, begun ? begun->ns : 0};
+    const int taken = lent.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
+    drop_what_is_gone();
+    return taken;
+  }
+
+  bool has_session(int number) const { return number >= 0 && first_of(map, number) >= 0; }
+
+  PlaceVerdict place_at(const ClientPlace& place, const PlaceAnswer& answer) {
+    if (reference >= 0 && lost_s == 0.0) return PlaceVerdict::placed;
+    const auto asked = exchange.take(answer.stamp);
+    if (!asked) return PlaceVerdict::not_asked;
+    const bool begins = answer.session < 0;
+    const int number = begins ? sessions_begun : answer.session;
+    if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 || answer.landmarks.empty() ||
+        !(begins || has_session(number)))
+      return PlaceVerdict::unsound;
+    const Pose3 map_from_camera = compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
+    receive(place, number, answer.landmarks);
+    auto checked = check_place(map, lent, number, *asked, view_of(map_from_camera), options.tracking);
+    if (!checked) {
+      if (begins) lent.forget(map, number);
+      return PlaceVerdict::disagrees;
+    }
+    const Stamp newest = lost_stamp;
+    map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
+    matches = std::move(checked->matches), view = checked->view, motion = View();
+    reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
+    reference_landmarks = matches.size(), session = number;
+    if (begins) sessions_begun = number + 1, adopted.push_back({number, answer.map}), map.adopted.push_back(number);
+    if (closer) closer->add(map, reference);
+    mono_start.clear();
+    last = asked->picture;
+    kept(asked->frame.stamp, true);
+    if (asked->frame.stamp < newest) lost_s = 1e-3, lost_stamp = newest;  // since then the camera may have come anywhere
+    return PlaceVerdict::taken;
   }
 
   // The keyframe that shows most of what is seen now.
@@ -389,6 +494,18 @@ std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, Publ
   return state_->publisher->take(state_->map, detail);
 }
 
+int VisualClient::lend(const ClientPlace& place, int session, const std::vector<BorrowedLandmark>& landmarks) {
+  return state_->has_session(session) ? state_->receive(place, session, landmarks) : 0;
+}
+std::size_t VisualClient::borrowed() const { return state_->lent.size(); }
+std::size_t VisualClient::borrowed_seen() const { return lent_of(state_->map); }
+
+std::optional<PlaceRequest> VisualClient::place_request(const ClientPlace& place) {
+  return state_->exchange.request(state_->map, place, state_->options);
+}
+PlaceVerdict VisualClient::place(const ClientPlace& place, const PlaceAnswer& answer) { return state_->place_at(place, answer); }
+std::vector<AdoptedFrame> VisualClient::adopted() const { return state_->adopted; }
+
 std::vector<SeenLandmark> VisualClient::seen() const {
   std::vector<SeenLandmark> result;
   for (const Match& match : state_->matches)
@@ -396,41 +513,10 @@ std::vector<SeenLandmark> VisualClient::seen() const {
   return result;
 }
 
-std::vector<PlacedFrame> VisualClient::trajectory() const {
-  std::vector<PlacedFrame> result;
-  for (const Keyframe& keyframe : state_->map.keyframes)
-    for (const AnchoredFrame& frame : keyframe.frames)
-      result.push_back({frame.stamp, pose_of(frame_from_keyframe(frame) * keyframe.view), keyframe.session});
-  std::sort(result.begin(), result.end(), [](const PlacedFrame& a, const PlacedFrame& b) { return a.stamp < b.stamp; });
-  return result;
-}
-
-std::vector<PlacedFrame> VisualClient::keyframes() const {
-  std::vector<PlacedFrame> result;
-  for (const Keyframe& keyframe : state_->map.keyframes)
-    if (!keyframe.gone) result.push_back({keyframe.stamp, pose_of(keyframe.view), keyframe.session});
-  std::sort(result.begin(), result.end(), [](const PlacedFrame& a, const PlacedFrame& b) { return a.stamp < b.stamp; });
-  return result;
-}
-
-std::vector<MappedLandmark> VisualClient::landmarks() const {
-  std::vector<MappedLandmark> result;
-  for (const Landmark& landmark : state_->map.landmarks)
-    if (!landmark.gone)
-      result.push_back(
-          {landmark.point, static_cast<int>(landmark.seen.size()), state_->map.keyframe(landmark.seen.front().keyframe).session});
-  return result;
-}
-
-std::vector<int> VisualClient::sessions() const {
-  std::vector<int> result;
-  for (const Keyframe& keyframe : state_->map.keyframes)
-    if (!keyframe.gone) result.push_back(keyframe.session);
-  std::sort(result.begin(), result.end());
-  result.erase(std::unique(result.begin(), result.end()), result.end());
-  return result;
-}
-
+std::vector<PlacedFrame> VisualClient::trajectory() const { return frames_of(state_->map); }
+std::vector<PlacedFrame> VisualClient::keyframes() const { return keyframes_of(state_->map); }
+std::vector<MappedLandmark> VisualClient::landmarks() const { return landmarks_of(state_->map); }
+std::vector<int> VisualClient::sessions() const { return sessions_of(state_->map); }
 int VisualClient::loops() const { return state_->loops; }
 SensorFlaws VisualClient::sensor() const { return state_->map.flaws; }
 std::vector<std::string> VisualClient::notes() const { return state_->notes; }

@@ -18,7 +18,8 @@ struct SessionTrajectory {
   std::vector<StampedPose> poses;  // by stamp
 };
 
-// Of every session that has poses of a robot, in id order. The node of a map_server grid is none.
+// Of every session that has poses of a robot, in id order; of a robot with a laser and cameras, those of the laser. The node of a
+// map_server grid is none.
 std::vector<SessionTrajectory> session_trajectories(const Map&);
 
 // Between two poses (by stamp), at most `longest_gap_s` apart; nullopt before the first, after the last and in longer gaps.

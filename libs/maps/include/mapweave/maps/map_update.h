@@ -37,14 +37,17 @@ struct MapUpdate {
   std::vector<Landmark> landmarks;                // new, or changed beyond what a LandmarkChange says
   std::vector<LandmarkChange> changed_landmarks;  // known ones that moved or were seen again
   std::vector<LandmarkId> removed_landmarks;
+  // Landmarks of other maps that this map's keyframes saw: new sightings, no points. Not part of the Map: whoever knows both maps joins
+  // them.
+  std::vector<LandmarkChange> borrowed;
 };
 
 // newer = updated(older, difference(older, newer)), bit for bit; difference(Map{}, map) is the whole map. Origin's tier, sequence and base
 // are the caller's to fill in. Contract: two states of one map; payloads and frozen submaps that both hold are the same.
 MapUpdate difference(const Map& older, const Map& newer);
 // Throws Error(kBadInput) on what does not fit: another map's update, unknown ids, a changed payload or frozen submap, a frozen submap
-// whose content is not what its hash says, landmarks anchored in or seen by what is no keyframe, or outside of its picture. A node sent
-// again with its own content is moved, a landmark sent again is replaced. Whether `base` fits is the caller's to know.
+// whose content is not what its hash says, landmarks, borrowed ones too, anchored in or seen by what is no keyframe, or outside of its
+// picture. A node sent again with its own content is moved, a landmark sent again is replaced. Whether `base` fits is the caller's to know.
 Map updated(Map older, const MapUpdate&);
 
 // The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans and

@@ -16,7 +16,7 @@ namespace mapweave::runtime {
 
 struct RobotResult {
   tiers::RobotOutcome outcome;
-  CamerasOutcome cameras;  // its first map is that of `outcome`; empty where the laser maps
+  CamerasOutcome cameras;  // its maps are those of `outcome`, or in the one graph there with the laser's; empty where no camera maps
   RobotReport report;
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };

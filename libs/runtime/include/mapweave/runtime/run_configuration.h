@@ -6,6 +6,7 @@
 #include <mapweave/exporters/depth_cloud.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/exporters/octo_map.h>
+#include <mapweave/fusion/bind.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/laser/engines.h>
@@ -29,7 +30,7 @@ struct RobotEntry {
 };
 
 // Which of a robot's sensors are mapped.
-enum class SensorChoice { automatic, laser, mono, stereo, rgbd };
+enum class SensorChoice { automatic, laser, mono, stereo, rgbd, all };
 
 struct VisualOptions {
   std::string label;
@@ -96,6 +97,7 @@ struct RunConfiguration {
   laser::LaserOptions laser;
   VisualOptions visual;
   fusion::FusionOptions fusion;
+  fusion::BindOptions bind;
   fusion::ComposeOptions compose;
   OutputOptions output;
   template <class Visitor>
@@ -104,17 +106,20 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
-    v.choice("sensor", sensor,
-             {{"auto", SensorChoice::automatic},
-              {"laser", SensorChoice::laser},
-              {"mono", SensorChoice::mono},
-              {"stereo", SensorChoice::stereo},
-              {"rgbd", SensorChoice::rgbd}},
-             "what robots map with; auto: the laser where a log has one, else its cameras with all that they give");
+    v.choice(
+        "sensor", sensor,
+        {{"auto", SensorChoice::automatic},
+         {"laser", SensorChoice::laser},
+         {"mono", SensorChoice::mono},
+         {"stereo", SensorChoice::stereo},
+         {"rgbd", SensorChoice::rgbd},
+         {"all", SensorChoice::all}},
+        "what robots map with; auto: the laser where a log has one, else its cameras with all that they give; all: both, in one graph");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("visual", visual, "one camera's SLAM");
     v.section("fusion", fusion, "how maps are joined");
+    v.section("bind", bind, "how a robot's laser and cameras are tied in one graph (sensor: all)");
     v.section("compose", compose, "how grids are drawn");
     v.section("output", output, "what is written beside each map.mwdb");
   }

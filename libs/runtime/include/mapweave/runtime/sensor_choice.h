@@ -14,8 +14,10 @@ struct ChosenCamera {
   std::string label;
   visual::CameraKind kind = visual::CameraKind::mono;
 };
-// Cameras by label; empty: the laser.
-using ChosenSensors = std::vector<ChosenCamera>;
+struct ChosenSensors {
+  bool laser = false;
+  std::vector<ChosenCamera> cameras;  // by label
+};
 
 // Looks at the first seconds of the log. Throws Error: what open_log throws, kBadInput where the log has no such sensor, naming those that
 // it has.

@@ -3,18 +3,13 @@
 // depends on threads, on the order of robots, or on how many numbers something else has used. The distributions are our own, since those of
 // the standard library differ between its makers.
 
+#include <mapweave/core/mixed_bits.h>
+
 #include <cmath>
 #include <cstdint>
 #include <string_view>
 
 namespace mapweave::simulation {
-
-// The finalizer of SplitMix64 (Steele, Lea, Flood: Fast splittable pseudorandom number generators, OOPSLA 2014).
-inline std::uint64_t mixed(std::uint64_t bits) {
-  bits = (bits ^ (bits >> 30)) * 0xbf58476d1ce4e5b9u;
-  bits = (bits ^ (bits >> 27)) * 0x94d049bb133111ebu;
-  return bits ^ (bits >> 31);
-}
 
 // The numbers of one thing at one instant (one scan, one step, one building), in order of use.
 class RandomNumbers {

@@ -110,11 +110,22 @@ struct SessionOptions {
   double patience_s = 5.0;
   int least_corners = 60;
   double carried_m_per_s = 1.0;
+  double odometry_drift = 0.05;
+  double alike_m = 4.0;
+  bool await_place = false;
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("patience_s", patience_s, "of seeing something, lost, before a new map is begun");
     v.integer("least_corners", least_corners, 8, 10000, "a picture with fewer shows nothing");
-    v.positive("carried_m_per_s", carried_m_per_s, "a lost camera may have come so far: farther places look alike, no more");
+    v.positive("carried_m_per_s", carried_m_per_s,
+               "a lost camera may have come so far where there is no odometry: farther places look alike, no more");
+    v.fraction("odometry_drift", odometry_drift, "share of the way, and of turns, that odometry may be wrong by; places beyond look alike");
+    v.number(
+        "alike_m", alike_m, 0.0, 1000.0,
+        "between rooms that may look the same, at least: without odometry a lost camera is found again only where it cannot have come so "
+        "far, and sessions are joined where places twice as far apart say the same; 0: no two places look the same");
+    v.flag("await_place", await_place,
+           "a camera alone begins no map by itself: it waits until it is told where it is, and its scale with that");
   }
 };
 

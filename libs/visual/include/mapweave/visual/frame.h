@@ -59,7 +59,7 @@ struct Frame {
   ColourPicture colour;
   std::optional<ExpectedMotion> expected;
   // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera without depth takes scale
-  // from.
+  // from, and what tells places apart that look the same.
   std::optional<Pose3> odometry_from_camera;
   bool shows_depth() const { return !right.empty() || !depth.image.empty(); }
 };
@@ -70,6 +70,7 @@ struct FeatureFrame {
   matching::OrbFeatures features;  // of the rectified camera
   std::vector<float> inverse_depths;
   double level_factor = 1.2;  // from one level of the features' pyramid to the next
+  std::optional<Pose3> odometry_from_camera;
 };
 
 }  // namespace mapweave::visual

@@ -7,6 +7,7 @@
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/map_update.h>
 #include <mapweave/matching/binary_vocabulary.h>
+#include <mapweave/visual/borrowing.h>
 #include <mapweave/visual/client_options.h>
 #include <mapweave/visual/frame.h>
 
@@ -63,12 +64,6 @@ class BackgroundWork {
   std::atomic<bool> done_{false};
 };
 
-// Whose camera it is, and where on the robot: what others are told hangs on the robot.
-struct ClientPlace {
-  ClientId client;
-  Pose3 robot_from_camera;
-};
-
 // light: small motions and landmarks that one keyframe alone saw are not told; exact: everything, for the end.
 enum class PublishedDetail { light, exact };
 
@@ -96,6 +91,22 @@ class VisualClient {
   // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and
   // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
+
+  // Landmarks of others for a session's map, to track by: keyframes look for them by their descriptors, frames follow how those show them.
+  // They are never altered: a known one that is lent again takes its new place, what does not fit what the client sees is dropped, what
+  // stays out of view for long is forgotten, all of a session's when it is straightened after a loop. take_updates() tells what keyframes
+  // saw of them (MapUpdate::borrowed). How many are kept is answered: its own ones, those for a session that is not kept, and what is not
+  // sound are left out.
+  int lend(const ClientPlace& place, int session, const std::vector<BorrowedLandmark>& landmarks);
+  std::size_t borrowed() const;       // that the client holds
+  std::size_t borrowed_seen() const;  // that keyframes see
+
+  // Where a camera without a place (lost, or not begun) took its last frame; at most once for each frame. nullopt: it has a place, no frame
+  // came since, or it shows too little. Late answers are good for the last four requests. `place` as at take_updates.
+  std::optional<PlaceRequest> place_request(const ClientPlace& place);
+  // The frame is compared with the answer first. Taken, it is a keyframe, and the next frame is looked for around it.
+  PlaceVerdict place(const ClientPlace& place, const PlaceAnswer& answer);
+  std::vector<AdoptedFrame> adopted() const;  // sessions whose map began with an answer, by session
 
   std::vector<SeenLandmark> seen() const;
   std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now; by stamp

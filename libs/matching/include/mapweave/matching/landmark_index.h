@@ -1,0 +1,120 @@
+#pragma once
+// Which landmarks may a camera see? A hash table over the cells of a grid in the map's x-y plane, in which landmarks of robots on the
+// ground spread most (CVS III-C, figure 2). All cells that the frustum's outline touches are looked into (CVS: those whose middle lies
+// within it, which loses some at its border), then every landmark there is projected.
+
+#include <mapweave/core/geometry.h>
+#include <mapweave/maps/landmark.h>
+#include <mapweave/matching/orb_descriptor.h>
+#include <mapweave/matching/pinhole.h>
+
+#include <map>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+namespace mapweave::matching {
+
+// A landmark, and how it is known again. Frame `map`: of whoever fills it in.
+struct DescribedLandmark {
+  LandmarkId id;
+  Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
+  OrbDescriptor descriptor{};
+  Eigen::Vector3d feature_from_point = Eigen::Vector3d::Zero();  // axes of map, metres: the descriptor's feature lies so far beside it
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();           // axes of map, unit: from those that saw it towards it; zero: unknown
+  double nearest_m = 0.0, farthest_m = 0.0;                      // of the cameras that saw it; farthest 0: unknown
+  double sigma_m = 0.02;                                         // of its place, each axis
+  ClientId updated_by;                                           // last
+};
+// What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero, sigma positive.
+std::string flaw(const DescribedLandmark&);
+inline constexpr double kMostCoordinate_m = 1e6;
+// The same in another map's frame, where lengths are `scale` times as long.
+DescribedLandmark transformed(const DescribedLandmark&, const Sim3& other_from_map);
+
+struct Frustum {
+  Pinhole pinhole;
+  Pose3 map_from_camera;              // optical: x right, y down, z forward
+  double near_m = 0.2, far_m = 10.0;  // along the optical axis
+};
+
+struct RetrievalOptions {
+  double margin_px = 10.0;
+  double most_turn_rad = 1.0;
+  double most_range_ratio = 2.0;
+  int most = 400;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("margin_px", margin_px, 0.0, 1000.0, "around the picture, that counts as in it");
+    v.positive("most_turn_rad", most_turn_rad, "between how a landmark was seen and how it would be seen now");
+    v.number("most_range_ratio", most_range_ratio, 1.0, 100.0, "farther or nearer than it was seen, by this factor");
+    v.integer("most", most, 1, 1000000, "landmarks for one camera: those seen most alike");
+  }
+};
+
+struct LandmarkIndexOptions {
+  double cell_m = 1.0;
+  bool spatial = false;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("cell_m", cell_m, 0.05, 1000.0, "side of a cell");
+    v.flag("spatial", spatial, "cells of height cell_m, for buildings with many floors; off: each reaches from the ground to the sky");
+  }
+};
+
+// Not thread-safe while it changes; const calls are. Results do not depend on the order in which landmarks came, moved or went.
+class LandmarkIndex {
+ public:
+  explicit LandmarkIndex(LandmarkIndexOptions options = {});
+
+  // New, or in place of the one known by its id, wherever that was. Throws Error(kBadInput) with its flaw.
+  void set(const DescribedLandmark&);
+  bool remove(const LandmarkId&);  // whether it was there
+  void clear();
+  const DescribedLandmark* find(const LandmarkId&) const;
+  std::size_t size() const { return slots_.size(); }
+
+  // Those in front of the camera, within its picture and distances, and seen before from about there; without those that `asking` updated
+  // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not
+  // within 0..far, a pose that is none, beyond kMostCoordinate_m.
+  std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
+
+ private:
+  struct Cell {
+    std::int32_t x, y, z;
+    bool operator==(const Cell& other) const { return x == other.x && y == other.y && z == other.z; }
+  };
+  struct CellHash {
+    std::size_t operator()(const Cell&) const;
+  };
+  struct IdHash {
+    std::size_t operator()(const LandmarkId&) const;
+  };
+  struct Member {  // what the check looks at next
+    Eigen::Vector3d direction;
+    double nearest_m, farthest_m;
+    ClientId updated_by;
+    std::uint32_t slot, session, index;  // session: in the order of arrival
+  };
+  struct Members {                        // as many of both
+    std::vector<Eigen::Vector3d> points;  // what it looks at first
+    std::vector<Member> members;
+  };
+  struct Found {
+    double merit;
+    std::uint64_t order;  // as ids are
+    std::uint32_t slot;
+  };
+  class View;
+  Cell cell_of(const Eigen::Vector3d& point) const;
+  void take_out(std::uint32_t slot);
+
+  LandmarkIndexOptions options_;
+  std::unordered_map<LandmarkId, std::uint32_t, IdHash> slots_;
+  std::vector<DescribedLandmark> landmarks_;  // by slot
+  std::vector<std::uint32_t> place_in_cell_, free_slots_;
+  std::map<SessionId, std::uint32_t> sessions_;  // numbered in the order of arrival
+  std::unordered_map<Cell, Members, CellHash> cells_;
+};
+
+}  // namespace mapweave::matching

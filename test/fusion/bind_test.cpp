@@ -1,0 +1,175 @@
+#include <gtest/gtest.h>
+#include <mapweave/fusion/bind.h>
+#include <mapweave/fusion/fuse.h>
+#include <support/simulated_maps.h>
+#include <support/starry_maps.h>
+
+namespace mapweave::fusion {
+namespace {
+
+// A way that comes back to where it began.
+std::vector<Pose2> round_trip() {
+  std::vector<Pose2> way;
+  for (int i = 0; i <= 40; ++i) {
+    const double angle = 2.0 * M_PI * i / 40;
+    way.push_back({1.5 * std::sin(angle), 1.5 - 1.5 * std::cos(angle), wrap_angle(angle)});
+  }
+  return way;
+}
+
+SessionId laser_session(const char* robot) { return {{RobotId(robot), SensorId("laser")}, 1'000'000'000}; }
+SessionId camera_session(const char* robot) { return {{RobotId(robot), SensorId("camera")}, 1'000'000'000}; }
+
+// Nodes of a laser at the times of keyframes, bending by `drift` from each to the next.
+Map laser_map(const char* robot, const std::vector<Pose2>& way, double drift_rad, double sigma_m = 0.02, double sigma_rad = 0.02) {
+  Map map;
+  map.id = MapId(robot);
+  Pose2 pose;
+  const Eigen::Matrix3d information =
+      Eigen::Vector3d(1 / (sigma_m * sigma_m), 1 / (sigma_m * sigma_m), 1 / (sigma_rad * sigma_rad)).asDiagonal();
+  for (std::uint32_t i = 0; i < way.size(); ++i) {
+    const NodeId id{laser_session(robot), i};
+    if (i > 0) {
+      Pose2 step = between(way[i - 1], way[i]);
+      step.phi += drift_rad;
+      pose = compose(pose, step);
+      const NodeId before{laser_session(robot), i - 1};
+      map.constraints.set({ConstraintKind::odometry, before, id, 0},
+                          planar_constraint({ConstraintKind::odometry, before, id, 0}, step, information));
+    }
+    map.nodes.set(id, {id, {1'000'000'000 + std::int64_t{i} * 100'000'000}, spatial(pose), nullptr});
+  }
+  return map;
+}
+
+double gap_m(const Map& map, const SessionId& session) {
+  const Pose3 &first = map.nodes.find({session, 0})->map_from_node, &last = map.nodes.find({session, 40})->map_from_node;
+  return (first.t - last.t).head<2>().norm();
+}
+
+TEST(Bind, lets_what_a_camera_knows_again_move_the_laser) {
+  const test::StarryBuilding building({1});
+  const Map laser = laser_map("alpha", round_trip(), 0.004), camera = building.keyframe_map("alpha", round_trip());
+  ASSERT_GT(gap_m(laser, laser_session("alpha")), 0.2);
+  const BoundMap bound_map = bound(laser, {camera});
+  EXPECT_TRUE(bound_map.apart.empty());
+  EXPECT_EQ(bound_map.map.nodes.size(), laser.nodes.size() + camera.nodes.size());
+  EXPECT_EQ(bound_map.map.landmarks.size(), camera.landmarks.size());
+  EXPECT_LT(gap_m(bound_map.map, laser_session("alpha")), 0.05);
+}
+
+TEST(Bind, lets_a_sure_laser_move_keyframes) {
+  const test::StarryBuilding building({1});
+  test::StarryOptions bent;
+  bent.drift_rad_per_keyframe = 0.006;
+  std::vector<Pose2> way = round_trip();
+  way.resize(24);
+  const Map laser = laser_map("alpha", way, 0.0, 0.001, 0.0005), camera = building.keyframe_map("alpha", way, bent);
+  const Map& both = bound(laser, {camera}).map;
+  const auto error_rad = [&](const Map& map) {
+    const Pose2 first = planar(map.nodes.find({camera_session("alpha"), 0})->map_from_node),
+                last = planar(map.nodes.find({camera_session("alpha"), 23})->map_from_node);
+    return std::abs(wrap_angle(between(first, last).phi - between(way[0], way[23]).phi));
+  };
+  EXPECT_GT(error_rad(camera), 0.1);
+  EXPECT_LT(error_rad(both), 0.06);
+}
+
+TEST(Bind, gives_a_single_camera_the_lasers_lengths) {
+  const test::StarryBuilding building({1});
+  test::StarryOptions single;
+  single.depth = false, single.scale = 0.25;
+  const Map laser = laser_map("alpha", round_trip(), 0.0);
+  const BoundMap bound_map = bound(laser, {building.keyframe_map("alpha", round_trip(), single)});
+  const Pose3 &start = bound_map.map.nodes.find({camera_session("alpha"), 0})->map_from_node,
+              &half_way = bound_map.map.nodes.find({camera_session("alpha"), 20})->map_from_node;
+  EXPECT_NEAR((start.t - half_way.t).norm(), 3.0, 0.1);
+}
+
+TEST(Bind, leaves_a_camera_apart_that_saw_another_time) {
+  const test::StarryBuilding building({1});
+  Map camera = building.keyframe_map("alpha", round_trip());
+  for (auto& entry : camera.nodes) entry.second.stamp.ns += 1'000'000'000'000;
+  const Map laser = laser_map("alpha", round_trip(), 0.004);
+  const BoundMap bound_map = bound(laser, {camera});
+  ASSERT_EQ(bound_map.apart.size(), 1U);
+  EXPECT_EQ(bound_map.map.nodes.size(), laser.nodes.size());
+  EXPECT_EQ(gap_m(bound_map.map, laser_session("alpha")), gap_m(laser, laser_session("alpha")));
+}
+
+// A robot's walls and stars. The camera's world is laid so that the robot stands at `stars_from_start` when it begins.
+Map of_two_senses(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser, const test::StarryBuilding& stars,
+                  const Pose2& stars_from_start) {
+  std::vector<Pose2> way;
+  std::vector<Stamp> stamps;
+  for (std::size_t i = 0; i < robot.steps.size(); i += 15) {
+    way.push_back(compose(stars_from_start, between(robot.steps.front().world_from_robot, robot.steps[i].world_from_robot)));
+    stamps.push_back(robot.steps[i].stamp);
+  }
+  Map camera = stars.keyframe_map(robot.id.str(), way);
+  for (auto& entry : camera.nodes) entry.second.stamp = stamps[entry.first.index];
+  return bound(test::truth_map(robot, laser), {camera}).map;
+}
+
+FusionResult fused(std::vector<Map> maps) {
+  WorkerPool pool(2);
+  Memo memo;
+  const auto progress = make_silent_progress();
+  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
+}
+
+TEST(Bind, joins_robots_by_both_senses_in_one_graph) {
+  simulation::TeamOptions options;
+  options.shared = 0.6;
+  const auto team = simulation::make_apartment({}, options);
+  const test::StarryBuilding stars({1, 2}, 2500);
+  std::vector<Map> maps;
+  for (const auto& robot : team.robots) maps.push_back(of_two_senses(robot, team.laser, stars, robot.steps.front().world_from_robot));
+  const auto result = fused(maps);
+  ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
+  EXPECT_EQ(result.verdicts[0].kind, "laser and vision");
+  const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot),
+              pose = planar(*result.components[0].team_from_map.find(MapId("robot1")));
+  EXPECT_LT(std::hypot(pose.x - truth.x, pose.y - truth.y), 0.05);
+}
+
+TEST(Bind, tells_floors_of_one_plan_apart_by_what_cameras_see) {
+  simulation::TeamOptions options;
+  options.shared = 0.6;
+  const auto team = simulation::make_apartment({}, options);
+  std::vector<Map> maps, walls;
+  for (int i = 0; i < 2; ++i) {
+    const auto& robot = team.robots[static_cast<std::size_t>(i)];
+    const test::StarryBuilding stars({10 + i, 20 + i}, 2500);
+    maps.push_back(of_two_senses(robot, team.laser, stars, robot.steps.front().world_from_robot));
+    walls.push_back(test::truth_map(robot, team.laser));
+  }
+  EXPECT_EQ(fused(walls).components.size(), 1U);
+  const auto result = fused(maps);
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::refused);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction);
+}
+
+TEST(Bind, tells_houses_of_one_wallpaper_apart_by_their_walls) {
+  const auto team = simulation::make_two_strangers();
+  const test::StarryBuilding stars({1, 1}, 2500);
+  std::vector<Map> maps, seen;
+  for (const auto& robot : team.robots) {
+    maps.push_back(of_two_senses(robot, team.laser, stars, {1.0, 0.5, 0.2}));
+    seen.push_back(maps.back());
+    seen.back().submaps = {};
+    Table<NodeId, Node> keyframes;
+    for (const auto& [id, node] : maps.back().nodes)
+      if (id.session.client.sensor == SensorId("camera")) keyframes.set(id, node);
+    seen.back().nodes = keyframes, seen.back().constraints = {};
+  }
+  EXPECT_EQ(fused(seen).components.size(), 1U);
+  const auto result = fused(maps);
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::refused);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion

@@ -1,0 +1,229 @@
+#include <mapweave/core/error.h>
+
+#include "lending.h"
+
+#include <gmock/gmock.h>
+
+namespace mapweave::visual {
+namespace {
+
+using test::at;
+using test::error_of;
+using test::LendingServer;
+using test::place_of;
+using test::StarryCorridor;
+
+Pose3 along(double way_m) {
+  return {{0.5 * std::sin(0.4 * way_m), 0.2 * std::sin(0.7 * way_m), way_m},
+          Eigen::Quaterniond(Eigen::AngleAxisd(0.15 * std::sin(0.5 * way_m), Eigen::Vector3d::UnitY()))};
+}
+constexpr double kStep_m = 0.06;
+constexpr int kFrames = 400;
+
+// A good camera's map of the corridor.
+const LendingServer& server() {
+  static const LendingServer server = [] {
+    StarryCorridor corridor(1);
+    VisualClient client(corridor.camera, 0.0, {});
+    for (int i = 0; i < kFrames + 40; ++i) client.add(corridor.frame(at(i), along(kStep_m * i), 0.1, 0.0002));
+    LendingServer result;
+    result.learn(client, place_of("alpha"), along(0.0));
+    return result;
+  }();
+  return server;
+}
+
+struct Drive {
+  StarryCorridor corridor{2};
+  VisualClient client;
+  std::vector<Pose3> truth;
+  Map told;
+  std::size_t borrowed_seen = 0;
+  explicit Drive(ClientOptions options = {}) : client(corridor.camera, 0.0, options) {}
+
+  Pose3 world_from_map() const { return compose(truth.front(), inverse(test::kRobotFromCamera)); }
+  // A poor camera: `lend` is called after each keyframe with where the client thinks that its camera is in the world.
+  template <class Lend>
+  void run(int frames, const Lend& lend) {
+    for (int i = static_cast<int>(truth.size()); i < frames; ++i) {
+      truth.push_back(along(kStep_m * i));
+      const Tracked tracked = client.add(corridor.frame(at(i), truth.back(), 0.7, 0.01, 0.004));
+      ASSERT_EQ(tracked.state, TrackState::tracked) << i;
+      if (!tracked.keyframe) continue;
+      for (const MapUpdate& update : client.take_updates(place_of("beta"), PublishedDetail::light)) {
+        told = updated(std::move(told), decode_map_update(encode(update), "test"));
+        for (const LandmarkChange& change : update.borrowed) {
+          EXPECT_EQ(change.id.session.client.robot, RobotId("alpha"));
+          for (const LandmarkSighting& sighting : change.seen) EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
+          borrowed_seen += change.seen.size();
+        }
+      }
+      lend(compose(truth.front(), tracked.map_from_camera));
+    }
+  }
+};
+
+TEST(Borrowing, keeps_a_client_from_drifting) {
+  ClientOptions options;
+  options.window.learn_depth_offset = false;
+  Drive alone(options), helped(options);
+  alone.run(kFrames, [](const Pose3&) {});
+  helped.run(kFrames, [&](const Pose3& world_from_camera) {
+    helped.client.lend(place_of("beta"), 0,
+                       LendingServer::in_map(server().under(helped.corridor.camera, world_from_camera), helped.world_from_map()));
+  });
+  const double without = error_of(alone.client, alone.truth), with = error_of(helped.client, helped.truth);
+  std::printf("error %.3f m alone, %.3f m with landmarks lent\n", without, with);
+  EXPECT_LT(with, 0.4 * without);
+  EXPECT_LT(with, 0.06);
+  EXPECT_GT(helped.borrowed_seen, 1000U);
+  EXPECT_EQ(alone.borrowed_seen, 0U);
+}
+
+TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
+  Drive drive;
+  drive.run(60, [&](const Pose3& world_from_camera) {
+    drive.client.lend(place_of("beta"), 0,
+                      LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map()));
+  });
+  EXPECT_GT(drive.client.borrowed_seen(), 30U);
+  EXPECT_GT(drive.borrowed_seen, 100U);
+  drive.client.finish();
+  for (const MapUpdate& update : drive.client.take_updates(place_of("beta"), PublishedDetail::exact))
+    drive.told = updated(std::move(drive.told), update);
+  EXPECT_EQ(drive.told.landmarks.size(), drive.client.landmarks().size());
+  for (const auto& [id, landmark] : drive.told.landmarks) {
+    EXPECT_EQ(id.session.client.robot, RobotId("beta"));
+    for (const LandmarkSighting& sighting : landmark.seen) EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
+  }
+}
+
+TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
+  Drive alone;
+  alone.run(200, [](const Pose3&) {});
+  const double without = error_of(alone.client, alone.truth);
+  // Each somewhere else, or all moved by the same.
+  for (const bool together : {false, true}) {
+    Drive drive;
+    std::mt19937_64 random(3);
+    const auto noise = [&] { return static_cast<double>(random() >> 11) * 0x1.0p-53 - 0.5; };
+    drive.run(200, [&](const Pose3& world_from_camera) {
+      auto lent = LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      for (BorrowedLandmark& one : lent)
+        one.point_in_map += together ? Eigen::Vector3d(0.0, 0.25, 0.1) : Eigen::Vector3d(noise(), noise(), noise());
+      drive.client.lend(place_of("beta"), 0, lent);
+    });
+    const double with = error_of(drive.client, drive.truth);
+    std::printf("error %.3f m alone, %.3f m with lies; %zu of %zu seen\n", without, with, drive.client.borrowed_seen(),
+                drive.client.borrowed());
+    EXPECT_LT(with, 1.3 * without + 0.01);
+  }
+}
+
+TEST(Borrowing, refuses_what_is_no_landmark_and_sessions_that_are_not) {
+  Drive drive;
+  const BorrowedLandmark good = server().under(drive.corridor.camera, along(0.0)).front();
+  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, {good}), 0) << "it has not begun";
+  drive.run(20, [](const Pose3&) {});
+  EXPECT_EQ(drive.client.lend(place_of("beta"), 1, {good}), 0);
+  EXPECT_EQ(drive.client.lend(place_of("beta"), -1, {good}), 0);
+  std::vector<BorrowedLandmark> bad(5, good);
+  bad[0].point_in_map.x() = std::numeric_limits<double>::quiet_NaN();
+  bad[1].point_in_map.y() = 1e300;
+  bad[2].direction = {3, 4, 5};
+  bad[3].sigma_m = -1.0;
+  bad[4].feature_from_point.z() = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 0);
+  EXPECT_EQ(drive.client.borrowed(), 0U);
+  bad.push_back(good);
+  bad.push_back(good);
+  bad.back().id.session = {place_of("beta").client, at(0).ns};  // its own
+  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 1);
+  EXPECT_EQ(drive.client.borrowed(), 1U);
+  drive.run(60, [](const Pose3&) {});
+}
+
+TEST(Borrowing, holds_no_more_than_it_needs) {
+  Drive drive;
+  drive.run(20, [](const Pose3&) {});
+  std::vector<BorrowedLandmark> flood(20000, server().under(drive.corridor.camera, along(0.0)).front());
+  for (std::uint32_t i = 0; i < flood.size(); ++i) flood[i].id.index = i, flood[i].point_in_map.x() = -500.0 - i;
+  drive.client.lend(place_of("beta"), 0, flood);
+  EXPECT_LE(drive.client.borrowed(), 3000U);
+  drive.run(320, [](const Pose3&) {});
+  EXPECT_EQ(drive.client.borrowed(), 0U) << "out of the way for long";
+}
+
+TEST(Borrowing, gives_the_same_numbers_every_time) {
+  const auto run = [] {
+    Drive drive;
+    drive.run(80, [&](const Pose3& world_from_camera) {
+      auto lent = LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      drive.client.lend(place_of("beta"), 0, lent);
+    });
+    std::vector<double> numbers;
+    for (const PlacedFrame& frame : drive.client.trajectory())
+      for (int k = 0; k < 3; ++k) numbers.push_back(frame.map_from_camera.t[k]);
+    return numbers;
+  };
+  EXPECT_EQ(run(), run());
+}
+
+// Pictures: one client maps a room with a good depth camera, another one's depth is poor.
+const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89.5}};
+
+Pose3 walk(double frame) {
+  return test::standing(1.2 * std::sin(0.03 * frame), 1.2 - 1.2 * std::cos(0.03 * frame), 0.03 * frame, 0.1 * std::sin(0.1 * frame));
+}
+
+const LendingServer& room_server() {
+  static const LendingServer server = [] {
+    VisualClient client(room.camera, 0.0, {});
+    for (int i = -20; i < 170; ++i) client.add(room.frame(at(i + 20), walk(i)));
+    LendingServer result;
+    result.learn(client, place_of("alpha"), walk(-20));
+    return result;
+  }();
+  return server;
+}
+
+constexpr double kBaseline_m = 0.05;
+
+double walk_about(bool is_helped, int kind, std::size_t& seen) {
+  std::mt19937_64 random(4);
+  VisualClient client(room.camera, kind == 1 ? kBaseline_m : 0.0, {});
+  std::vector<Pose3> truth;
+  for (int i = 0; i < 150; ++i) {
+    truth.push_back(walk(i));
+    Frame frame = kind == 1 ? room.pair(at(i), truth.back(), kBaseline_m) : room.frame(at(i), truth.back());
+    if (kind == 2) frame.depth = {}, frame.odometry_from_camera = truth.back();
+    for (std::uint16_t& depth : frame.depth.image.pixels)  // all too near
+      depth = static_cast<std::uint16_t>(1000.0 / (1000.0 / depth + 0.008));
+    for (std::uint8_t& grey : frame.grey.pixels)
+      grey = static_cast<std::uint8_t>(std::clamp<int>(grey + static_cast<int>(random() % 9) - 4, 0, 255));
+    const Tracked tracked = client.add(frame);
+    if (!is_helped || !tracked.keyframe) continue;
+    const auto first = std::lround((client.keyframes().front().stamp.seconds() - 100.0) * 15.0);
+    const Pose3 start = truth[static_cast<std::size_t>(first)];
+    const Pose3 world_from_map = compose(start, inverse(test::kRobotFromCamera));
+    client.lend(place_of("beta"), 0,
+                LendingServer::in_map(room_server().under(room.camera, compose(start, tracked.map_from_camera)), world_from_map));
+  }
+  seen = client.borrowed_seen();
+  EXPECT_GT(client.trajectory().size(), 130U);
+  return error_of(client, truth);
+}
+
+TEST(Borrowing, helps_clients_with_depth_cameras_stereo_pairs_and_one_camera_alone) {
+  for (int kind = 0; kind < 3; ++kind) {
+    std::size_t seen = 0, none = 0;
+    const double with = walk_about(true, kind, seen), without = walk_about(false, kind, none);
+    std::printf("kind %d: error %.4f m alone, %.4f m with landmarks lent, of which %zu are seen\n", kind, without, with, seen);
+    EXPECT_LT(with, std::max(1.05 * without, 0.015)) << kind << ": not better than the map, which errs by a centimetre";
+    EXPECT_GT(seen, 60U);
+    EXPECT_EQ(none, 0U);
+  }
+}
+
+}  // namespace
+}  // namespace mapweave::visual
