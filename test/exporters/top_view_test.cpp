@@ -42,6 +42,21 @@ TEST(TopView, shows_landmarks_in_their_colours_the_higher_ones_above) {
   EXPECT_EQ(count_like(picture, {0, 170, 0}), 0U);
 }
 
+TEST(TopView, lays_the_grid_of_lasers_under_the_landmarks) {
+  OccupancyGrid grid;
+  grid.resolution_m = 0.1, grid.origin_x_m = -1.0, grid.origin_y_m = -1.0, grid.columns = 80, grid.rows = 50;
+  grid.log_odds.assign(80 * 50, -100);
+  for (int column = 0; column < 80; ++column) grid.log_odds[static_cast<std::size_t>(30 * 80 + column)] = 100;  // a wall at y = 2
+  for (int row = 0; row < 50; ++row) grid.log_odds[static_cast<std::size_t>(row * 80 + 79)] = OccupancyGrid::kUnknown;
+  const auto points = wall(0.6F, 200 << 16);
+  const cv::Mat with = decoded(top_view_png(points, {way()}, {}, &grid)), without = decoded(top_view_png(points, {way()}));
+  EXPECT_GT(count_like(with, {90, 90, 90}), 5000U);
+  EXPECT_GT(count_like(with, {228, 228, 228}), 5000U);
+  EXPECT_GE(count_like(with, {0, 0, 170}), 300U) << "dots lie above the wall";
+  EXPECT_LT(count_like(without, {90, 90, 90}), 500U);
+  EXPECT_EQ(top_view_png(points, {way()}, {}, nullptr), top_view_png(points, {way()}));
+}
+
 TEST(TopView, leaves_ceilings_and_what_is_far_off_out) {
   auto points = wall(0.5F, 200);
   for (const auto& point : wall(2.4F, 200 << 16)) points.push_back(point);

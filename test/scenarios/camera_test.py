@@ -3,6 +3,7 @@ import json
 import math
 import pathlib
 import shutil
+import struct
 import subprocess
 import tempfile
 import unittest
@@ -12,6 +13,13 @@ import support
 
 def poses(path):
     return [[float(value) for value in line.split()] for line in path.read_text().splitlines()]
+
+
+def ply_points(path):
+    header, data = path.read_bytes().split(b"end_header\n", 1)
+    points = list(struct.iter_unpack("<3f3B", data))
+    assert f"element vertex {len(points)}".encode() in header
+    return points
 
 
 class Cameras(support.Scenario):
@@ -42,6 +50,33 @@ class Cameras(support.Scenario):
 
         self.mapweave("slam", world / "alpha.rawlog", "--sensor", "stereo", "--out", "pair")
         self.assertLess(self.error(self.folder / "pair/trajectory.tum", world / "alpha.truth.tum"), 0.06)
+
+    def test_what_depth_cameras_saw_is_written_where_it_is_asked_for(self):
+        world = self.world
+        team = f"robots:\n  - {{id: alpha, log: {json.dumps(str(world / 'alpha_rgbd'))}}}\noutput: {{ply: true, octomap: true}}\n"
+        self.write("team.yaml", team)
+        self.mapweave("run", "team.yaml", "--threads", 2, "--out", "team")
+        self.mapweave("slam", world / "alpha_rgbd", "--set", "output.ply=true", "--set", "output.octomap=true", "--threads", 1, "--out", "one")
+        self.assertFalse((self.folder / "team/robots/alpha/map.ply").exists(), "the team's folder holds it")
+        for name in ("map.ply", "map.dense.pcd", "map.bt", "map.ot"):
+            self.assertEqual((self.folder / "team/team" / name).read_bytes(), (self.folder / "one" / name).read_bytes(), name)
+        points = ply_points(self.folder / "one/map.ply")
+        self.assertGreater(len(points), 20000)
+        # The apartment is 8 m by 7 m and its floor flat.
+        for axis in (0, 1):
+            along = sorted(point[axis] for point in points)
+            self.assertLess(along[-len(along) // 500] - along[len(along) // 500], math.hypot(8, 7))
+        on_the_floor = sum(1 for point in points if abs(point[2]) < 0.03)
+        below = sum(1 for point in points if point[2] < -0.06)
+        self.assertGreater(on_the_floor, 1000)
+        self.assertLess(below, 0.01 * len(points))
+        self.assertTrue((self.folder / "one/map.bt").read_bytes().startswith(b"# Octomap OcTree binary file"))
+
+        self.mapweave("slam", world / "alpha.rawlog", "--sensor", "stereo", "--set", "output.ply=true",
+                      "--set", "output.dense.every_frames=10", "--set", "output.dense.cloud.memory_mb=1", "--out", "pair")
+        self.assertLess(len(ply_points(self.folder / "pair/map.ply")), 1e6 / 80)
+        self.mapweave("slam", world / "alpha.rawlog", "--set", "output.ply=true", "--out", "laser")
+        self.assertIn("no cloud of depth", (self.folder / "laser/summary.json").read_text())
 
     def test_cameras_of_one_robot_share_its_map(self):
         world = self.world

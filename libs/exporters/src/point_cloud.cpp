@@ -124,4 +124,16 @@ std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
   return bytes;
 }
 
+std::string ply_bytes(const std::vector<ColouredPoint>& points) {
+  std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(points.size()) +
+                      "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar "
+                      "blue\nend_header\n";
+  bytes.reserve(bytes.size() + 15 * points.size());
+  for (const auto& [point, rgb] : points) {
+    for (int axis = 0; axis < 3; ++axis) append_little_endian(bytes, point(axis));
+    for (int shift = 16; shift >= 0; shift -= 8) bytes += static_cast<char>(rgb >> shift & 0xff);
+  }
+  return bytes;
+}
+
 }  // namespace mapweave::exporters

@@ -14,6 +14,7 @@ namespace {
 constexpr double kAboveRobots_m = 0.8;  // and higher: a ceiling
 constexpr double kStray = 0.01;         // share of the points, on each side, that may lie beyond the picture
 constexpr double kLeastSide_m = 1.0;
+const cv::Vec3b kWallInk(90, 90, 90), kUnseen(228, 228, 228);  // paler than map_picture_png()'s walls: dots lie on them
 
 struct Extent {
   double low = 0.0, high = 0.0;
@@ -34,10 +35,42 @@ Extent extent_of(std::vector<double> points, const std::vector<double>& robots) 
   return {extent.low - rim, extent.high + rim};
 }
 
+// The middles of known cells.
+void add_known(const OccupancyGrid& grid, std::vector<double>& x, std::vector<double>& y) {
+  for (std::int32_t row = 0; row < grid.rows; ++row)
+    for (std::int32_t column = 0; column < grid.columns; ++column)
+      if (grid.at(column, row) != OccupancyGrid::kUnknown) {
+        x.push_back(grid.origin_x_m + (column + 0.5) * grid.resolution_m);
+        y.push_back(grid.origin_y_m + (row + 0.5) * grid.resolution_m);
+      }
+}
+
+// Of the cells below a pixel a wall wins: thinned walls stay closed.
+void draw_grid(const OccupancyGrid& grid, MapRaster& raster) {
+  const double pixel_m = 1.0 / raster.pixels_per_m;
+  const auto cells = [&](double low_m, double origin_m, std::int32_t count) {
+    const auto cell = [&](double place_m) {
+      return static_cast<std::int32_t>(std::clamp(std::floor((place_m - origin_m) / grid.resolution_m), -1.0, static_cast<double>(count)));
+    };
+    return std::pair(std::max(0, cell(low_m)), std::min(count - 1, std::max(cell(low_m), cell(low_m + pixel_m) - 1)));
+  };
+  for (int row = 0; row < raster.pixels.rows; ++row) {
+    const auto [low, high] = cells(raster.low_m + (raster.pixels.rows - 1 - row) * pixel_m, grid.origin_y_m, grid.rows);
+    for (int column = 0; column < raster.pixels.cols; ++column) {
+      const auto [left, right] = cells(raster.left_m + column * pixel_m, grid.origin_x_m, grid.columns);
+      bool wall = false, known = false;
+      for (std::int32_t r = low; r <= high && !wall; ++r)
+        for (std::int32_t c = left; c <= right && !wall; ++c)
+          wall = grid.at(c, r) > 0, known = known || grid.at(c, r) != OccupancyGrid::kUnknown;
+      if (wall || !known) raster.pixels.at<cv::Vec3b>(row, column) = wall ? kWallInk : kUnseen;
+    }
+  }
+}
+
 }  // namespace
 
 std::string top_view_png(const std::vector<ColouredPoint>& points, const std::vector<SessionTrajectory>& trajectories,
-                         const PictureOptions& options) {
+                         const PictureOptions& options, const OccupancyGrid* grid) {
   std::vector<double> robot_x, robot_y;
   double highest = -1e9;
   for (const SessionTrajectory& trajectory : trajectories)
@@ -57,6 +90,8 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
   std::vector<double> x, y;
   for (const ColouredPoint* point : shown)
     x.push_back(static_cast<double>(point->point.x())), y.push_back(static_cast<double>(point->point.y()));
+  const bool on_grid = grid != nullptr && !grid->empty();
+  if (on_grid) add_known(*grid, x, y);
   const Extent across = extent_of(std::move(x), robot_x), along = extent_of(std::move(y), robot_y);
   MapRaster raster;
   raster.pixels_per_m = options.common_side_px / std::max(across.length(), along.length());
@@ -64,6 +99,7 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
   const int columns = std::max(1, static_cast<int>(std::lround(across.length() * raster.pixels_per_m))),
             rows = std::max(1, static_cast<int>(std::lround(along.length() * raster.pixels_per_m)));
   raster.pixels = cv::Mat(rows, columns, CV_8UC3, kPaper);
+  if (on_grid) draw_grid(*grid, raster);
   for (const ColouredPoint* point : shown) {
     const double column = (static_cast<double>(point->point.x()) - across.low) * raster.pixels_per_m,
                  row = rows - (static_cast<double>(point->point.y()) - along.low) * raster.pixels_per_m;

@@ -56,18 +56,19 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
-void add(Results& results, const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
   const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
   if (by_laser) results.add_map(folder, title, map);
   if (cameras.maps.empty()) return;
-  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title, cameras);
+  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title, dense && !by_laser, cameras);
+  if (dense && by_laser) results.add_dense(folder, title, map, cameras);
 }
 
 }  // namespace
 
 Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                  Progress& progress) {
-  Results results(settings.out, settings.force, configuration, pool);
+  Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   report.team.tier = cloud_tier();
   auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
@@ -116,7 +117,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     if (!outcomes[i].map) continue;
     const std::string name = outcomes[i].robot.str();
-    add(results, "robots/" + name, "robot " + name, *outcomes[i].map, cameras[i]);
+    add(results, "robots/" + name, "robot " + name, false, *outcomes[i].map, cameras[i]);
   }
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
@@ -132,7 +133,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
 Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
                 Progress& progress) {
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
-  Results results(settings.out, settings.force, configuration, pool);
+  Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   const auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
@@ -143,7 +144,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   if (robot.outcome.map) {
     report.team.components = {{robot.outcome.map->id}};
     for (const Map& map : robot.outcome.apart) report.team.components.push_back({map.id});
-    add(results, "", "robot " + robot.report.id.str(), *robot.outcome.map, robot.cameras);
+    add(results, "", "robot " + robot.report.id.str(), true, *robot.outcome.map, robot.cameras);
   } else if (robot.outcome.trouble) {
     throw *robot.outcome.trouble;
   }

@@ -27,7 +27,8 @@ const char* name_of(visual::CameraKind kind) {
 // A camera with its client, which begins with the first frame.
 class Camera {
  public:
-  Camera(const ChosenCamera& chosen, const visual::ClientOptions& options) : packer_({chosen.label, chosen.kind}), options_(options) {
+  Camera(const ChosenCamera& chosen, const visual::ClientOptions& options)
+      : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
     report_.label = chosen.label, report_.kind = name_of(chosen.kind);
   }
 
@@ -89,6 +90,7 @@ class Camera {
     std::sort(tracking_seconds_.begin(), tracking_seconds_.end());
     if (!tracking_seconds_.empty()) report_.tracking_p99_ms = 1e3 * tracking_seconds_[(tracking_seconds_.size() - 1) * 99 / 100];
     result.report = report_;
+    result.chosen = chosen_;
     result.notes = client_->notes();
     result.sheet = sheet_.take();
     return result;
@@ -105,6 +107,7 @@ class Camera {
     }
   }
 
+  ChosenCamera chosen_;
   visual::FramePacker packer_;
   visual::ClientOptions options_;
   std::optional<visual::VisualClient> client_;
@@ -134,23 +137,9 @@ std::size_t frames_of(const CameraMap& map) {
   return count;
 }
 
-// Where the robot was by another camera's frames; nullopt where it was not seen about then.
-std::optional<Pose3> robot_at(const std::vector<exporters::StampedPose>& frames, Stamp stamp) {
-  constexpr double kSameTime_s = 0.25;
-  const auto later = std::lower_bound(frames.begin(), frames.end(), stamp,
-                                      [](const exporters::StampedPose& pose, Stamp when) { return pose.stamp < when; });
-  if (later == frames.end() || seconds_between(stamp, later->stamp) > kSameTime_s) return std::nullopt;
-  if (later == frames.begin()) return later->stamp == stamp ? std::optional(later->map_from_robot) : std::nullopt;
-  const auto earlier = later - 1;
-  const double span = seconds_between(earlier->stamp, later->stamp);
-  if (span > kSameTime_s) return std::nullopt;
-  const double share = seconds_between(earlier->stamp, stamp) / span;
-  return Pose3{earlier->map_from_robot.t + share * (later->map_from_robot.t - earlier->map_from_robot.t),
-               earlier->map_from_robot.q.slerp(share, later->map_from_robot.q)};
-}
-
 // Cameras of one robot see one world: what began while another camera was placed begins where that one says the robot was.
 std::vector<CameraMap> placed_together(std::vector<CameraMap> maps, RobotId robot) {
+  constexpr double kSameTime_s = 0.25;
   std::stable_sort(maps.begin(), maps.end(), [](const CameraMap& a, const CameraMap& b) { return frames_of(a) > frames_of(b); });
   std::vector<CameraMap> result;
   for (CameraMap& map : maps) {
@@ -158,7 +147,7 @@ std::vector<CameraMap> placed_together(std::vector<CameraMap> maps, RobotId robo
     bool placed = false;
     for (CameraMap& known : result) {
       if (known.ways.front().label == way.label) continue;
-      const auto known_from_map = robot_at(known.ways.front().frames, way.frames.front().stamp);
+      const auto known_from_map = exporters::pose_at(known.ways.front().frames, way.frames.front().stamp, kSameTime_s);
       if (!known_from_map) continue;
       // The part's own map begins at the identity but for what its first frame was corrected by since.
       const Pose3 motion = compose(*known_from_map, inverse(way.frames.front().map_from_robot));
@@ -201,6 +190,7 @@ std::string sensor_name(const std::string& label) {
 CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
                            const std::atomic<bool>& give_up, Progress& progress) {
   CamerasOutcome outcome;
+  outcome.robot = robot;
   std::deque<Camera> cameras;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;

@@ -38,7 +38,7 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {
 
 Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
                  WorkerPool& pool, Progress& progress) {
-  Results results(settings.out, settings.force, configuration, pool);
+  Results results(settings.out, settings.force, configuration, pool, progress);
   const Inputs inputs = read_inputs(paths);
   Report report;
   report.notes = inputs.notes;

@@ -31,8 +31,8 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
 
 }  // namespace
 
-Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool)
-    : configuration_(configuration), pool_(pool), folder_(out, force) {}
+Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool, Progress& progress)
+    : configuration_(configuration), pool_(pool), progress_(progress), folder_(out, force) {}
 
 OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
   if (interrupted_) return {};
@@ -61,6 +61,7 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
   const OccupancyGrid grid = grid_of(title, map);
   if (grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
+  if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -109,6 +110,33 @@ void Results::draw_landmarks(const std::filesystem::path& folder, const std::str
   write_file(top / "map.png", exporters::top_view_png(landmarks, ways, picture));
 }
 
+void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map) {
+  if (!configuration_.output.png) return;
+  exporters::PictureOptions picture = configuration_.output.picture;
+  if (picture.title.empty()) picture.title = title;
+  write_file(folder_.staging() / folder / "map.color.png",
+             exporters::top_view_png(exporters::landmark_cloud(map), exporters::session_trajectories(map), picture, &grid));
+}
+
+void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthWay>& ways) {
+  if (interrupted_ || ways.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;
+  saw_depth_ = true;
+  try {
+    for (const std::string& note : write_dense_map(folder_.staging() / folder, ways, configuration_, progress_))
+      notes_.push_back(title + ": " + note);
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kInterrupted) throw;
+    interrupted_ = true;
+    clear_interrupt();  // as for grids
+  }
+}
+
+void Results::add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+  const Stopwatch watch;
+  draw_dense(folder, title, depth_ways(map, {}, cameras));
+  output_seconds_ += watch.seconds();
+}
+
 void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                         const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
@@ -124,12 +152,13 @@ void Results::draw_seen(const std::string& folder, const std::string& title, boo
   draw_landmarks(folder, title, component.map, ways);
 }
 
-void Results::add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras) {
+void Results::add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras) {
   const Stopwatch watch;
   for (std::size_t i = 0; i < cameras.maps.size(); ++i) {
-    const std::string apart = std::to_string(i);
-    add_camera_map(i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart),
-                   i == 0 ? title : title + ", apart " + apart, cameras.maps[i]);
+    const std::string apart = std::to_string(i), name = i == 0 ? title : title + ", apart " + apart;
+    const std::filesystem::path place = i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
+    add_camera_map(place, name, cameras.maps[i]);
+    if (dense) draw_dense(place, name, depth_ways(cameras.maps[i], cameras));
   }
   if (cameras.maps.size() > 1)
     notes_.push_back(title + ": its cameras left " + std::to_string(cameras.maps.size()) +
@@ -156,10 +185,15 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
     const std::string place = i == 0 ? folder : further + std::to_string(i);
     const std::string name = i == 0 ? title : title + ", apart " + std::to_string(i);
-    if (fused.components[i].map.submaps.empty() && has_keyframes(fused.components[i].map))
+    const Map& map = fused.components[i].map;
+    if (map.submaps.empty() && has_keyframes(map))
       draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
     else
-      draw(place, name, robot_trajectories, fused.components[i].map);
+      draw(place, name, robot_trajectories, map);
+    std::vector<DepthWay> depth;
+    for (const CamerasOutcome& outcome : cameras)
+      for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
+    if (tier == cloud_tier()) draw_dense(place, name, depth);
     mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
   }
   const double composing = composing_seconds_ - composing_before;
@@ -170,6 +204,8 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
 
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report) {
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
+  if ((configuration_.output.ply || configuration_.output.octomap) && !saw_depth_ && !interrupted_)
+    report.notes.push_back("there is no cloud of depth: nothing was mapped with a depth camera or a stereo pair whose log is here");
   report.interrupted = report.interrupted || interrupted_;
   report.stages.push_back({TierId(), "output", output_seconds_});
   report.wall_seconds = watch_.seconds();

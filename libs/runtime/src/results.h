@@ -1,6 +1,8 @@
 #pragma once
 // The folder that run, slam and merge leave: maps with their pictures, and the papers beside them.
 
+#include "dense_map.h"
+
 #include <mapweave/core/files.h>
 #include <mapweave/core/progress.h>
 #include <mapweave/core/stopwatch.h>
@@ -16,16 +18,19 @@ namespace mapweave::runtime {
 class Results {
  public:
   // Its wall time begins here. Nothing is seen of it before commit(). Throws Error(kCannotWrite) at once where it could not be written.
-  Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool);
+  Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool, Progress& progress);
 
   // A robot's own map, into `folder` ("robots/alpha"; "" for the top): map.mwdb, pictures, trajectory. A map that cannot be drawn has no
   // pictures, and a note says why; after an interruption no more are drawn.
   void add_map(const std::string& folder, const std::string& title, const Map& map);
   // The same of a robot that maps with cameras: landmarks from above, their cloud, frames' and keyframes' trajectories, a contact sheet;
-  // of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2, ...
-  void add_cameras(const std::string& folder, const std::string& title, const CamerasOutcome& cameras);
+  // of further cameras in `folder`/cameras/LABEL, of maps that stayed apart in `folder`/apart-1, -2, ... `dense`: also what is asked for of
+  // depth, which takes a second way through the log.
+  void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
+  // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
+  void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
   // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and composing as the fifth,
-  // into the report. `cameras`: what the fused maps of keyframes came from, for the frames between them.
+  // into the report. `cameras`: what the fused maps of keyframes came from, for the frames between them. Depth is the cloud's alone.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
                       const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras, Report& report);
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the
@@ -37,18 +42,22 @@ class Results {
  private:
   OccupancyGrid grid_of(const std::string& title, const Map& map);
   void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map);
+  void draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthWay>& ways);
   void store(const std::string& folder, const Map& map);
   void draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
                       const std::vector<exporters::SessionTrajectory>& ways);
+  // Of a map of both kinds: instead of the grid alone.
+  void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map);
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                  const std::vector<CamerasOutcome>& cameras);
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
+  Progress& progress_;
   Stopwatch watch_;
   OutputFolder folder_;
   double composing_seconds_ = 0.0, output_seconds_ = 0.0;
-  bool interrupted_ = false;
+  bool interrupted_ = false, saw_depth_ = false;
   std::vector<std::string> notes_;
 };
 

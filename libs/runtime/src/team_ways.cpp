@@ -3,9 +3,7 @@
 #include <algorithm>
 
 namespace mapweave::runtime {
-namespace {
 
-// `scale`: by which the member's lengths grew.
 std::vector<exporters::StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale) {
   std::vector<const Node*> keyframes;
   for (const auto& [id, node] : part.map.nodes)
@@ -22,8 +20,6 @@ std::vector<exporters::StampedPose> carried_along(const CameraMap& part, const C
   }
   return result;
 }
-
-}  // namespace
 
 bool has_keyframes(const Map& map) {
   return std::any_of(map.nodes.begin(), map.nodes.end(), [](const auto& entry) {

@@ -10,6 +10,9 @@ namespace mapweave::runtime {
 // Of the main camera of each member's map, by robot; of keyframes alone where `cameras` do not hold a member (stored maps).
 std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras);
 
+// One camera's frames in the team's map. `scale`: by which the member's lengths grew.
+std::vector<exporters::StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale);
+
 bool has_keyframes(const Map&);
 
 }  // namespace mapweave::runtime

@@ -163,6 +163,7 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
   frame.expected = motion_->at(frame.stamp, rig_->robot_from_camera);
   frame.odometry_from_camera = motion_->odometry_from_camera(frame.stamp, rig_->robot_from_camera);
   frame.colour = colour_of(*picture, lens_->left);
+  frame.colour.raw_from_rectified = lens_->rectifier.left_from_rectified().q;
   frame.grey = lens_->rectifier.left(grey_of(*picture, lens_->left.camera, label));
   if (options_.kind == CameraKind::stereo) frame.right = lens_->rectifier.right(grey_of(pair->imageRight, lens_->left.camera, label));
   if (options_.kind == CameraKind::rgbd) {

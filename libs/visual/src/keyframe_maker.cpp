@@ -5,6 +5,8 @@
 #include "landmark_finder.h"
 #include "place_finder.h"
 
+#include <mapweave/visual/depth_picture.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -63,25 +65,6 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
     depths.push_back(static_cast<float>(depth));
   }
   return depths;
-}
-
-// Of the picture as it was before rectification; its grey where it has no colours.
-std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& camera, const Eigen::Vector2d& pixel) {
-  const ColourPicture& colour = frame.colour;
-  if (colour.blue_green_red) {
-    const Eigen::Vector3d ray = camera.ray(pixel);
-    const Eigen::Vector2d there = colour.distortion.distorted({ray.x(), ray.y()});
-    const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx),
-               y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);
-    if (x >= 0 && y >= 0 && x < colour.width && y < colour.height) {
-      const std::uint8_t* at =
-          colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes + 3 * static_cast<std::size_t>(x);
-      return {at[2], at[1], at[0]};
-    }
-  }
-  if (frame.grey.empty()) return {128, 128, 128};  // features without a picture
-  const std::uint8_t grey = frame.grey.row(static_cast<int>(std::lround(pixel.y())))[std::lround(pixel.x())];
-  return {grey, grey, grey};
 }
 
 bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>& strays) {

@@ -1,5 +1,5 @@
 #pragma once
-// The walls and landmarks of a map as points, in PCL's format (PCD v0.7, binary).
+// The walls and landmarks of a map as points, in PCL's format (PCD v0.7, binary) and as PLY.
 
 #include <mapweave/maps/map.h>
 
@@ -32,5 +32,7 @@ struct ColouredPoint {
 // The landmarks of a map, in its frame and their own colours, in the order of their ids.
 std::vector<ColouredPoint> landmark_cloud(const Map&);
 std::string pcd_bytes(const std::vector<ColouredPoint>&);
+// Binary, little endian; vertices with x y z (float) and red green blue (uchar).
+std::string ply_bytes(const std::vector<ColouredPoint>&);
 
 }  // namespace mapweave::exporters

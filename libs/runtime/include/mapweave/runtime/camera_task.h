@@ -15,6 +15,7 @@
 namespace mapweave::runtime {
 
 struct CameraResult {
+  ChosenCamera chosen;
   CameraReport report;
   std::vector<exporters::SheetFrame> sheet;  // a few frames, spread over the time
   std::vector<std::string> notes;            // what seems wrong with its pictures
@@ -35,6 +36,7 @@ struct CameraMap {
 };
 
 struct CamerasOutcome {
+  PlannedRobot robot;
   std::vector<CameraResult> cameras;  // by label; those that tracked anything
   // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never
   // came back to a place that it knew.

@@ -3,7 +3,9 @@
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
+#include <mapweave/exporters/depth_cloud.h>
 #include <mapweave/exporters/map_folder.h>
+#include <mapweave/exporters/octo_map.h>
 #include <mapweave/fusion/bind.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
@@ -48,11 +50,29 @@ struct EdgeEntry {
   }
 };
 
+// What depth cameras and stereo pairs saw between their landmarks: a second way through the logs.
+struct DenseOptions {
+  int every_frames = 0;
+  int step_px = 2;
+  double most_error_m = 0.1;
+  exporters::DepthCloudOptions cloud;
+  exporters::OctoMapOptions octomap;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("every_frames", every_frames, 0, 1000000, "the depth of each so-manieth frame is taken; 0: of keyframes");
+    v.integer("step_px", step_px, 1, 64, "from one pixel that is taken to the next");
+    v.positive("most_error_m", most_error_m, "depths whose deviation is larger, for they are far, are left out");
+    v.section("cloud", cloud, "how map.ply and map.dense.pcd are made");
+    v.section("octomap", octomap, "how map.bt and map.ot are made");
+  }
+};
+
 // Beside each map.mwdb.
 struct OutputOptions {
-  bool png = true, pgm = true, pcd = true, tum = true, g2o = false;
+  bool png = true, pgm = true, pcd = true, tum = true, g2o = false, ply = false, octomap = false;
   exporters::PictureOptions picture;
   exporters::PointCloudOptions cloud;
+  DenseOptions dense;
   template <class Visitor>
   void describe(Visitor& v) {
     v.flag("png", png, "map.png, and map.color.png with the robots' ways");
@@ -60,8 +80,11 @@ struct OutputOptions {
     v.flag("pcd", pcd, "map.pcd, the points of the walls");
     v.flag("tum", tum, "trajectory.tum, and trajectories/<robot>.tum of a team");
     v.flag("g2o", g2o, "map.g2o, the pose graph");
+    v.flag("ply", ply, "map.ply and map.dense.pcd, the coloured surfaces that depth cameras and stereo pairs saw (slam; team of run)");
+    v.flag("octomap", octomap, "map.bt and map.ot, what they saw as OctoMap's trees: occupied, free, unknown");
     v.section("picture", picture, "how map.color.png is drawn");
     v.section("cloud", cloud, "how map.pcd is made");
+    v.section("dense", dense, "what is taken of depth cameras and stereo pairs for ply and octomap");
   }
 };
 

@@ -42,6 +42,7 @@ struct ColourPicture {
   std::size_t row_bytes = 0;
   PinholeCamera camera;
   Distortion distortion;
+  Eigen::Quaterniond raw_from_rectified = Eigen::Quaterniond::Identity();  // rectifying a stereo pair turns its pictures
 };
 
 // How the camera moved since the frame before by wheels or gyroscopes, before its picture is looked at.

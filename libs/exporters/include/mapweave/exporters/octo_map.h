@@ -1,0 +1,46 @@
+#pragma once
+// Where there is something in space, where nothing is, and where nobody looked: OctoMap's trees (Hornung et al. 2013).
+
+#include <mapweave/exporters/point_cloud.h>
+
+#include <memory>
+
+namespace mapweave::exporters {
+
+struct OctoMapOptions {
+  double resolution_m = 0.05;
+  double memory_mb = 256.0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("resolution_m", resolution_m, 0.01, 10.0, "side of the smallest cells");
+    v.number("memory_mb", memory_mb, 1.0, 100000.0, "for the tree; where it needs more, the side doubles");
+  }
+};
+
+struct OctoMapFiles {
+  std::string bt;  // an octomap::OcTree: occupied, free, unknown
+  std::string ot;  // an octomap::ColorOcTree: probabilities and colours
+};
+
+class OctoMapWriter {
+ public:
+  explicit OctoMapWriter(const OctoMapOptions& options = {});
+  ~OctoMapWriter();
+  // What one picture saw: what lies between the camera and its points is free. Each cell learns once from a picture (again
+  // where the cells have to grow meanwhile). Points outside the
+  // cube of 65,536 cells a side around the map's origin are left out, and all of a camera outside of it. Contract: finite.
+  void add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map);
+
+  double resolution_m() const;  // now: that of the options, doubled once or more where memory was short
+  std::size_t nodes() const;
+  std::size_t most_nodes() const;
+  std::size_t left_out() const;  // points
+  // The end: nothing is added after it, and it comes once (contract).
+  OctoMapFiles finish();
+
+ private:
+  struct Tree;
+  std::unique_ptr<Tree> tree_;
+};
+
+}  // namespace mapweave::exporters
