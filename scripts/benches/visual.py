@@ -23,7 +23,7 @@ WORLDS = {
     "apartment": {"world": "camera_apartment.yaml", "robots": ("alpha", "beta", "gamma"), "goal_m": {"rgbd": 0.05, "stereo": 0.08, "mono": 0.12}},
     "loop": {"world": "camera_loop.yaml", "robots": ("alpha",), "goal_m": {"rgbd": 0.10}},
 }
-HEADERS = ("sequence", "sensor", "frames", "lost", "ATE RMSE, m (least to most)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
+HEADERS = ("sequence", "sensor", "frames", "lost", "ATE RMSE, m (least to most of seeds)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
            "frames/s", "peak, MB")
 
 
@@ -100,7 +100,7 @@ def measure(name, sequence, seeds):
 def cells(row):
     camera, errors = row["camera"], row["errors_m"]
     return (row["name"], row["sequence"]["sensor"], camera["frames"], camera["lost"],
-            f"{statistics.median(errors):.4f} ({min(errors):.4f} to {max(errors):.4f})", row["sequence"]["goal_m"], camera["loops"],
+            f"{statistics.median(errors):.4f} ({min(errors):.4f} to {max(errors):.4f} of {len(errors)})", row["sequence"]["goal_m"], camera["loops"],
             f"{camera['tracking_mean_ms']:.1f} ({camera['tracking_p99_ms']:.1f})", f"{camera['keyframe_mean_ms']:.1f}",
             f"{row['frames_per_second']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}")
 
@@ -124,8 +124,8 @@ def run(arguments):
         rows[name] = measure(name, known[name], arguments.seeds)
         common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": [rows[key] for key in known if key in rows]})
     text = common.table(HEADERS, [cells(rows[key]) for key in known if key in rows])
-    text += (f"\n\nMeasured by `scripts/bench visual` on one core of {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
-             f"of {arguments.seeds} seeds; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
+    text += (f"\n\nMeasured by `scripts/bench visual` on {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
+             f"of the seeds' errors; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
     print(text)
     if not arguments.dry_run:
         common.write_readme("visual", text)
