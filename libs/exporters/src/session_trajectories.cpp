@@ -7,12 +7,6 @@
 
 namespace mapweave::exporters {
 
-namespace {
-
-bool is_keyframe(const Node& node) { return node.payload != nullptr && std::holds_alternative<KeyframeFeatures>(*node.payload); }
-
-}  // namespace
-
 std::vector<SessionTrajectory> session_trajectories(const Map& map) {
   std::vector<SessionTrajectory> trajectories;
   std::set<SessionId> seeing, scanning;
@@ -21,7 +15,7 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
     MAPWEAVE_EXPECT(is_finite(node.map_from_node), "the pose of " + to_string(id) + " is not finite");
     if (trajectories.empty() || trajectories.back().session != id.session) trajectories.push_back({id.session, {}});
     trajectories.back().poses.push_back({node.stamp, node.map_from_node});
-    (is_keyframe(node) ? seeing : scanning).insert(id.session);
+    (keyframe_of(node) != nullptr ? seeing : scanning).insert(id.session);
   }
   // The way of a robot that has a laser too is told once.
   const auto is_told = [&](const SessionTrajectory& trajectory) {

@@ -1,3 +1,5 @@
+#include "covisibility.h"
+
 #include <mapweave/fusion/bind.h>
 
 #include <mapweave/matching/rigid_from_points.h>
@@ -41,17 +43,6 @@ class LaserWay {
   std::vector<const Node*> nodes_;
 };
 
-bool is_keyframe(const Node& node) { return node.payload != nullptr && std::holds_alternative<KeyframeFeatures>(*node.payload); }
-
-bool knows_its_scale(const Map& map) {
-  for (const auto& [id, node] : map.nodes)
-    if (is_keyframe(node) && std::get<KeyframeFeatures>(*node.payload).geometry->baseline_m > 0.0) return true;
-  for (const auto& [id, landmark] : map.landmarks)
-    for (const LandmarkSighting& seen : landmark.seen)
-      if (seen.inverse_depth != 0) return true;
-  return false;
-}
-
 struct Pair {
   const Node* keyframe;
   LaserWay::Place place;
@@ -83,26 +74,17 @@ Sim3 laser_from_camera(const std::vector<Pair>& pairs, bool scale_is_known) {
 // Keyframes that see the same, and one and the next.
 std::vector<std::pair<NodeId, NodeId>> neighbours(const Map& camera, int least_shared) {
   constexpr std::size_t kMostNeighbours = 5;
-  std::map<NodeId, std::map<NodeId, int>> shared;  // with earlier ones
-  for (const auto& [id, landmark] : camera.landmarks)
-    for (const LandmarkSighting& one : landmark.seen)
-      for (const LandmarkSighting& other : landmark.seen)
-        if (other.node < one.node) ++shared[one.node][other.node];
+  const Covisibility seen = covisibility(camera);
   std::vector<std::pair<NodeId, NodeId>> result;
-  const NodeId* last = nullptr;
-  for (const auto& [id, node] : camera.nodes) {
-    std::vector<std::pair<int, NodeId>> most;
-    for (const auto& [other, count] : shared[id])
-      if (count >= least_shared) most.emplace_back(-count, other);
-    std::sort(most.begin(), most.end());
-    if (most.size() > kMostNeighbours) most.resize(kMostNeighbours);
-    bool to_the_last = last == nullptr;
-    for (const auto& [count, other] : most) {
-      result.emplace_back(other, id);
-      to_the_last = to_the_last || other == *last;
+  for (std::size_t i = 1; i < seen.keyframes.size(); ++i) {
+    std::size_t count = 0;
+    bool to_the_last = false;
+    for (const auto& [landmarks, other] : seen.shared[i]) {
+      if (other > i || count == kMostNeighbours || landmarks < static_cast<std::size_t>(least_shared)) continue;
+      result.emplace_back(seen.keyframes[other]->id, seen.keyframes[i]->id);
+      ++count, to_the_last = to_the_last || other + 1 == i;
     }
-    if (!to_the_last) result.emplace_back(*last, id);
-    last = &id;
+    if (!to_the_last) result.emplace_back(seen.keyframes[i - 1]->id, seen.keyframes[i]->id);
   }
   return result;
 }
@@ -129,7 +111,7 @@ BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& op
       result.apart.push_back(camera.id);
       continue;
     }
-    const Sim3 laser_from_map = laser_from_camera(pairs, knows_its_scale(camera));
+    const Sim3 laser_from_map = laser_from_camera(pairs, is_metric(camera));
     const auto moved = [&](const Pose3& pose) { return compose(laser_from_map.pose, Pose3{laser_from_map.scale * pose.t, pose.q}); };
     for (const auto& [id, node] : camera.nodes) {
       Node placed = node;

@@ -12,7 +12,8 @@ constexpr double kSamePoint_px = 2.5;  // between where a landmark was found and
 constexpr std::size_t kLookedUp = 24;
 constexpr std::size_t kMostCompanions = 20;
 
-MappedKeyframe keyframe_of(const Node& node, const KeyframeFeatures& content) {
+MappedKeyframe mapped(const Node& node) {
+  const KeyframeFeatures& content = *keyframe_of(node);
   const CameraGeometry& geometry = *content.geometry;
   MappedKeyframe result;
   result.id = node.id, result.map_from_node = node.map_from_node, result.content = &content;
@@ -70,13 +71,13 @@ Hash content_of(const matching::PlaceView& view) {
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map) {
-  for (const auto& [id, node] : map.nodes)
-    if (node.payload)
-      if (const auto* content = std::get_if<KeyframeFeatures>(node.payload.get())) keyframes_.push_back(keyframe_of(node, *content));
+VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map), is_metric_(fusion::is_metric(map)), seen_(covisibility(map)) {
+  for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
+    keyframes_.push_back(mapped(*seen_.keyframes[i]));
+    auto& companions = keyframes_.back().companions = seen_.shared[i];
+    if (companions.size() > kMostCompanions) companions.resize(kMostCompanions);
+  }
   if (keyframes_.empty()) return;
-  for (const MappedKeyframe& keyframe : keyframes_) is_metric_ = is_metric_ || keyframe.content->geometry->baseline_m > 0.0;
-
   std::vector<std::vector<Shown>> shown(keyframes_.size());
   for (const auto& [id, landmark] : map.landmarks) {
     const Node* anchor = map.nodes.find(landmark.anchor);
@@ -85,7 +86,6 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map) {
       const std::size_t number = number_of(sighting.node);
       if (number == keyframes_.size()) continue;
       shown[number].push_back({static_cast<std::int32_t>(landmarks_.size()), pixels_of(sighting.u), pixels_of(sighting.v)});
-      is_metric_ = is_metric_ || sighting.inverse_depth != 0;
     }
     landmarks_.push_back({id, transformed(landmark.point_in_anchor(), anchor->map_from_node)});
   }
@@ -94,38 +94,12 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map) {
     tie_to_features(keyframes_[i], std::move(shown[i]));
     keyframes_[i].bag = vocabulary.describe_picture(keyframes_[i].content->descriptors).bag;
   });
-  find_companions();
   index_.emplace(vocabulary.words());
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     index_->add(keyframes_[i].id, keyframes_[i].bag);
     const std::size_t other = i > 0 ? i - 1 : std::min<std::size_t>(1, keyframes_.size() - 1);
     keyframes_[i].likeness = matching::common_share(keyframes_[i].bag, keyframes_[other].bag);
   }
-}
-
-void VisualMap::find_companions() {
-  std::vector<std::map<std::size_t, std::size_t>> shared(keyframes_.size());
-  for (const auto& [id, landmark] : map_->landmarks) {
-    std::vector<std::size_t> seen;
-    for (const LandmarkSighting& sighting : landmark.seen)
-      if (const std::size_t number = number_of(sighting.node); number < keyframes_.size()) seen.push_back(number);
-    for (const std::size_t one : seen)
-      for (const std::size_t other : seen)
-        if (one != other) ++shared[one][other];
-  }
-  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    auto& companions = keyframes_[i].companions;
-    for (const auto& [other, count] : shared[i]) companions.emplace_back(count, other);
-    std::sort(companions.begin(), companions.end(),
-              [](const auto& a, const auto& b) { return a.first > b.first || (a.first == b.first && a.second < b.second); });
-    if (companions.size() > kMostCompanions) companions.resize(kMostCompanions);
-  }
-}
-
-std::size_t VisualMap::number_of(const NodeId& id) const {
-  const auto place =
-      std::lower_bound(keyframes_.begin(), keyframes_.end(), id, [](const MappedKeyframe& k, const NodeId& key) { return k.id < key; });
-  return place != keyframes_.end() && place->id == id ? static_cast<std::size_t>(place - keyframes_.begin()) : keyframes_.size();
 }
 
 std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const {

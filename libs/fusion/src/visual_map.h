@@ -1,6 +1,8 @@
 #pragma once
 // A map of keyframes with what comparing it with others needs, made once: words, who sees what, and places as the judge wants them.
 
+#include "covisibility.h"
+
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/place_index.h>
@@ -45,13 +47,13 @@ class VisualMap {
   const std::vector<MappedLandmark>& landmarks() const { return landmarks_; }  // by id
   // Keyframes that look like this picture, each the best of its surroundings, best first.
   std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const;
-  std::size_t number_of(const NodeId& id) const;  // a keyframe's
+  std::size_t number_of(const NodeId& id) const { return seen_.number_of(id); }  // a keyframe's
   VisualPlace place(std::size_t keyframe, std::size_t companions) const;
 
  private:
-  void find_companions();
   const Map* map_;
-  bool is_metric_ = false;
+  bool is_metric_;
+  Covisibility seen_;
   std::vector<MappedKeyframe> keyframes_;
   std::vector<MappedLandmark> landmarks_;
   std::optional<matching::PlaceIndex> index_;

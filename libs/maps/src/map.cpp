@@ -78,7 +78,7 @@ std::vector<RobotId> Map::robots() const {
 bool holds(const Map& map, const SubmapId& id) {
   if (map.submaps.contains(id)) return true;
   const Node* node = map.nodes.find({id.session, id.index});
-  return node != nullptr && node->payload != nullptr && std::holds_alternative<KeyframeFeatures>(*node->payload);
+  return node != nullptr && keyframe_of(*node) != nullptr;
 }
 
 Hash content_hash(const Map& map) {

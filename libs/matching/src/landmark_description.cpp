@@ -43,7 +43,7 @@ std::optional<DescribedLandmark> described(const Map& map, const Landmark& landm
   std::vector<std::pair<const Node*, const LandmarkSighting*>> seen;
   for (const LandmarkSighting& sighting : landmark.seen) {
     const Node* node = map.nodes.find(sighting.node);
-    if (node != nullptr && std::get_if<KeyframeFeatures>(node->payload.get()) != nullptr) seen.emplace_back(node, &sighting);
+    if (node != nullptr && keyframe_of(*node) != nullptr) seen.emplace_back(node, &sighting);
   }
   std::sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
     return a.first->stamp.ns != b.first->stamp.ns ? b.first->stamp < a.first->stamp : a.first->id < b.first->id;

@@ -22,9 +22,7 @@ std::vector<exporters::StampedPose> carried_along(const CameraMap& part, const C
 }
 
 bool has_keyframes(const Map& map) {
-  return std::any_of(map.nodes.begin(), map.nodes.end(), [](const auto& entry) {
-    return entry.second.payload != nullptr && std::holds_alternative<KeyframeFeatures>(*entry.second.payload);
-  });
+  return std::any_of(map.nodes.begin(), map.nodes.end(), [](const auto& entry) { return keyframe_of(entry.second) != nullptr; });
 }
 
 std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras) {

@@ -3,6 +3,7 @@
 #include "detector.h"
 #include "feature_grid.h"
 #include "frame_alignment.h"
+#include "frame_pose.h"
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
@@ -25,15 +26,7 @@ constexpr std::size_t kPlaces = 12;        // that a picture is compared with, o
 constexpr double kCarried_s = 0.5;         // in so long a camera may have come anywhere
 constexpr int kNotedAfter = 10;            // frames
 constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
-constexpr std::size_t kEnough = 20;        // landmarks, to say alone where the camera is
 constexpr double kLentReach = 0.02;        // widths of the picture: how far landmarks of others are looked for
-
-struct Attempt {
-  std::vector<Match> found;
-  PoseFromPoints pose;
-  Motion motion;
-  int session = 0;
-};
 
 // The straightening of a map, computed aside.
 struct Straightening {
@@ -88,40 +81,11 @@ struct VisualClient::State {
     looking.reach_px *= wider;
     if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), map.camera, looking);
     attempt.found = finder.find(map, near, picture, start, speed, looking);
-    attempt.pose = place_by(attempt.found, start);
+    attempt.pose = pose_by(map, among, attempt.found, start, options.tracking);
     return attempt;
   }
 
-  // First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones
-  // that agree among themselves; then by all that do not speak against it. What others say counts where it agrees with the client's own;
-  // but a camera alone that was told its scale has it from them.
-  PoseFromPoints place_by(const std::vector<Match>& found, const View& start) const {
-    std::vector<Sighting> all, own, known, lent_ones;
-    for (const Match& match : found) {
-      all.push_back(map.sighting_of(match, options.tracking.sigma_px, &start));
-      const Landmark& landmark = map.landmark(match.landmark);
-      (landmark.lent ? lent_ones : own).push_back(all.back());
-      if (!landmark.lent && landmark.seen.size() > 2) known.push_back(all.back());
-    }
-    const std::vector<Sighting>* leading = nullptr;
-    if (map.monocular && !lent_ones.empty()) leading = map.is_adopted(session) ? &lent_ones : &own;
-    if (!map.monocular && known.size() >= kEnough) leading = &known;
-    if (!map.monocular && known.size() < kEnough && !lent_ones.empty()) leading = &own;
-    const double gate = options.tracking.gate_sigmas;
-    if (leading != nullptr && leading->size() >= kEnough) {
-      const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.flaws, gate);
-      if (first.count >= static_cast<int>(kEnough)) return pose_from_points(all, map.camera, first.view, map.flaws, gate, gate);
-    }
-    return pose_from_points(all, map.camera, start, map.flaws, gate);
-  }
-
-  // Where the camera was followed, fewer landmarks are enough than where it may be anywhere.
-  bool is_good(const Attempt& attempt, bool followed = false) const {
-    const int least = followed ? options.tracking.least_landmarks / 2 : options.tracking.least_landmarks;
-    int found = 0;  // what others say of a place does not speak against it
-    for (std::size_t i = 0; i < attempt.found.size(); ++i) found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).lent;
-    return attempt.pose.count >= least && 2 * attempt.pose.count >= found;
-  }
+  bool is_good(const Attempt& attempt, bool followed = false) const { return visual::is_good(map, attempt, followed, options.tracking); }
 
   // Without pictures to lay on each other, motion is expected to go on, and landmarks are looked for far and then near.
   Attempt follow_features(const Pyramid& picture, double interval_s) {
@@ -394,7 +358,7 @@ struct VisualClient::State {
     }
     if (attempt.session != session) {
       session = attempt.session, motion = View();
-      reference = most_seen(), reference_landmarks = matches.size();
+      reference = most_seen(map, matches), reference_landmarks = matches.size();
     } else {
       motion = attempt.pose.view * view.inverse();
     }
@@ -435,6 +399,7 @@ struct VisualClient::State {
     map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
     matches = std::move(checked->matches), view = checked->view, motion = View();
     reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
+    map.keyframe(reference).way = way;
     reference_landmarks = matches.size(), session = number;
     if (begins) sessions_begun = number + 1, adopted.push_back({number, answer.map}), map.adopted.push_back(number);
     if (closer) closer->add(map, reference);
@@ -443,14 +408,6 @@ struct VisualClient::State {
     kept(asked->frame.stamp, true);
     if (asked->frame.stamp < newest) lost_s = 1e-3, lost_stamp = newest;  // since then the camera may have come anywhere
     return PlaceVerdict::taken;
-  }
-
-  // The keyframe that shows most of what is seen now.
-  int most_seen() const {
-    std::vector<int> counts(map.keyframes.size(), 0);
-    for (const Match& match : matches)
-      for (const Observation& o : map.landmark(match.landmark).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
-    return static_cast<int>(std::max_element(counts.begin(), counts.end()) - counts.begin());
   }
 };
 

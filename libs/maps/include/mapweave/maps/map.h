@@ -29,6 +29,9 @@ struct Node {
   std::shared_ptr<const Payload> payload;  // content; null for a pose only (a scan that showed nothing new)
 };
 
+// What a camera saw there; null where the node is no keyframe.
+inline const KeyframeFeatures* keyframe_of(const Node& node) { return std::get_if<KeyframeFeatures>(node.payload.get()); }
+
 // The unit of matching: some nodes, held together rigidly. The submap's frame is that of its first node.
 struct Submap {
   SubmapId id;

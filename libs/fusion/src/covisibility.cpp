@@ -1,0 +1,48 @@
+#include "covisibility.h"
+
+#include <algorithm>
+#include <map>
+
+namespace mapweave::fusion {
+
+std::size_t Covisibility::number_of(const NodeId& id) const {
+  const auto place = std::lower_bound(keyframes.begin(), keyframes.end(), id, [](const Node* k, const NodeId& key) { return k->id < key; });
+  return place != keyframes.end() && (*place)->id == id ? static_cast<std::size_t>(place - keyframes.begin()) : keyframes.size();
+}
+
+Covisibility covisibility(const Map& map) {
+  Covisibility result;
+  for (const auto& [id, node] : map.nodes)
+    if (keyframe_of(node) != nullptr) result.keyframes.push_back(&node);
+  std::vector<std::map<std::size_t, std::size_t>> counts(result.keyframes.size());
+  std::vector<std::size_t> seen;
+  for (const auto& [id, landmark] : map.landmarks) {
+    seen.clear();
+    for (const LandmarkSighting& sighting : landmark.seen)
+      if (const std::size_t number = result.number_of(sighting.node); number < counts.size()) seen.push_back(number);
+    for (const std::size_t one : seen)
+      for (const std::size_t other : seen)
+        if (one != other) ++counts[one][other];
+  }
+  for (const auto& shared : counts) {
+    auto& sorted = result.shared.emplace_back();
+    for (const auto& [other, count] : shared) sorted.emplace_back(count, other);
+    std::sort(sorted.begin(), sorted.end(),
+              [](const auto& a, const auto& b) { return a.first > b.first || (a.first == b.first && a.second < b.second); });
+  }
+  return result;
+}
+
+bool is_metric(const Map& map) {
+  return std::any_of(map.nodes.begin(), map.nodes.end(),
+                     [](const auto& entry) {
+                       const KeyframeFeatures* keyframe = keyframe_of(entry.second);
+                       return keyframe != nullptr && keyframe->geometry->baseline_m > 0.0;
+                     }) ||
+         std::any_of(map.landmarks.begin(), map.landmarks.end(), [](const auto& entry) {
+           const auto& seen = entry.second.seen;
+           return std::any_of(seen.begin(), seen.end(), [](const LandmarkSighting& sighting) { return sighting.inverse_depth != 0; });
+         });
+}
+
+}  // namespace mapweave::fusion

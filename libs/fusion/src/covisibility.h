@@ -1,0 +1,23 @@
+#pragma once
+// Which keyframes of a map see the same landmarks.
+
+#include <mapweave/maps/map.h>
+
+#include <utility>
+#include <vector>
+
+namespace mapweave::fusion {
+
+struct Covisibility {
+  std::vector<const Node*> keyframes;  // by id
+  // Of each keyframe: how many landmarks it shares, and with which one; most first.
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> shared;
+
+  std::size_t number_of(const NodeId& id) const;  // of a keyframe; keyframes.size() for another node
+};
+Covisibility covisibility(const Map&);
+
+// Whether its keyframes measured depth. Without that a map has the lengths that one camera gave it.
+bool is_metric(const Map&);
+
+}  // namespace mapweave::fusion
