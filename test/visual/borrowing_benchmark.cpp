@@ -50,7 +50,7 @@ struct Server {
   double spent_ms = 0.0;
   int asked = 0;
 
-  std::vector<BorrowedLandmark> under(const PinholeCamera& camera, const Pose3& map_from_camera) {
+  std::vector<DescribedLandmark> under(const PinholeCamera& camera, const Pose3& map_from_camera) {
     matching::Frustum frustum;
     frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
     frustum.map_from_camera = map_from_camera;

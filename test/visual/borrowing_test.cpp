@@ -1,6 +1,6 @@
 #include <mapweave/core/error.h>
 
-#include "lending.h"
+#include <support/lending.h>
 
 #include <gmock/gmock.h>
 
@@ -109,7 +109,7 @@ TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
     const auto noise = [&] { return static_cast<double>(random() >> 11) * 0x1.0p-53 - 0.5; };
     drive.run(200, [&](const Pose3& world_from_camera) {
       auto lent = LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
-      for (BorrowedLandmark& one : lent)
+      for (DescribedLandmark& one : lent)
         one.point_in_map += together ? Eigen::Vector3d(0.0, 0.25, 0.1) : Eigen::Vector3d(noise(), noise(), noise());
       drive.client.lend(place_of("beta"), 0, lent);
     });
@@ -122,12 +122,12 @@ TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
 
 TEST(Borrowing, refuses_what_is_no_landmark_and_sessions_that_are_not) {
   Drive drive;
-  const BorrowedLandmark good = server().under(drive.corridor.camera, along(0.0)).front();
+  const DescribedLandmark good = server().under(drive.corridor.camera, along(0.0)).front();
   EXPECT_EQ(drive.client.lend(place_of("beta"), 0, {good}), 0) << "it has not begun";
   drive.run(20, [](const Pose3&) {});
   EXPECT_EQ(drive.client.lend(place_of("beta"), 1, {good}), 0);
   EXPECT_EQ(drive.client.lend(place_of("beta"), -1, {good}), 0);
-  std::vector<BorrowedLandmark> bad(5, good);
+  std::vector<DescribedLandmark> bad(5, good);
   bad[0].point_in_map.x() = std::numeric_limits<double>::quiet_NaN();
   bad[1].point_in_map.y() = 1e300;
   bad[2].direction = {3, 4, 5};
@@ -146,7 +146,7 @@ TEST(Borrowing, refuses_what_is_no_landmark_and_sessions_that_are_not) {
 TEST(Borrowing, holds_no_more_than_it_needs) {
   Drive drive;
   drive.run(20, [](const Pose3&) {});
-  std::vector<BorrowedLandmark> flood(20000, server().under(drive.corridor.camera, along(0.0)).front());
+  std::vector<DescribedLandmark> flood(20000, server().under(drive.corridor.camera, along(0.0)).front());
   for (std::uint32_t i = 0; i < flood.size(); ++i) flood[i].id.index = i, flood[i].point_in_map.x() = -500.0 - i;
   drive.client.lend(place_of("beta"), 0, flood);
   EXPECT_LE(drive.client.borrowed(), 3000U);

@@ -1,7 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/matching/visual_judge.h>
 
-#include "lending.h"
+#include <support/lending.h>
 
 #include <gmock/gmock.h>
 
@@ -117,7 +117,7 @@ TEST(PlaceExchange, survives_wrong_late_and_unsound_answers) {
   wrong.map_from_robot.t.x() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(client.place(place, wrong), PlaceVerdict::unsound);
   wrong = answer_to(ask(4), walk(4));
-  wrong.session = 3;
+  wrong.map = map_of(place.client, 3);
   EXPECT_EQ(client.place(place, wrong), PlaceVerdict::unsound) << "no such session";
   wrong = answer_to(ask(5), walk(5));
   wrong.landmarks.clear();
@@ -150,7 +150,7 @@ TEST(PlaceExchange, brings_a_lost_client_back_into_its_map) {
   ASSERT_TRUE(request);
   PlaceAnswer answer = answer_to(*request, there(12));
   const Pose3 world_from_own = compose(walk(0), inverse(test::kRobotFromCamera));
-  answer.session = 0;
+  answer.map = map_of(place_of("beta").client, 0);
   answer.map_from_robot = compose(compose(inverse(world_from_own), there(12)), inverse(test::kRobotFromCamera));
   answer.landmarks = LendingServer::in_map(server().under(room.camera, there(12)), world_from_own);
   ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
@@ -184,7 +184,7 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
     if (i == 0) {
       const auto request = client.place_request(place_of("beta"));
       ASSERT_TRUE(request);
-      PlaceAnswer answer{request->stamp, MapId("team"), -1,
+      PlaceAnswer answer{request->stamp, MapId("team"),
                          compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)), lend_at(way(0))};
       ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
     } else if (tracked.keyframe) {

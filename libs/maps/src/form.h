@@ -3,7 +3,7 @@
 
 #include <mapweave.pb.h>
 #include <mapweave/core/error.h>
-#include <mapweave/maps/map_update.h>
+#include <mapweave/maps/exchange.h>
 
 #include <map>
 
@@ -64,6 +64,9 @@ form::Judgement form_of(const Judgement&, const SessionTable&);
 form::Verdict form_of(const Verdict&);
 form::Landmark form_of(const Landmark&, const SessionTable&);
 form::LandmarkChange form_of(const LandmarkChange&, const SessionTable&);
+form::LentLandmark form_of(const DescribedLandmark&, const SessionTable&);
+form::Pose form_of(const Pose3&);
+form::Keyframe form_of(const KeyframeFeatures&, const Geometries&);
 
 // Reads what was parsed from bytes that nobody vouches for. Everything it returns is sound (soundness.h).
 class FormReader {
@@ -88,21 +91,22 @@ class FormReader {
   Verdict verdict(const form::Verdict&) const;
   Landmark landmark(const form::Landmark&) const;
   LandmarkChange landmark_change(const form::LandmarkChange&) const;
+  DescribedLandmark lent(const form::LentLandmark&) const;
+  Pose3 pose(const form::Pose&) const;
+  Hash hash(const std::string& bytes) const;
+  SessionId session(std::uint32_t place) const;
+  KeyframeFeatures keyframe(const form::Keyframe&) const;
   std::string name_or_nothing(const std::string& text, const char* of_what) const;
 
  private:
   template <class Value>
   void require_sound(const Value& value) const;
-  SessionId session(std::uint32_t place) const;
-  Hash hash(const std::string& bytes) const;
-  Pose3 pose(const form::Pose&) const;
   Sim3 similarity(const form::Similarity&) const;
   Eigen::Matrix<double, 6, 6> matrix(const form::Matrix6&) const;
   Alignment alignment(const form::Alignment&) const;
   std::shared_ptr<const Payload> payload(const form::Node&) const;
   PackedScan scan(const form::Scan&) const;
   OccupancyGrid grid(const form::Grid&) const;
-  KeyframeFeatures keyframe(const form::Keyframe&) const;
   template <class Form>
   std::vector<LandmarkSighting> sightings(const Form&, const SessionId& own) const;
   template <class Form>

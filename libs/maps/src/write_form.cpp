@@ -256,6 +256,18 @@ form::LandmarkChange form_of(const LandmarkChange& change, const SessionTable& s
   return form;
 }
 
+form::Pose form_of(const Pose3& pose) {
+  form::Pose form;
+  fill(form, pose);
+  return form;
+}
+
+form::Keyframe form_of(const KeyframeFeatures& keyframe, const Geometries& geometries) {
+  form::Keyframe form;
+  fill(form, keyframe, geometries);
+  return form;
+}
+
 form::Verdict form_of(const Verdict& verdict) {
   form::Verdict form;
   form.set_a(verdict.a.str());

@@ -101,16 +101,28 @@ void MapCorrection::run() {
 }
 
 std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
+  std::vector<KeyframeMotion> motions;
+  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+    const Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
+    if (!keyframe.gone && keyframe.serial == keyframes_[i].serial) motions.push_back({keyframes_[i].slot, bundle_.views[i], scales_[i]});
+  }
+  auto scales = move_keyframes(map, map.keyframe(keyframes_.front().slot).session, motions);
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    Landmark& landmark = map.landmark(landmarks_[i].slot);
+    if (!landmark.gone && landmark.serial == landmarks_[i].serial) landmark.point = bundle_.points[i];
+  }
+  return scales;
+}
+
+std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions) {
   std::vector<View> before;
   for (const Keyframe& keyframe : map.keyframes) before.push_back(keyframe.view);
   std::vector<char> moved(map.keyframes.size(), 0);
   std::vector<double> scales(map.keyframes.size(), 1.0);
-  const int session = map.keyframe(keyframes_.front().slot).session;
-  for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
-    if (keyframe.gone || keyframe.serial != keyframes_[i].serial) continue;
-    keyframe.view = bundle_.views[i];
-    moved[static_cast<std::size_t>(keyframes_[i].slot)] = 1, scales[static_cast<std::size_t>(keyframes_[i].slot)] = scales_[i];
+  for (const KeyframeMotion& motion : motions) {
+    const auto slot = static_cast<std::size_t>(motion.keyframe);
+    map.keyframes[slot].view = motion.view;
+    moved[slot] = 1, scales[slot] = motion.scale;
   }
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
@@ -122,20 +134,12 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
     scales[here] = scales[last];
     map.keyframes[here].view = stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
   }
-  std::vector<char> known(map.landmarks.size(), 0);
-  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
-    Landmark& landmark = map.landmark(landmarks_[i].slot);
-    if (landmark.gone || landmark.serial != landmarks_[i].serial) continue;
-    landmark.point = bundle_.points[i];
-    known[static_cast<std::size_t>(landmarks_[i].slot)] = 1;
-  }
-  for (std::size_t id = 0; id < map.landmarks.size(); ++id) {
-    Landmark& landmark = map.landmarks[id];
-    if (known[id] || landmark.gone || landmark.lent || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
+  for (Landmark& landmark : map.landmarks) {
+    if (landmark.gone || landmark.lent || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
     const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
     landmark.point = map.keyframes[anchor].view.inverse() * (scales[anchor] * (before[anchor] * landmark.point));
   }
-  if (monocular_) stretch(map, scales);
+  if (map.monocular) stretch(map, scales);
   return scales;
 }
 

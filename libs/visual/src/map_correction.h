@@ -31,6 +31,16 @@ class MapCorrection {
   std::vector<double> scales_;  // of the views
 };
 
+// Where a keyframe is to be, and how its lengths grow.
+struct KeyframeMotion {
+  int keyframe = 0;
+  View view;
+  double scale = 1.0;
+};
+// The other keyframes of the session move along with the one before them (those before the first stay), landmarks with the keyframe that
+// saw them first, and what is measured in the map's lengths grows with them. Answers the scales, by slot.
+std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions);
+
 // A view whose camera's lengths grow: (view from the other) with its translation so much longer.
 inline View stretched(View view, double scale) {
   view.translation *= scale;

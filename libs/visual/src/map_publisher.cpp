@@ -1,6 +1,7 @@
 #include "map_publisher.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 namespace mapweave::visual {
@@ -23,6 +24,21 @@ void sort_by_id(std::vector<Item>& items) {
 }
 
 }  // namespace
+
+MapId map_of(const ClientId& client, int session) {
+  const std::string name = client.robot.str() + "." + client.sensor.str();
+  return MapId(session == 0 ? name : name + "." + std::to_string(session));
+}
+
+std::optional<int> session_of(const ClientId& client, MapId map) {
+  const std::string name = map_of(client, 0).str();
+  if (map.str() == name) return 0;
+  if (map.str().compare(0, name.size() + 1, name + ".") != 0) return std::nullopt;
+  int session = 0;
+  const char *begin = map.str().data() + name.size() + 1, *end = map.str().data() + map.str().size();
+  const auto read = std::from_chars(begin, end, session);
+  return read.ec == std::errc() && read.ptr == end && session > 0 ? std::optional(session) : std::nullopt;
+}
 
 std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const Pose3& robot_from_camera) {
   const PinholeCamera& camera = map.camera;
@@ -51,8 +67,7 @@ MapPublisher::MapPublisher(ClientPlace place, SessionId session, double sigma_px
 MapUpdate& MapPublisher::update_of(int part) {
   const auto [found, is_new] = updates_.try_emplace(part);
   if (is_new) {
-    const std::string client = session_.client.robot.str() + "." + session_.client.sensor.str();
-    found->second.origin.map = MapId(part == 0 ? client : client + "." + std::to_string(part));
+    found->second.origin.map = map_of(session_.client, part);
     found->second.base = sequence_[part];
     found->second.sequence = ++sequence_[part];
   }

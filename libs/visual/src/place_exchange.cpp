@@ -21,11 +21,11 @@ FeatureGrid grid_of(const matching::OrbFeatures& features, const PinholeCamera& 
   return FeatureGrid(frame, camera);
 }
 
-std::vector<BorrowedLandmark> of_others(const std::vector<BorrowedLandmark>& landmarks, const SessionId& own,
-                                        const Pose3& robot_from_camera) {
+std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
+                                         const Pose3& robot_from_camera) {
   const Pose3 camera_from_robot = inverse(robot_from_camera);
-  std::vector<BorrowedLandmark> result;
-  for (const BorrowedLandmark& landmark : landmarks)
+  std::vector<DescribedLandmark> result;
+  for (const DescribedLandmark& landmark : landmarks)
     if (landmark.id.session != own) result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
   return result;
 }

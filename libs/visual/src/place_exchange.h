@@ -19,8 +19,8 @@ struct UnplacedFrame {
 PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view, const TrackingOptions& options);
 
 // Those that `own` did not make, in the frame of the map in memory: that of the first camera, not of the robot.
-std::vector<BorrowedLandmark> of_others(const std::vector<BorrowedLandmark>& landmarks, const SessionId& own,
-                                        const Pose3& robot_from_camera);
+std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
+                                         const Pose3& robot_from_camera);
 
 class PlaceExchange {
  public:

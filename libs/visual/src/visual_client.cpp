@@ -16,6 +16,8 @@
 #include <mapweave/visual/visual_client.h>
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 #include <utility>
 
 namespace mapweave::visual {
@@ -36,10 +38,6 @@ struct Straightening {
 };
 
 }  // namespace
-
-void BackgroundWork::run() {
-  std::call_once(once_, [this] { work_(), done_ = true; });
-}
 
 struct VisualClient::State {
   ClientOptions options;
@@ -67,6 +65,7 @@ struct VisualClient::State {
   std::optional<Straightening> straightening;
   std::optional<MapPublisher> publisher;
   LentLandmarks lent;
+  std::uint32_t forgotten = 0;  // times
   PlaceExchange exchange;
   std::vector<AdoptedFrame> adopted;
   std::optional<Stamp> begun;
@@ -232,8 +231,7 @@ struct VisualClient::State {
     if (!loop) return;
     ++loops;
     if (const int other = map.keyframe(loop->earlier).session; other != session) {
-      for (int one : {session, other}) lent.forget(map, one);
-      drop_what_is_gone();
+      for (int one : {session, other}) forget_lent(one);
       const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
       adopted.erase(std::remove_if(adopted.begin(), adopted.end(), moves), adopted.end());
       map.adopted.erase(std::remove(map.adopted.begin(), map.adopted.end(), std::max(session, other)), map.adopted.end());
@@ -245,15 +243,52 @@ struct VisualClient::State {
     straightening = Straightening{{stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
+  void forget_lent(int number) {
+    if (lent.size() > 0) ++forgotten;
+    lent.forget(map, number);
+    drop_what_is_gone();
+  }
+
+  // As `move` does with the map: answers by how much the lengths of each keyframe grow.
+  template <class Move>
+  void carry_view(const Move& move) {
+    const View view_from_reference = view * map.keyframe(reference).view.inverse();
+    const double scale = move()[static_cast<std::size_t>(reference)];
+    view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
+  }
+
   void straighten() {
     straightening->work->run();
-    lent.forget(map, session);  // its map changes under them
-    drop_what_is_gone();
-    const View view_from_reference = view * map.keyframe(reference).view.inverse();
-    const double scale = straightening->correction->apply(map)[static_cast<std::size_t>(reference)];
+    forget_lent(session);  // its map changes under them
+    carry_view([&] { return straightening->correction->apply(map); });
     see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
-    view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
     straightening.reset();
+  }
+
+  bool correct(const ClientPlace& place, int number, const std::vector<MovedNode>& corrected, double scale) {
+    if (!has_session(number) || straightening || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
+    const SessionId own{place.client, begun->ns};
+    std::map<std::uint32_t, const MovedNode*> known;
+    for (const MovedNode& moved : corrected) {
+      if (moved.id.session != own || !is_finite(moved.map_from_node) || std::abs(moved.map_from_node.q.norm() - 1.0) > 1e-6) return false;
+      known[moved.id.index] = &moved;
+    }
+    std::vector<KeyframeMotion> motions;
+    for (int slot = 0; slot < static_cast<int>(map.keyframes.size()); ++slot) {
+      const Keyframe& keyframe = map.keyframe(slot);
+      const auto moved = known.find(keyframe.serial);
+      if (keyframe.gone || keyframe.session != number || moved == known.end()) continue;
+      const Pose3& map_from_robot = moved->second->map_from_node;
+      motions.push_back(
+          {slot, view_of(compose(compose(inverse(place.robot_from_camera), map_from_robot), place.robot_from_camera)), scale});
+    }
+    if (motions.empty()) return false;
+    forget_lent(number);
+    if (number == session)
+      carry_view([&] { return move_keyframes(map, number, motions); });
+    else
+      move_keyframes(map, number, motions);
+    return true;
   }
 
   // The session's first keyframe. False where it would have nothing to hold on to.
@@ -370,7 +405,7 @@ struct VisualClient::State {
     return kept(frame.stamp, keyframe);
   }
 
-  int receive(const ClientPlace& place, int number, const std::vector<BorrowedLandmark>& landmarks) {
+  int receive(const ClientPlace& place, int number, const std::vector<DescribedLandmark>& landmarks) {
     const SessionId own{place.client, begun ? begun->ns : 0};
     const int taken = lent.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
     drop_what_is_gone();
@@ -383,8 +418,9 @@ struct VisualClient::State {
     if (reference >= 0 && lost_s == 0.0) return PlaceVerdict::placed;
     const auto asked = exchange.take(answer.stamp);
     if (!asked) return PlaceVerdict::not_asked;
-    const bool begins = answer.session < 0;
-    const int number = begins ? sessions_begun : answer.session;
+    const auto own = session_of(place.client, answer.map);
+    const bool begins = !own;
+    const int number = own.value_or(sessions_begun);
     if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 || answer.landmarks.empty() ||
         !(begins || has_session(number)))
       return PlaceVerdict::unsound;
@@ -441,6 +477,10 @@ void VisualClient::finish() {
   if (state_->straightening) state_->straighten();
 }
 
+std::optional<SessionId> VisualClient::run(const ClientPlace& place) const {
+  return state_->begun ? std::optional(SessionId{place.client, state_->begun->ns}) : std::nullopt;
+}
+
 std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
   if (!state_->begun) return {};
   if (!state_->publisher) {
@@ -451,8 +491,16 @@ std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, Publ
   return state_->publisher->take(state_->map, detail);
 }
 
-int VisualClient::lend(const ClientPlace& place, int session, const std::vector<BorrowedLandmark>& landmarks) {
+int VisualClient::lend(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {
   return state_->has_session(session) ? state_->receive(place, session, landmarks) : 0;
+}
+bool VisualClient::correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale) {
+  return state_->correct(place, session, corrected, scale);
+}
+std::optional<ClientView> VisualClient::view(const ClientPlace& place) const {
+  if (state_->reference < 0 || state_->lost_s > 0.0) return std::nullopt;
+  const Pose3 map_from_robot = compose(compose(place.robot_from_camera, pose_of(state_->view)), inverse(place.robot_from_camera));
+  return ClientView{map_of(place.client, state_->session), state_->last_stamp, map_from_robot, state_->forgotten};
 }
 std::size_t VisualClient::borrowed() const { return state_->lent.size(); }
 std::size_t VisualClient::borrowed_seen() const { return lent_of(state_->map); }

@@ -4,7 +4,7 @@
 // within it, which loses some at its border), then every landmark there is projected.
 
 #include <mapweave/core/geometry.h>
-#include <mapweave/maps/landmark.h>
+#include <mapweave/maps/exchange.h>
 #include <mapweave/matching/orb_descriptor.h>
 #include <mapweave/matching/pinhole.h>
 
@@ -15,17 +15,7 @@
 
 namespace mapweave::matching {
 
-// A landmark, and how it is known again. Frame `map`: of whoever fills it in.
-struct DescribedLandmark {
-  LandmarkId id;
-  Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
-  OrbDescriptor descriptor{};
-  Eigen::Vector3d feature_from_point = Eigen::Vector3d::Zero();  // axes of map, metres: the descriptor's feature lies so far beside it
-  Eigen::Vector3d direction = Eigen::Vector3d::Zero();           // axes of map, unit: from those that saw it towards it; zero: unknown
-  double nearest_m = 0.0, farthest_m = 0.0;                      // of the cameras that saw it; farthest 0: unknown
-  double sigma_m = 0.02;                                         // of its place, each axis
-  ClientId updated_by;                                           // last
-};
+using mapweave::DescribedLandmark;
 // What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero, sigma positive.
 std::string flaw(const DescribedLandmark&);
 inline constexpr double kMostCoordinate_m = 1e6;

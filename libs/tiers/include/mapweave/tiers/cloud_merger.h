@@ -3,7 +3,7 @@
 // are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/maps/map_update.h>
+#include <mapweave/tiers/update_inbox.h>
 
 #include <map>
 #include <string>
@@ -12,16 +12,8 @@
 
 namespace mapweave::tiers {
 
-// What the cloud has of one origin.
-struct Receipt {
-  Origin origin;
-  std::uint64_t stored = 0;   // every update up to this one
-  std::uint64_t awaited = 0;  // 0, or the number of the update that is missing: later ones have come
-};
-
 class CloudMerger {
  public:
-  static constexpr std::size_t kMaxWaiting = 1024;  // updates of one origin that wait for a missing one
   CloudMerger(TierId cloud, fusion::FusionOptions options);
 
   // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt, kBadInput) for one that
@@ -35,17 +27,9 @@ class CloudMerger {
   fusion::FusionResult seal(WorkerPool&, Progress&);
 
  private:
-  struct Collected {
-    TierId tier;
-    Map map;
-    std::uint64_t stored = 0;
-    std::map<std::uint64_t, MapUpdate> waiting;
-    Receipt receipt() const;
-  };
-  void store(Collected&, const MapUpdate&);
   TierId cloud_;
   fusion::FusionOptions options_;
-  std::map<MapId, Collected> collected_;
+  std::map<MapId, UpdateInbox> inboxes_;
   fusion::Memo memo_;
 };
 

@@ -2,13 +2,9 @@
 // What a camera client takes from a server (CVS III-B, III-C): landmarks that others made, and its own place where it does not know it.
 // Coordinates are those of the map that the client tells (VisualClient::take_updates): of the robot's base at the session's first keyframe.
 
-#include <mapweave/core/geometry.h>
-#include <mapweave/core/ids.h>
-#include <mapweave/core/stamp.h>
-#include <mapweave/maps/keyframe.h>
-#include <mapweave/matching/landmark_index.h>
+#include <mapweave/maps/exchange.h>
 
-#include <vector>
+#include <optional>
 
 namespace mapweave::visual {
 
@@ -18,23 +14,9 @@ struct ClientPlace {
   Pose3 robot_from_camera;
 };
 
-// As LandmarkIndex::retrieve answers, in the frame of the session's map. Its point is said to be right within sigma_m; updated_by is not
-// read.
-using BorrowedLandmark = matching::DescribedLandmark;
-
-// Where was this taken? Of a client that has no place; KeyframeFeatures is what keyframes are told as, so it goes over a wire like one.
-struct PlaceRequest {
-  Stamp stamp;
-  KeyframeFeatures features;
-};
-
-struct PlaceAnswer {
-  Stamp stamp;                              // of the request
-  MapId map;                                // whose frame the answer is in, and whose landmarks these are
-  int session = -1;                         // of the client, whose map's frame this is; -1: another map's, where a session begins
-  Pose3 map_from_robot;                     // of the frame asked for; lengths are true
-  std::vector<BorrowedLandmark> landmarks;  // that it should show
-};
+// Sessions are told as maps of their own, named after the client: "alpha.front", "alpha.front.1".
+MapId map_of(const ClientId& client, int session);
+std::optional<int> session_of(const ClientId& client, MapId map);  // nullopt for a map of others
 
 enum class PlaceVerdict {
   taken,      // the client goes on from there

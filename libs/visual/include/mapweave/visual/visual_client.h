@@ -4,6 +4,7 @@
 // Keyframes add landmarks and refine those around them. What is not known of the sensor, its readout time and a constant error of its
 // disparities, is learnt on the way.
 
+#include <mapweave/core/background_work.h>
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/map_update.h>
 #include <mapweave/matching/binary_vocabulary.h>
@@ -11,10 +12,7 @@
 #include <mapweave/visual/client_options.h>
 #include <mapweave/visual/frame.h>
 
-#include <atomic>
-#include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -50,20 +48,6 @@ struct SeenLandmark {
   double depth_m = 0.0;
 };
 
-// What a client has to compute, but not at once: it may be run on any thread while the client goes on.
-class BackgroundWork {
- public:
-  explicit BackgroundWork(std::function<void()> work) : work_(std::move(work)) {}
-  // Returns when it is done, whoever does it. Thread-safe.
-  void run();
-  bool is_done() const { return done_; }
-
- private:
-  std::function<void()> work_;
-  std::once_flag once_;
-  std::atomic<bool> done_{false};
-};
-
 // light: small motions and landmarks that one keyframe alone saw are not told; exact: everything, for the end.
 enum class PublishedDetail { light, exact };
 
@@ -92,12 +76,21 @@ class VisualClient {
   // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
 
+  // Of which run its ids speak: from the first frame on.
+  std::optional<SessionId> run(const ClientPlace& place) const;
+
   // Landmarks of others for a session's map, to track by: keyframes look for them by their descriptors, frames follow how those show them.
   // They are never altered: a known one that is lent again takes its new place, what does not fit what the client sees is dropped, what
   // stays out of view for long is forgotten, all of a session's when it is straightened after a loop. take_updates() tells what keyframes
   // saw of them (MapUpdate::borrowed). How many are kept is answered: its own ones, those for a session that is not kept, and what is not
   // sound are left out.
-  int lend(const ClientPlace& place, int session, const std::vector<BorrowedLandmark>& landmarks);
+  int lend(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks);
+  // Where the client is, to be lent what it may see there; nullopt while it has no place.
+  std::optional<ClientView> view(const ClientPlace& place) const;
+  // Where others say that a session's keyframes are, whose loops they closed (Share::corrected; `scale` as there): the rest of its map
+  // moves along, what was lent is forgotten. False, and nothing done, while a straightening is pending, and for what is not sound: no such
+  // session, keyframes of others, or lengths that a camera measured itself.
+  bool correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale);
   std::size_t borrowed() const;       // that the client holds
   std::size_t borrowed_seen() const;  // that keyframes see
 

@@ -14,23 +14,30 @@ inline const Pose3 kRobotFromCamera{{0.1, 0.0, 0.4}, Eigen::Quaterniond(0.5, -0.
 inline visual::ClientPlace place_of(const char* robot) { return {{RobotId(robot), SensorId("front")}, kRobotFromCamera}; }
 inline Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
 
-// A corridor along z of the world (optical axes: x right, y down), whose walls carry landmarks.
+// A corridor along z of the world (optical axes: x right, y down), whose walls carry landmarks; or one that closes on itself around y.
 class StarryCorridor {
  public:
   static constexpr double kLength_m = 28.0;
+  static constexpr double kRadius_m = 5.5;  // of a ring's middle
   visual::PinholeCamera camera{320, 240, 260.0, 260.0, 159.5, 119.5};
 
-  explicit StarryCorridor(std::uint64_t noise_seed) {
+  explicit StarryCorridor(std::uint64_t noise_seed, bool ring = false) {
     std::mt19937_64 world(5);
     const auto draw = [&](double low, double high) { return low + (high - low) * static_cast<double>(world() >> 11) * 0x1.0p-53; };
     for (int i = 0; i < 3500; ++i) {
-      Eigen::Vector3d point(draw(-1.5, 1.5), draw(-1.2, 1.2), draw(-2, kLength_m + 4));
+      Eigen::Vector3d point(draw(-1.5, 1.5), draw(-1.2, 1.2), ring ? draw(0.0, 2.0 * M_PI * kRadius_m) : draw(-2, kLength_m + 4));
       if (i % 3 < 2) point.x() = i % 3 == 0 ? -1.5 : 1.5;
       if (i % 3 == 2) point.y() = i % 2 == 0 ? -1.2 : 1.2;
-      points_.push_back(point);
+      points_.push_back(ring ? transformed({point.x(), point.y(), 0.0}, along_ring(point.z())) : point);
       descriptors_.push_back({world(), world(), world(), world()});
     }
     random_.seed(noise_seed);
+  }
+  // world_from_camera of one that looks along the ring, after so much of its middle.
+  static Pose3 along_ring(double way_m) {
+    const double angle = way_m / kRadius_m;
+    return {{kRadius_m * std::cos(angle), 0.0, kRadius_m * std::sin(angle)},
+            Eigen::Quaterniond(Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()))};
   }
   // Errors: uniform within so many pixels, and inverse metres; inverse depths wrong by `offset` besides.
   visual::FeatureFrame frame(Stamp stamp, const Pose3& world_from_camera, double pixels, double inverse_depth, double offset = 0.0) {
@@ -71,18 +78,18 @@ class LendingServer {
       if (const auto known = matching::described(map, landmark)) index.set(*known);
   }
   // In the world's frame, under a camera there.
-  std::vector<visual::BorrowedLandmark> under(const visual::PinholeCamera& camera, const Pose3& world_from_camera) const {
+  std::vector<DescribedLandmark> under(const visual::PinholeCamera& camera, const Pose3& world_from_camera) const {
     matching::Frustum frustum;
     frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
     frustum.map_from_camera = compose(inverse(world_from_map), world_from_camera);
     matching::RetrievalOptions options;
     options.margin_px = 40.0;
     auto found = index.retrieve(frustum, options);
-    for (auto& one : found) one = transformed(one, {world_from_map, 1.0});
+    for (auto& one : found) one = matching::transformed(one, {world_from_map, 1.0});
     return found;
   }
-  static std::vector<visual::BorrowedLandmark> in_map(std::vector<visual::BorrowedLandmark> in_world, const Pose3& world_from_map) {
-    for (auto& one : in_world) one = transformed(one, {inverse(world_from_map), 1.0});
+  static std::vector<DescribedLandmark> in_map(std::vector<DescribedLandmark> in_world, const Pose3& world_from_map) {
+    for (auto& one : in_world) one = matching::transformed(one, {inverse(world_from_map), 1.0});
     return in_world;
   }
 

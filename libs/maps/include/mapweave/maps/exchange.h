@@ -1,0 +1,75 @@
+#pragma once
+// What camera clients and their server tell each other beside MapUpdates (CVS III-B, III-C), and how that goes over a wire: small, so
+// with less precision than maps are kept with.
+
+#include <mapweave/maps/map_update.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave {
+
+// A landmark, and how it is known again. Frame `map`: of whoever fills it in.
+struct DescribedLandmark {
+  LandmarkId id;
+  Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
+  BinaryDescriptor descriptor{};
+  Eigen::Vector3d feature_from_point = Eigen::Vector3d::Zero();  // axes of map, metres: the descriptor's feature lies so far beside it
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();           // axes of map, unit: from those that saw it towards it; zero: unknown
+  double nearest_m = 0.0, farthest_m = 0.0;                      // of the cameras that saw it; farthest 0: unknown
+  double sigma_m = 0.02;                                         // of its place, each axis
+  ClientId updated_by;                                           // last; stays with the server
+};
+
+// Client -> server, the first word. A picture's words mean nothing to who has another vocabulary.
+struct Hello {
+  SessionId session;
+  Hash vocabulary;
+};
+
+// Client -> server: where it is now, and so what it may see.
+struct ClientView {
+  MapId map;  // of the session that it is in
+  Stamp stamp;
+  Pose3 map_from_robot;
+  std::uint32_t forgotten = 0;  // how often it forgot all that was lent to it
+};
+
+// Client -> server: where was this taken? Of a client that has no place.
+struct PlaceRequest {
+  Stamp stamp;
+  KeyframeFeatures features;
+};
+
+// Server -> client.
+struct PlaceAnswer {
+  Stamp stamp;                               // of the request
+  MapId map;                                 // whose frame the answer is in: the client's own, or another's, where it begins a session
+  Pose3 map_from_robot;                      // of the frame asked for; lengths are true
+  std::vector<DescribedLandmark> landmarks;  // that it should show, in that frame
+};
+
+// Server -> client.
+struct Share {
+  MapId map;                                 // the client's, whose frame this speaks of
+  std::vector<DescribedLandmark> landmarks;  // of others, ascending by id
+  std::vector<MovedNode> corrected;          // where the team has the client's own keyframes, ascending by id
+  double scale = 1.0;                        // of the lengths in `corrected`, in those of the client
+};
+
+// Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is encoded to the same bytes.
+// decode throws as decode_map_update does.
+std::string encode(const Hello&);
+std::string encode(const ClientView&);
+std::string encode(const PlaceRequest&);
+std::string encode(const PlaceAnswer&);
+std::string encode(const Share&);
+Hello decode_hello(std::string_view bytes, const std::string& where);
+ClientView decode_client_view(std::string_view bytes, const std::string& where);
+PlaceRequest decode_place_request(std::string_view bytes, const std::string& where);
+PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where);
+Share decode_share(std::string_view bytes, const std::string& where);
+
+}  // namespace mapweave

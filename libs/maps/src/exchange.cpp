@@ -1,0 +1,228 @@
+#include "bulk.h"
+#include "form.h"
+#include "soundness.h"
+
+#include <cmath>
+
+namespace mapweave {
+namespace {
+
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kMostBytes = std::size_t{16} << 20;
+constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
+constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
+
+double sign(double x) { return x < 0.0 ? -1.0 : 1.0; }
+
+// A unit vector as a point of an octahedron that is folded open (Meyer et al., On Floating-Point Normal Vectors, 2010).
+std::uint32_t packed_direction(const Eigen::Vector3d& direction) {
+  if (direction.isZero(0.0)) return 0;
+  const Eigen::Vector3d p = direction / direction.lpNorm<1>();
+  double u = p.x(), v = p.y();
+  if (p.z() < 0.0) u = (1.0 - std::abs(p.y())) * sign(p.x()), v = (1.0 - std::abs(p.x())) * sign(p.y());
+  const auto bits = [](double x) { return static_cast<std::uint32_t>(std::lround(x * kHalf + kHalf)) + 1; };
+  return bits(u) << 8 | bits(v);
+}
+
+Eigen::Vector3d unpacked_direction(std::uint32_t packed) {
+  if (packed == 0) return Eigen::Vector3d::Zero();
+  const auto side = [](std::uint32_t bits) { return std::clamp((static_cast<double>(bits) - 1.0 - kHalf) / kHalf, -1.0, 1.0); };
+  const double u = side(packed >> 8 & 0xff), v = side(packed & 0xff), z = 1.0 - std::abs(u) - std::abs(v);
+  if (z >= 0.0) return Eigen::Vector3d(u, v, z).normalized();
+  return Eigen::Vector3d((1.0 - std::abs(v)) * sign(u), (1.0 - std::abs(u)) * sign(v), z).normalized();
+}
+
+std::uint32_t steps_of(double length_m, double unit_m) {
+  return static_cast<std::uint32_t>(std::lround(std::clamp(std::log(length_m / unit_m) / std::log(kGrowth), 0.0, 254.0)));
+}
+std::uint32_t packed_distance(double distance_m) { return distance_m > 0.0 ? steps_of(distance_m, kNearest_m) + 1 : 0; }
+double unpacked_distance(std::uint32_t packed) { return packed == 0 ? 0.0 : kNearest_m * std::pow(kGrowth, packed - 1); }
+
+void expect_sound_name(const MapId& map) { MAPWEAVE_EXPECT(is_valid_name(map.str()), "a message speaks of a map"); }
+template <class Value>
+void expect_sound(const Value& value) {
+  const std::string problem = flaw(value);
+  MAPWEAVE_EXPECT(problem.empty(), "only sound values are sent: " + problem);
+}
+
+template <class Repeated>
+void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landmarks, const SessionTable& sessions) {
+  for (const DescribedLandmark& landmark : landmarks) *form.Add() = form_of(landmark, sessions);
+}
+
+std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
+  form.set_version(kVersion);
+  for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
+  return form.SerializeAsString();
+}
+
+SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks, const std::vector<MovedNode>& corrected = {}) {
+  SessionTable sessions;
+  for (const DescribedLandmark& landmark : landmarks) expect_sound(landmark.id.session), sessions.add(landmark.id.session);
+  for (const MovedNode& moved : corrected) expect_sound(moved), sessions.add(moved.id.session);
+  sessions.sort();
+  return sessions;
+}
+
+form::Exchange read(std::string_view bytes, FormReader& reader, const std::string& where, form::Exchange::ContentCase content) {
+  if (bytes.size() > kMostBytes)
+    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) + " are expected");
+  form::Exchange form;
+  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) reader.corrupt("these bytes are not what they should be");
+  if (form.version() > kVersion)
+    throw Error(ErrorCode::kUnsupported,
+                "it is in form " + std::to_string(form.version()) + "; this program knows forms up to " + std::to_string(kVersion), where,
+                "read it with a newer mapweave");
+  if (form.version() == 0 || form.content_case() != content) reader.corrupt("it is another message than the one expected");
+  for (const auto& session : form.sessions()) reader.take_session(session);
+  return form;
+}
+
+MapId map_name(const std::string& name, const FormReader& reader) {
+  if (name.empty()) reader.corrupt("it names no map");
+  return MapId(reader.name_or_nothing(name, "map"));
+}
+
+template <class Repeated>
+std::vector<DescribedLandmark> landmarks_of(const Repeated& forms, const FormReader& reader) {
+  std::vector<DescribedLandmark> landmarks;
+  landmarks.reserve(static_cast<std::size_t>(forms.size()));
+  for (const auto& form : forms) landmarks.push_back(reader.lent(form));
+  return landmarks;
+}
+
+}  // namespace
+
+form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable& sessions) {
+  form::LentLandmark form;
+  *form.mutable_id() = form_of(landmark.id, sessions);
+  const Eigen::Vector3i point = landmark_units(landmark.point_in_map), feature = landmark_units(landmark.feature_from_point);
+  for (int axis = 0; axis < 3; ++axis) form.add_point(point(axis));
+  form.set_descriptor(packed(std::vector<BinaryDescriptor>{landmark.descriptor}));
+  for (int axis = 0; axis < 3; ++axis) form.add_feature(feature(axis));
+  form.set_look(packed_direction(landmark.direction) << 16 | packed_distance(landmark.nearest_m) << 8 |
+                packed_distance(landmark.farthest_m));
+  form.set_sigma(steps_of(landmark.sigma_m, kLeastSigma_m));
+  return form;
+}
+
+DescribedLandmark FormReader::lent(const form::LentLandmark& form) const {
+  if (form.point_size() != 3 || form.feature_size() != 3 || form.descriptor().size() != kDescriptorBytes)
+    corrupt("a landmark that is lent has " + std::to_string(form.point_size()) + " and " + std::to_string(form.feature_size()) +
+            " coordinates and a descriptor of " + std::to_string(form.descriptor().size()) + " bytes; 3, 3 and " +
+            std::to_string(kDescriptorBytes) + " are expected");
+  DescribedLandmark landmark;
+  landmark.id = landmark_id(form.id());
+  for (int axis = 0; axis < 3; ++axis)
+    landmark.point_in_map(axis) = kLandmarkUnit_m * form.point(axis),
+    landmark.feature_from_point(axis) = kLandmarkUnit_m * form.feature(axis);
+  landmark.descriptor = unpacked_descriptors(form.descriptor()).front();
+  landmark.direction = unpacked_direction(form.look() >> 16);
+  landmark.nearest_m = unpacked_distance(form.look() >> 8 & 0xff), landmark.farthest_m = unpacked_distance(form.look() & 0xff);
+  landmark.sigma_m = kLeastSigma_m * std::pow(kGrowth, std::min<std::uint32_t>(form.sigma(), 255));
+  return landmark;
+}
+
+std::string encode(const Hello& hello) {
+  expect_sound(hello.session);
+  form::Exchange form;
+  *form.mutable_hello()->mutable_session() = form_of(hello.session);
+  form.mutable_hello()->set_vocabulary(std::string(hello.vocabulary.bytes.begin(), hello.vocabulary.bytes.end()));
+  return written(form);
+}
+
+std::string encode(const ClientView& view) {
+  expect_sound_name(view.map), expect_sound(view.map_from_robot);
+  form::Exchange form;
+  auto& content = *form.mutable_view();
+  content.set_map(view.map.str());
+  content.set_stamp_ns(view.stamp.ns);
+  *content.mutable_map_from_robot() = form_of(view.map_from_robot);
+  content.set_forgotten(view.forgotten);
+  return written(form);
+}
+
+std::string encode(const PlaceRequest& request) {
+  MAPWEAVE_EXPECT(request.features.geometry != nullptr, "a picture has a camera");
+  form::Exchange form;
+  auto& content = *form.mutable_place_request();
+  content.set_stamp_ns(request.stamp.ns);
+  *content.mutable_camera() = form_of(*request.features.geometry);
+  Geometries geometries;
+  geometries.cameras.add(request.features.geometry);
+  *content.mutable_features() = form_of(request.features, geometries);
+  return written(form);
+}
+
+std::string encode(const PlaceAnswer& answer) {
+  expect_sound_name(answer.map), expect_sound(answer.map_from_robot);
+  const SessionTable sessions = sessions_of(answer.landmarks);
+  form::Exchange form;
+  auto& content = *form.mutable_place_answer();
+  content.set_stamp_ns(answer.stamp.ns);
+  content.set_map(answer.map.str());
+  *content.mutable_map_from_robot() = form_of(answer.map_from_robot);
+  fill_landmarks(*content.mutable_landmarks(), answer.landmarks, sessions);
+  return written(form, sessions);
+}
+
+std::string encode(const Share& share) {
+  expect_sound_name(share.map);
+  MAPWEAVE_EXPECT(std::isfinite(share.scale) && share.scale > 0.0, "a scale is a positive number");
+  const SessionTable sessions = sessions_of(share.landmarks, share.corrected);
+  form::Exchange form;
+  auto& content = *form.mutable_share();
+  content.set_map(share.map.str());
+  fill_landmarks(*content.mutable_landmarks(), share.landmarks, sessions);
+  for (const MovedNode& moved : share.corrected) *content.add_corrected() = form_of(moved, sessions);
+  if (share.scale != 1.0) content.set_scale(share.scale);
+  return written(form, sessions);
+}
+
+Hello decode_hello(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kHello);
+  reader.take_session(form.hello().session());
+  return {reader.session(0), reader.hash(form.hello().vocabulary())};
+}
+
+ClientView decode_client_view(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kView);
+  return {
+      map_name(form.view().map(), reader), {form.view().stamp_ns()}, reader.pose(form.view().map_from_robot()), form.view().forgotten()};
+}
+
+PlaceRequest decode_place_request(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kPlaceRequest);
+  reader.take_camera(form.place_request().camera());
+  PlaceRequest request{{form.place_request().stamp_ns()}, reader.keyframe(form.place_request().features())};
+  if (const std::string problem = flaw(Node{{}, {}, {}, std::make_shared<const Payload>(request.features)}); !problem.empty())
+    reader.corrupt(problem);
+  return request;
+}
+
+PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kPlaceAnswer);
+  const auto& content = form.place_answer();
+  return {{content.stamp_ns()},
+          map_name(content.map(), reader),
+          reader.pose(content.map_from_robot()),
+          landmarks_of(content.landmarks(), reader)};
+}
+
+Share decode_share(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kShare);
+  Share share;
+  share.map = map_name(form.share().map(), reader);
+  share.landmarks = landmarks_of(form.share().landmarks(), reader);
+  for (const auto& moved : form.share().corrected()) share.corrected.push_back(reader.moved(moved));
+  if (form.share().scale() != 0.0) share.scale = form.share().scale();
+  if (!(std::isfinite(share.scale) && share.scale > 0.0)) reader.corrupt("a scale is not a positive number");
+  return share;
+}
+
+}  // namespace mapweave

@@ -1,0 +1,72 @@
+#pragma once
+// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it hears. The client itself
+// goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
+
+#include <mapweave/tiers/update_inbox.h>
+#include <mapweave/visual/visual_client.h>
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapweave::tiers {
+
+struct UplinkOptions {
+  double most_kB_per_s = 0.0;
+  int least_features = 60;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.non_negative(
+        "most_kB_per_s", most_kB_per_s,
+        "a client sends no more than this on the mean; 0: no bound. Keyframes go with fewer features first, then later; where the "
+        "client is, last");
+    v.integer("least_features", least_features, 1, 100000, "that a keyframe goes with, however narrow the wire");
+  }
+};
+
+class CameraAgent {
+ public:
+  explicit CameraAgent(visual::ClientPlace place, UplinkOptions options = {});
+
+  // Whose messages these are, once the client has begun; before, there is nothing to say.
+  const std::optional<SessionId>& session() const { return session_; }
+  // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. None while too much
+  // is under way that nobody has confirmed: the client keeps it together meanwhile. `now`: of data.
+  std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
+  // What the server has: of the answer to an update, or, `whole`, of the answer to a greeting after a break, when all that is not stored is
+  // sent again.
+  void stored(const Receipt& receipt);
+  void reconnected(const std::vector<Receipt>& receipts);
+  // Where the client is; nullopt while it has no place.
+  std::optional<std::string> view(const visual::VisualClient& client);
+  // Where was this taken? Of a client that has no place.
+  std::optional<std::string> place_request(visual::VisualClient& client);
+  // Throws Error(kCorrupt, kUnsupported) for what cannot be decoded; what makes no sense to the client is left.
+  void hear_share(visual::VisualClient& client, std::string_view bytes);
+  visual::PlaceVerdict hear_place(visual::VisualClient& client, std::string_view bytes);
+
+  std::uint64_t sent_bytes() const { return sent_bytes_; }
+  std::uint64_t heard_bytes() const { return heard_bytes_; }
+  std::uint64_t waiting_bytes() const;  // that nobody has confirmed
+
+ private:
+  struct Message {
+    MapId map;
+    std::uint64_t sequence = 0;
+    std::string bytes;
+    bool on_its_way = false;
+  };
+  std::string encoded(MapUpdate update, double room_bytes) const;
+  std::string counted(std::string bytes);
+
+  visual::ClientPlace place_;
+  UplinkOptions options_;
+  std::optional<SessionId> session_;
+  std::deque<Message> outbox_;
+  double allowance_bytes_ = 0.0;  // below zero: in debt
+  std::optional<Stamp> last_;
+  std::uint64_t sent_bytes_ = 0, heard_bytes_ = 0;
+};
+
+}  // namespace mapweave::tiers

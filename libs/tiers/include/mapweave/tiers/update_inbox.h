@@ -1,0 +1,39 @@
+#pragma once
+// One origin's updates, stored in the order of their numbers whatever order they come in.
+
+#include <mapweave/maps/map_update.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace mapweave::tiers {
+
+// What a receiver has of one origin.
+struct Receipt {
+  Origin origin;
+  std::uint64_t stored = 0;   // every update up to this one
+  std::uint64_t awaited = 0;  // 0, or the number of the update that is missing: later ones have come
+};
+
+class UpdateInbox {
+ public:
+  static constexpr std::size_t kMostWaiting = 1024;  // updates that wait for a missing one; more are dropped, and will be awaited
+  explicit UpdateInbox(Origin origin);
+
+  // What could be stored now, in order; nothing for one that came before, or that has to wait. Throws Error(kBadInput) for one that does
+  // not fit what it builds on, of which nothing is stored then; one that waited and does not fit is dropped, and will be awaited.
+  std::vector<MapUpdate> receive(MapUpdate update, const std::string& where);
+
+  const Map& map() const { return map_; }
+  Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
+
+ private:
+  void store(const MapUpdate& update);
+  Origin origin_;
+  Map map_;
+  std::uint64_t stored_ = 0;
+  std::map<std::uint64_t, MapUpdate> waiting_;
+};
+
+}  // namespace mapweave::tiers

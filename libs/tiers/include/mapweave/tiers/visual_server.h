@@ -1,0 +1,96 @@
+#pragma once
+// The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients tell, joins it by fuse(), and tells each client
+// what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3): what is believed of all lies beside them, so
+// that nobody waits while it is computed. A state machine: no thread, no clock, no file.
+
+#include <mapweave/core/background_work.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/maps/exchange.h>
+#include <mapweave/matching/landmark_description.h>
+#include <mapweave/tiers/update_inbox.h>
+
+#include <memory>
+#include <optional>
+
+namespace mapweave::tiers {
+
+// none: clients are kept and joined. view: they are lent landmarks that they may see, and told where they are when they ask.
+// full: besides, where the team has their keyframes.
+enum class Sharing { none, view, full };
+
+struct ServerOptions {
+  Sharing share = Sharing::none;
+  double share_rate_hz = 2.0;
+  int fuse_after = 10;
+  double fuse_share = 0.1;
+  double fuse_delay_s = 1.0;
+  bool wait = true;
+  double far_m = 10.0;
+  double correct_m = 0.05;
+  matching::LandmarkIndexOptions index;
+  matching::RetrievalOptions retrieval;
+  matching::DescriptionOptions description;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
+             "none: clients hear nothing; view: landmarks of others that they may see, and their place; full: where the team has their "
+             "keyframes, too");
+    v.positive("share_rate_hz", share_rate_hz, "of data, how often clients tell and hear");
+    v.integer("fuse_after", fuse_after, 1, 100000, "new keyframes, at least, before all maps are joined again");
+    v.non_negative("fuse_share", fuse_share, "and this share of those that are there");
+    v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0, "of data, from beginning to join until the result counts");
+    v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
+    v.positive("far_m", far_m, "landmarks farther from a camera are not lent");
+    v.positive("correct_m", correct_m, "clients hear where the team has their keyframes when those are off by more (root mean square)");
+    v.section("index", index, "where landmarks are looked up");
+    v.section("retrieval", retrieval, "which landmarks a camera may see");
+    v.section("description", description, "how landmarks are known again");
+  }
+};
+
+class VisualServer {
+ public:
+  VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion);
+  ~VisualServer();
+
+  // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws Error(kUnsupported)
+  // where its vocabulary is another one.
+  std::vector<Receipt> greet(const Hello&);
+
+  struct Received {
+    Receipt receipt;                  // what to repeat
+    std::vector<std::string> stored;  // updates to be kept, in order, before the client is told that they are
+  };
+  // An encoded MapUpdate; of one map in any order and more than once. Throws Error, nothing is stored then, and other clients do not
+  // notice: kMissing for who has not greeted, kCorrupt or kUnsupported for what cannot be decoded, kBadInput for what does not fit, and for
+  // maps, nodes and landmarks of others.
+  Received receive(const SessionId& from, std::string_view bytes);
+  // After what came at one moment: begins to join the maps where enough is new, and takes over what was begun long enough ago. The pool
+  // outlives the server.
+  void advance(Stamp now, WorkerPool& pool);
+  // The joining under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
+  std::shared_ptr<BackgroundWork> pending() const;
+
+  // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
+  // receive.
+  std::optional<Share> share(const SessionId& to, const ClientView& view);
+  // Where the picture was taken; nullopt where that is not known, or sharing is off.
+  std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
+
+  // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
+  void veto(const Hash& judgement);
+  // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
+  std::vector<Map> maps() const;
+  // As joined last; empty before.
+  const fusion::FusionResult& joined() const;
+  // All joined now. Neither the order in which updates came nor threads change a byte.
+  fusion::FusionResult seal(WorkerPool& pool, Progress& progress);
+
+ private:
+  struct Client;
+  struct Joining;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,120 @@
+#include <mapweave/tiers/camera_agent.h>
+
+#include <algorithm>
+
+namespace mapweave::tiers {
+namespace {
+
+constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes
+constexpr double kBurst_s = 2.0;                            // of the wire, that may be saved up
+constexpr double kFeatureBytes = 40.0;
+
+// Every so-manieth feature, so that they stay spread over the picture and its pyramid.
+std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_t count) {
+  KeyframeFeatures few{whole.geometry, {}, {}};
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t from = i * whole.points.size() / count;
+    few.points.push_back(whole.points[from]), few.descriptors.push_back(whole.descriptors[from]);
+  }
+  return std::make_shared<const Payload>(std::move(few));
+}
+
+}  // namespace
+
+CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options) : place_(std::move(place)), options_(options) {}
+
+std::string CameraAgent::counted(std::string bytes) {
+  sent_bytes_ += bytes.size();
+  allowance_bytes_ -= static_cast<double>(bytes.size());
+  return bytes;
+}
+
+std::uint64_t CameraAgent::waiting_bytes() const {
+  std::uint64_t bytes = 0;
+  for (const Message& message : outbox_) bytes += message.bytes.size();
+  return bytes;
+}
+
+std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
+  std::string bytes = encode(update);
+  if (options_.most_kB_per_s == 0.0 || static_cast<double>(bytes.size()) <= room_bytes) return bytes;
+  std::size_t features = 0;
+  for (const Node& node : update.nodes)
+    if (const KeyframeFeatures* keyframe = keyframe_of(node)) features += keyframe->points.size();
+  if (features == 0) return bytes;
+  const double others = static_cast<double>(bytes.size()) - kFeatureBytes * static_cast<double>(features);
+  const double share = std::clamp((room_bytes - others) / (kFeatureBytes * static_cast<double>(features)), 0.0, 1.0);
+  for (Node& node : update.nodes) {
+    const KeyframeFeatures* keyframe = keyframe_of(node);
+    if (keyframe == nullptr) continue;
+    const std::size_t all = keyframe->points.size();
+    const auto kept =
+        std::max(static_cast<std::size_t>(share * static_cast<double>(all)), static_cast<std::size_t>(options_.least_features));
+    if (kept < all) node.payload = thinned(*keyframe, kept);
+  }
+  return encode(update);
+}
+
+std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
+  const double bytes_per_s = 1e3 * options_.most_kB_per_s;
+  if (last_ && bytes_per_s > 0.0)
+    allowance_bytes_ = std::min(allowance_bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
+  last_ = now;
+  std::vector<std::string> sent;
+  const bool has_room = bytes_per_s == 0.0 || allowance_bytes_ > 0.0;
+  if (has_room && waiting_bytes() < kMostWaiting) {
+    session_ = client.run(place_);
+    for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) {
+      const MapId map = update.origin.map;
+      const std::uint64_t sequence = update.sequence;
+      outbox_.push_back({map, sequence, encoded(std::move(update), allowance_bytes_)});
+    }
+  }
+  for (Message& message : outbox_) {
+    if (message.on_its_way) continue;
+    message.on_its_way = true;
+    sent.push_back(counted(message.bytes));
+  }
+  return sent;
+}
+
+void CameraAgent::stored(const Receipt& receipt) {
+  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
+                               [&](const Message& m) { return m.map == receipt.origin.map && m.sequence <= receipt.stored; }),
+                outbox_.end());
+  if (receipt.awaited == 0) return;
+  for (Message& message : outbox_)
+    if (message.map == receipt.origin.map && message.sequence == receipt.awaited) message.on_its_way = false;
+}
+
+void CameraAgent::reconnected(const std::vector<Receipt>& receipts) {
+  for (Message& message : outbox_) message.on_its_way = false;
+  for (const Receipt& receipt : receipts) stored(receipt);
+}
+
+std::optional<std::string> CameraAgent::view(const visual::VisualClient& client) {
+  const auto here = client.view(place_);
+  return here ? std::optional(counted(encode(*here))) : std::nullopt;
+}
+
+std::optional<std::string> CameraAgent::place_request(visual::VisualClient& client) {
+  const auto request = client.place_request(place_);
+  if (request) session_ = client.run(place_);
+  return request ? std::optional(counted(encode(*request))) : std::nullopt;
+}
+
+void CameraAgent::hear_share(visual::VisualClient& client, std::string_view bytes) {
+  heard_bytes_ += bytes.size();
+  const Share share = decode_share(bytes, "the map server");
+  const auto session = visual::session_of(place_.client, share.map);
+  if (!session) return;
+  if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
+  client.lend(place_, *session, share.landmarks);
+}
+
+visual::PlaceVerdict CameraAgent::hear_place(visual::VisualClient& client, std::string_view bytes) {
+  heard_bytes_ += bytes.size();
+  return client.place(place_, decode_place_answer(bytes, "the map server"));
+}
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,45 @@
+#pragma once
+// What maps look like once they are joined, ready to be asked: where a client is in it, what it may see there, where a picture was taken.
+
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/fusion/place_finder.h>
+#include <mapweave/matching/landmark_description.h>
+
+#include <deque>
+#include <memory>
+
+namespace mapweave::tiers {
+
+class TeamView {
+ public:
+  // `input`: what was joined to `result`.
+  TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
+           const matching::DescriptionOptions& description, WorkerPool& pool);
+
+  struct Component {
+    const fusion::Component* content;
+    matching::LandmarkIndex landmarks;  // in the team's frame
+    fusion::PlaceFinder places;
+  };
+  const std::deque<Component>& components() const { return components_; }
+  const fusion::FusionResult& result() const { return result_; }
+
+  // Where a client's map lies in the team.
+  struct Member {
+    const Component* component;
+    double scale = 1.0;         // of the team's lengths in those of the map
+    Table<NodeId, Pose3> told;  // of its nodes, as its client said when the joining began
+    std::vector<NodeId> nodes;  // of those that the team has
+  };
+  const Member* member(const MapId& map) const;
+
+ private:
+  fusion::FusionResult result_;
+  std::deque<Component> components_;
+  std::map<MapId, Member> members_;
+};
+
+// The map's frame in the team's around one of its nodes: maps bend, so a single transform holds for a part of it alone.
+Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member);
+
+}  // namespace mapweave::tiers

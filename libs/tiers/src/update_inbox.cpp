@@ -1,0 +1,40 @@
+#include <mapweave/core/error.h>
+#include <mapweave/tiers/update_inbox.h>
+
+namespace mapweave::tiers {
+
+UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) { map_.id = origin.map; }
+
+std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, const std::string& where) {
+  if (update.sequence == 0 || update.base >= update.sequence)
+    throw Error(ErrorCode::kBadInput,
+                "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) +
+                    "; updates count from 1",
+                where);
+  std::vector<MapUpdate> stored;
+  if (update.sequence > stored_ + 1) {
+    if (waiting_.size() < kMostWaiting) waiting_.emplace(update.sequence, std::move(update));
+    return stored;
+  }
+  if (update.sequence <= stored_) return stored;
+  store(update);
+  stored.push_back(std::move(update));
+  while (!waiting_.empty() && waiting_.begin()->first == stored_ + 1) {
+    MapUpdate next = std::move(waiting_.extract(waiting_.begin()).mapped());
+    try {
+      store(next);
+    } catch (const Error&) {  // awaited again: its sender hears of it then
+      break;
+    }
+    stored.push_back(std::move(next));
+  }
+  return stored;
+}
+
+void UpdateInbox::store(const MapUpdate& update) {
+  map_ = updated(map_, update);  // throws before anything has changed
+  map_.id = origin_.map;
+  stored_ = update.sequence;
+}
+
+}  // namespace mapweave::tiers

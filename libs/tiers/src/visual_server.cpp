@@ -1,0 +1,349 @@
+#include "team_view.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/matching/alignment_search.h>
+#include <mapweave/matching/binary_vocabulary.h>
+#include <mapweave/tiers/visual_server.h>
+#include <mapweave/visual/borrowing.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace mapweave::tiers {
+namespace {
+
+constexpr std::uint64_t kHeldFor = 20;   // shares out of view: clients forget after 30 keyframes
+constexpr std::size_t kMostHeld = 2500;  // clients hold 3000
+constexpr double kResent_m = 0.01;       // a landmark that moved by more is told again
+constexpr double kUnchanged_m = 0.05;    // a client whose keyframes moved by more since the joining began knows better
+constexpr std::size_t kMostMaps = 1000;  // of one client's run
+
+std::string name_of(const SessionId& session) { return "client " + to_string(session); }
+
+// Where pose_in_map is in the team, and the way back.
+Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
+  return compose(team_from_map.pose, Pose3{team_from_map.scale * pose_in_map.t, pose_in_map.q});
+}
+
+// Everything that an update says must be of its own client's run; what it borrowed alone is of others.
+void expect_owned(const MapUpdate& update, const SessionId& owner, const std::string& where) {
+  const auto expect = [&](const SessionId& session, const std::string& what) {
+    if (session != owner)
+      throw Error(ErrorCode::kBadInput, what + " is not of " + to_string(owner), where, "a client tells of its own map alone");
+  };
+  const auto expect_seen = [&](const std::vector<LandmarkSighting>& seen) {
+    for (const LandmarkSighting& sighting : seen) expect(sighting.node.session, to_string(sighting.node));
+  };
+  for (const Node& node : update.nodes) expect(node.id.session, to_string(node.id));
+  for (const MovedNode& moved : update.moved) expect(moved.id.session, to_string(moved.id));
+  for (const NodeId& id : update.removed_nodes) expect(id.session, to_string(id));
+  for (const Landmark& landmark : update.landmarks) expect(landmark.id.session, to_string(landmark.id)), expect_seen(landmark.seen);
+  for (const LandmarkChange& change : update.changed_landmarks) expect(change.id.session, to_string(change.id)), expect_seen(change.seen);
+  for (const LandmarkId& id : update.removed_landmarks) expect(id.session, to_string(id));
+  for (const LandmarkChange& borrowed : update.borrowed) expect_seen(borrowed.seen);
+  if (!update.submaps.empty() || !update.constraints.empty() || !update.judgements.empty() || !update.removed_submaps.empty() ||
+      !update.removed_constraints.empty())
+    throw Error(ErrorCode::kBadInput, "a camera's update holds submaps, constraints or judgements", where,
+                "cameras tell keyframes and landmarks");
+}
+
+}  // namespace
+
+struct VisualServer::Client {
+  struct Lent {
+    Eigen::Vector3d point_in_map;
+    std::uint64_t wanted = 0;  // the share, counted, that it was in the view of last
+  };
+  struct Part {  // one of its maps
+    MapId name;  // here; the client says `told`
+    UpdateInbox inbox;
+    std::map<LandmarkId, Lent> lent = {};
+    std::uint32_t forgotten = 0;
+    std::uint64_t shares = 0;
+    const TeamView* corrected_by = nullptr;
+  };
+  std::map<MapId, Part> parts;  // by what the client calls them
+};
+
+struct VisualServer::Joining {
+  std::vector<Map> maps;
+  Stamp due;
+  fusion::Memo memo;
+  std::shared_ptr<const TeamView> view;
+  std::shared_ptr<BackgroundWork> work;
+};
+
+struct VisualServer::State {
+  TierId edge;
+  ServerOptions options;
+  fusion::FusionOptions fusion_options;
+  std::map<SessionId, Client> clients;
+  std::set<MapId> names;
+  std::set<Hash> vetoed;
+  fusion::Memo memo;
+  std::shared_ptr<Joining> joining;
+  std::shared_ptr<const TeamView> view;
+  std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
+  bool vetoed_since = false;
+
+  Client& client(const SessionId& session) {
+    const auto found = clients.find(session);
+    if (found == clients.end()) throw Error(ErrorCode::kMissing, "it has not greeted", name_of(session), "say hello first");
+    return found->second;
+  }
+
+  MapId fresh_name(const MapId& told) {
+    MapId name = told;
+    for (int run = 2; !names.insert(name).second; ++run) name = MapId(told.str() + "-" + std::to_string(run));
+    return name;
+  }
+
+  std::vector<Map> maps() const {
+    std::vector<Map> result;
+    for (const auto& [session, client] : clients)
+      for (const auto& [told, part] : client.parts) {
+        if (part.inbox.map().empty()) continue;
+        result.push_back(part.inbox.map());
+        result.back().id = part.name;
+      }
+    return result;
+  }
+
+  fusion::FusionInput input(std::vector<Map> maps) const {
+    fusion::FusionInput input;
+    input.maps = std::move(maps), input.vetoed = vetoed, input.by = edge;
+    return input;
+  }
+
+  void begin(Stamp now, WorkerPool& pool) {
+    joining = std::make_shared<Joining>();
+    joining->maps = maps();
+    joining->memo = memo;
+    joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
+    joined_keyframes = keyframes, vetoed_since = false;
+    // What the work needs and nothing of the server, which goes on.
+    joining->work = std::make_shared<BackgroundWork>(
+        [joining = joining.get(), input = input(joining->maps), options = options, fusion_options = fusion_options, &pool] {
+          const auto silent = make_silent_progress();
+          auto result = fusion::fuse(input, fusion_options, joining->memo, pool, *silent);
+          joining->view = std::make_shared<const TeamView>(std::move(result), joining->maps, options.index, options.description, pool);
+        });
+  }
+
+  void take_over() {
+    joining->work->run();
+    view = joining->view;
+    memo = std::move(joining->memo);
+    joining.reset();
+  }
+
+  // The part's node that the team has and that is nearest to `pose`; null where there is none.
+  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Pose3& pose) {
+    const Node* best = nullptr;
+    double least = std::numeric_limits<double>::infinity();
+    for (const NodeId& id : member.nodes) {
+      const Node* node = part.inbox.map().nodes.find(id);
+      if (node == nullptr) continue;
+      const double apart = (node->map_from_node.t - pose.t).squaredNorm();
+      if (apart < least) least = apart, best = node;
+    }
+    return best;
+  }
+
+  matching::Frustum frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const {
+    matching::Frustum frustum;
+    frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+    frustum.map_from_camera = compose(team_from_robot, camera.robot_from_camera);
+    frustum.far_m = options.far_m;
+    return frustum;
+  }
+
+  void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
+            Share& share) const {
+    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
+    ++part.shares;
+    for (const DescribedLandmark& one : member.component->landmarks.retrieve(
+             frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
+      if (one.id.session == to) continue;
+      DescribedLandmark here = matching::transformed(one, map_from_team);
+      if (!matching::flaw(here).empty()) continue;
+      const auto [held, is_new] = part.lent.try_emplace(here.id);
+      held->second.wanted = part.shares;
+      if (!is_new && (held->second.point_in_map - here.point_in_map).norm() < std::max(kResent_m, here.sigma_m)) continue;
+      held->second.point_in_map = here.point_in_map;
+      share.landmarks.push_back(std::move(here));
+    }
+    const auto is_old = [&](const Client::Lent& lent, std::uint64_t shares) { return lent.wanted + shares < part.shares; };
+    for (std::uint64_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
+      for (auto one = part.lent.begin(); one != part.lent.end();)
+        one = is_old(one->second, patience) ? part.lent.erase(one) : std::next(one);
+      if (patience == 0) break;
+    }
+  }
+
+  // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
+  void correct(Client::Part& part, const TeamView::Member& member, Share& share) const {
+    if (part.corrected_by == view.get()) return;
+    part.corrected_by = view.get();
+    const Map& own = part.inbox.map();
+    const Map& team = member.component->content->map;
+    const Node* first = nullptr;
+    double square = 0.0;
+    Pose3 map_from_team;
+    for (const NodeId& id : member.nodes) {
+      const Node* node = own.nodes.find(id);
+      if (node == nullptr) continue;
+      if ((node->map_from_node.t - member.told.find(id)->t).norm() > kUnchanged_m) {
+        share.corrected.clear();
+        return;
+      }
+      const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
+      if (first == nullptr) first = node, map_from_team = compose(node->map_from_node, inverse(team_from_node));
+      share.corrected.push_back({id, compose(map_from_team, team_from_node)});
+      square += (share.corrected.back().map_from_node.t - node->map_from_node.t).squaredNorm();
+    }
+    if (share.corrected.empty() || std::sqrt(square / static_cast<double>(share.corrected.size())) <= options.correct_m)
+      share.corrected.clear();
+    else
+      share.scale = member.scale;
+  }
+};
+
+VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion) : state_(new State) {
+  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion);
+}
+VisualServer::~VisualServer() = default;
+
+std::vector<Receipt> VisualServer::greet(const Hello& hello) {
+  if (const Hash& known = matching::shipped_vocabulary().hash(); hello.vocabulary != known)
+    throw Error(ErrorCode::kUnsupported, "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
+                name_of(hello.session), "give both the same");
+  std::vector<Receipt> receipts;
+  for (const auto& [told, part] : state_->clients[hello.session].parts) receipts.push_back(part.inbox.receipt());
+  return receipts;
+}
+
+VisualServer::Received VisualServer::receive(const SessionId& from, std::string_view bytes) {
+  Client& client = state_->client(from);
+  MapUpdate update = decode_map_update(bytes, name_of(from));
+  const MapId told = update.origin.map;
+  if (!visual::session_of(from.client, told))
+    throw Error(ErrorCode::kBadInput, "map '" + told.str() + "' is not one of its own", name_of(from),
+                "a client tells of its own map alone");
+  expect_owned(update, from, name_of(from));
+  auto known = client.parts.find(told);
+  Client::Part fresh{told, UpdateInbox(update.origin)};
+  if (known == client.parts.end() && client.parts.size() >= kMostMaps)
+    throw Error(ErrorCode::kBadInput, "it has begun " + std::to_string(kMostMaps) + " maps already", name_of(from));
+  Client::Part& part = known != client.parts.end() ? known->second : fresh;
+  Received received;
+  for (const MapUpdate& stored : part.inbox.receive(std::move(update), name_of(from))) {
+    received.stored.push_back(encode(stored));
+    state_->keyframes += stored.nodes.size();
+  }
+  received.receipt = part.inbox.receipt();
+  if (known == client.parts.end()) {
+    fresh.name = state_->fresh_name(told);
+    client.parts.emplace(told, std::move(fresh));
+  }
+  return received;
+}
+
+void VisualServer::advance(Stamp now, WorkerPool& pool) {
+  State& state = *state_;
+  if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.joining->work->is_done())) state.take_over();
+  if (state.joining) return;
+  const auto due =
+      std::max(static_cast<double>(state.options.fuse_after), state.options.fuse_share * static_cast<double>(state.joined_keyframes));
+  if (static_cast<double>(state.keyframes - state.joined_keyframes) >= due || state.vetoed_since) state.begin(now, pool);
+}
+
+std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->joining ? state_->joining->work : nullptr; }
+
+std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& told) {
+  State& state = *state_;
+  Client& client = state.client(to);
+  if (!visual::session_of(to.client, told.map))
+    throw Error(ErrorCode::kBadInput, "map '" + told.map.str() + "' is not one of its own", name_of(to),
+                "a client tells of its own map alone");
+  const auto known = client.parts.find(told.map);
+  if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
+  Client::Part& part = known->second;
+  if (part.forgotten != told.forgotten) part.lent.clear(), part.forgotten = told.forgotten;
+  const TeamView::Member* member = state.view->member(part.name);
+  if (member == nullptr || member->component->content->members.size() < 2) return std::nullopt;
+  const Node* near = State::nearest(part, *member, told.map_from_robot);
+  if (near == nullptr) return std::nullopt;
+  Share share;
+  share.map = told.map;
+  if (state.options.share == Sharing::full) state.correct(part, *member, share);
+  // What is lent is lent for the map as it is: after a correction the client forgets it.
+  if (share.corrected.empty()) state.lend(part, to, told, *member, *near, share);
+  if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
+  return share;
+}
+
+std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const {
+  State& state = *state_;
+  Client& client = state.client(from);
+  if (state.options.share == Sharing::none || !state.view) return std::nullopt;
+  std::optional<fusion::FoundPlace> best;
+  const TeamView::Component* component = nullptr;
+  for (const TeamView::Component& one : state.view->components()) {
+    auto found = one.places.find(request.features, state.fusion_options, pool);
+    if (!found || (best && found->probability <= best->probability)) continue;
+    best = std::move(found), component = &one;
+  }
+  if (!best) return std::nullopt;
+  const auto answer_in = [&](const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
+    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
+    PlaceAnswer answer;
+    answer.stamp = request.stamp, answer.map = told;
+    answer.map_from_robot = carried(map_from_team, best->map_from_robot);
+    for (const DescribedLandmark& one :
+         component->landmarks.retrieve(state.frustum(*request.features.geometry, best->map_from_robot), state.options.retrieval)) {
+      DescribedLandmark here = matching::transformed(one, map_from_team);
+      if (here.id.session != from && matching::flaw(here).empty()) answer.landmarks.push_back(std::move(here));
+    }
+    if (answer.landmarks.empty()) return std::nullopt;
+    return answer;
+  };
+  // In a map of its own where one lies there, else in that of who saw the place.
+  for (const auto& [told, part] : client.parts) {
+    const TeamView::Member* member = state.view->member(part.name);
+    if (member == nullptr || member->component != component) continue;
+    const Node* near = nullptr;
+    double least = std::numeric_limits<double>::infinity();
+    for (const NodeId& id : member->nodes) {
+      const Node* node = part.inbox.map().nodes.find(id);
+      if (node == nullptr) continue;
+      const double apart = (component->content->map.nodes.find(id)->map_from_node.t - best->map_from_robot.t).squaredNorm();
+      if (apart < least) least = apart, near = node;
+    }
+    if (near != nullptr) return answer_in(told, *near, *member);
+  }
+  const auto owner = state.clients.find(best->keyframe.session);
+  if (owner == state.clients.end()) return std::nullopt;
+  for (const auto& [told, part] : owner->second.parts) {
+    const TeamView::Member* member = state.view->member(part.name);
+    const Node* near = part.inbox.map().nodes.find(best->keyframe);
+    if (member != nullptr && member->component == component && near != nullptr) return answer_in(part.name, *near, *member);
+  }
+  return std::nullopt;
+}
+
+void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
+
+std::vector<Map> VisualServer::maps() const { return state_->maps(); }
+
+const fusion::FusionResult& VisualServer::joined() const {
+  static const fusion::FusionResult nothing;
+  return state_->view ? state_->view->result() : nothing;
+}
+
+fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
+  return fusion::fuse(state_->input(state_->maps()), state_->fusion_options, state_->memo, pool, progress);
+}
+
+}  // namespace mapweave::tiers

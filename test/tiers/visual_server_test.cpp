@@ -1,0 +1,318 @@
+#include <mapweave/core/error.h>
+#include <support/feature_team.h>
+#include <support/lending.h>
+
+#include <gmock/gmock.h>
+
+namespace mapweave::tiers {
+namespace {
+
+using simulation::PlanKind;
+using test::camera_world;
+using test::FeatureTeam;
+
+simulation::WorldOptions two_in_an_apartment() {
+  auto options = camera_world(PlanKind::apartment, 7, 2);
+  options.robots[0].first_room = 0, options.robots[0].last_room = 3, options.robots[0].length_m = 25.0;
+  options.robots[1].first_room = 1, options.robots[1].last_room = 4, options.robots[1].length_m = 25.0;
+  return options;
+}
+
+ServerOptions sharing(Sharing share) {
+  ServerOptions options;
+  options.share = share;
+  return options;
+}
+
+// The apartment seen at once by two, once for all tests that look at what came of it.
+FeatureTeam& apartment() {
+  static FeatureTeam* const team = [] {
+    auto* result = new FeatureTeam(two_in_an_apartment(), sharing(Sharing::view));
+    result->run();
+    return result;
+  }();
+  return *team;
+}
+
+TEST(VisualServer, joins_what_its_clients_tell_and_lends_it_to_them) {
+  FeatureTeam& team = apartment();
+  ASSERT_EQ(team.server.joined().components.size(), 1U);
+  for (const auto& robot : team.robots) {
+    std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, heard %.1f kB in %.0f s\n",
+                robot.place.client.robot.str().c_str(), robot.error_m(), robot.borrowed_seen,
+                1e-3 * static_cast<double>(robot.agent->sent_bytes()), 1e-3 * static_cast<double>(robot.agent->heard_bytes()),
+                static_cast<double>(robot.next) / 12.0);
+    EXPECT_LT(robot.error_m(), 0.05);
+    EXPECT_EQ(robot.agent->waiting_bytes(), 0U);
+  }
+  EXPECT_GT(team.robots[0].borrowed_seen + team.robots[1].borrowed_seen, 100U);
+  EXPECT_LT(team.error_m(team.server.joined().components.front()), 0.05);
+}
+
+TEST(VisualServer, has_every_map_as_its_client_has_it) {
+  for (auto& robot : apartment().robots) {
+    Map whole;
+    visual::VisualClient& client = *robot.client;
+    const auto maps = apartment().server.maps();
+    const auto told =
+        std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == visual::map_of(robot.place.client, 0); });
+    ASSERT_NE(told, maps.end());
+    std::size_t keyframes = 0;
+    for (const visual::PlacedFrame& frame : client.keyframes()) keyframes += frame.session == 0;
+    EXPECT_EQ(told->nodes.size(), keyframes);
+    for (const auto& [id, node] : told->nodes) EXPECT_EQ(id.session, *client.run(robot.place));
+    for (const auto& [id, landmark] : told->landmarks) EXPECT_EQ(id.session, *client.run(robot.place));
+  }
+}
+
+// Updates of the apartment, as they were stored.
+struct Heard {
+  SessionId from;
+  std::string bytes;
+};
+std::vector<Heard> heard_in_the_apartment() {
+  auto options = two_in_an_apartment();
+  for (auto& robot : options.robots) robot.length_m = 12.0;
+  FeatureTeam team(options, sharing(Sharing::none));
+  std::vector<Heard> heard;
+  team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
+    heard.push_back({*robot.client->run(robot.place), bytes});
+  };
+  team.run();
+  return heard;
+}
+const std::vector<Heard>& heard() {
+  static const std::vector<Heard> all = heard_in_the_apartment();
+  return all;
+}
+Hello hello_of(const SessionId& session) { return {session, matching::shipped_vocabulary().hash()}; }
+
+std::string sealed(VisualServer& server, int threads = 1) {
+  WorkerPool pool(threads);
+  const auto silent = make_silent_progress();
+  const auto result = server.seal(pool, *silent);
+  std::string bytes;
+  for (const auto& component : result.components) bytes += encode(difference(Map{}, component.map));
+  return bytes;
+}
+
+TEST(VisualServer, seals_the_same_whatever_order_updates_come_in) {
+  VisualServer in_order(TierId("edge"), {}, {}), shuffled(TierId("edge"), {}, {});
+  std::vector<Heard> mixed = heard();
+  ASSERT_GT(mixed.size(), 8U);
+  for (std::size_t i = 0; i + 3 < mixed.size(); i += 4) std::swap(mixed[i], mixed[i + 3]);
+  mixed.insert(mixed.end(), heard().begin(), heard().begin() + 5);
+  for (VisualServer* server : {&in_order, &shuffled}) {
+    std::uint64_t awaited = 0;
+    for (const Heard& one : server == &in_order ? heard() : mixed) {
+      server->greet(hello_of(one.from));
+      const auto received = server->receive(one.from, one.bytes);
+      awaited = std::max(awaited, received.receipt.awaited);
+      for (const std::string& stored : received.stored)
+        EXPECT_TRUE(std::any_of(heard().begin(), heard().end(), [&](const Heard& told) { return told.bytes == stored; }));
+    }
+    EXPECT_EQ(awaited > 0, server == &shuffled) << "a gap is noticed";
+  }
+  const std::string bytes = sealed(in_order);
+  EXPECT_EQ(bytes, sealed(shuffled));
+  EXPECT_EQ(bytes, sealed(in_order, 2));
+}
+
+TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
+  VisualServer server(TierId("edge"), {}, {});
+  const SessionId alpha = heard().front().from;
+  const auto other = std::find_if(heard().begin(), heard().end(), [&](const Heard& one) { return one.from != alpha; });
+  ASSERT_NE(other, heard().end());
+  const SessionId beta = other->from;
+  const auto code_of = [&](const SessionId& from, const std::string& bytes) {
+    try {
+      server.receive(from, bytes);
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find(to_string(from)), std::string::npos) << error.what();
+      return error.code();
+    }
+    return ErrorCode::kInternal;
+  };
+  EXPECT_EQ(code_of(alpha, heard().front().bytes), ErrorCode::kMissing) << "has not greeted";
+  Hello strange = hello_of(alpha);
+  strange.vocabulary.bytes[0] ^= 1;
+  EXPECT_THROW(server.greet(strange), Error);
+  server.greet(hello_of(alpha)), server.greet(hello_of(beta));
+  EXPECT_EQ(code_of(alpha, other->bytes), ErrorCode::kBadInput) << "another client's map";
+  EXPECT_EQ(code_of(beta, "garbage"), ErrorCode::kCorrupt);
+  MapUpdate update = decode_map_update(heard().front().bytes, "test");
+  update.origin.map = visual::map_of(beta.client, 0);
+  EXPECT_EQ(code_of(beta, encode(update)), ErrorCode::kBadInput) << "another client's keyframes in its own map";
+  update = decode_map_update(heard().front().bytes, "test");
+  const NodeId unknown{alpha, 4000};
+  update.moved.push_back({unknown, {}});
+  EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody told of";
+  std::string newer = heard().front().bytes;
+  const std::size_t version = newer.find(std::string("\x08\x02", 2));
+  ASSERT_NE(version, std::string::npos);
+  newer[version + 1] = 9;
+  EXPECT_EQ(code_of(alpha, newer), ErrorCode::kUnsupported);
+  EXPECT_TRUE(server.maps().empty());
+  for (const Heard& one : heard()) EXPECT_NO_THROW(server.receive(one.from, one.bytes));
+  EXPECT_EQ(server.maps().size(), 2U);
+}
+
+TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
+  VisualServer whole(TierId("edge"), {}, {});
+  for (const Heard& one : heard()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  VisualServer again(TierId("edge"), {}, {});
+  for (std::size_t i = 0; i < heard().size() / 2; ++i)
+    again.greet(hello_of(heard()[i].from)), again.receive(heard()[i].from, heard()[i].bytes);
+  for (const Heard& one : heard()) {  // clients say hello again and repeat what was not stored
+    std::uint64_t stored = 0;
+    const MapUpdate update = decode_map_update(one.bytes, "test");
+    for (const Receipt& receipt : again.greet(hello_of(one.from)))
+      if (receipt.origin.map == update.origin.map) stored = receipt.stored;
+    if (update.sequence > stored) again.receive(one.from, one.bytes);
+  }
+  EXPECT_EQ(sealed(whole), sealed(again));
+}
+
+TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
+  VisualServer server(TierId("edge"), {}, {});
+  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  WorkerPool pool(1);
+  server.advance(heard().front().from.run == 0 ? Stamp{} : Stamp{heard().front().from.run}, pool);
+  server.pending()->run();
+  server.advance({std::numeric_limits<std::int64_t>::max()}, pool);
+  ASSERT_EQ(server.joined().components.size(), 1U);
+  for (int round = 0; round < 20 && server.joined().components.size() == 1; ++round) {
+    for (const Verdict& verdict : server.joined().verdicts)
+      for (const Hash& witness : verdict.witnesses) server.veto(witness);
+    server.advance({std::numeric_limits<std::int64_t>::max() - 1000000000000}, pool);
+    server.pending()->run();
+    server.advance({std::numeric_limits<std::int64_t>::max()}, pool);
+  }
+  EXPECT_EQ(server.joined().components.size(), 2U);
+}
+
+// A corridor that closes on itself: alpha, who sees well, drives where beta begins and ends; beta drives around and stops before it sees
+// again what it saw first (CORB-SLAM, figure 5).
+TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
+  using test::StarryCorridor;
+  constexpr double kStep_m = 0.06, kAround_m = 2.0 * M_PI * StarryCorridor::kRadius_m;
+  std::map<Sharing, double> error_m;
+  for (const Sharing share : {Sharing::none, Sharing::full}) {
+    ServerOptions options = sharing(share);
+    options.correct_m = 0.03, options.retrieval.most = 1;  // what is lent helps too: not here
+    FeatureTeam team(options);
+    StarryCorridor good(1, true), poor(2, true);
+    const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m, double pixels, double inverse_depth,
+                           double offset) {
+      visual::ClientOptions seeing;
+      seeing.window.learn_depth_offset = false;
+      team.add(
+          test::place_of(name), corridor.camera, static_cast<std::size_t>((end_m - begin_m) / kStep_m),
+          [=, &corridor](std::size_t i) {
+            const Pose3 there = StarryCorridor::along_ring(begin_m + kStep_m * static_cast<double>(i));
+            return FeatureTeam::Shot{corridor.frame(test::at(static_cast<int>(i)), there, pixels, inverse_depth, offset), there};
+          },
+          seeing);
+    };
+    drive(good, "alpha", -9.0, 9.0, 0.1, 0.0002, 0.0);
+    drive(poor, "beta", 2.0, kAround_m - 2.0, 0.7, 0.01, 0.01);
+    team.run();
+    const auto& beta = team.robots[1];
+    error_m[share] = beta.error_m();
+    std::printf("beta: error %.3f m, %d loops of its own, corrected %d times, %d frames lost; %zu components\n", beta.error_m(),
+                beta.client->loops(), beta.corrections, beta.lost, team.server.joined().components.size());
+    EXPECT_EQ(beta.client->loops(), 0);
+    EXPECT_EQ(beta.corrections > 0, share == Sharing::full);
+  }
+  EXPECT_LT(error_m[Sharing::full], 0.8 * error_m[Sharing::none]);
+}
+
+TEST(VisualServer, tells_a_single_camera_where_it_is_at_true_scale) {
+  auto options = two_in_an_apartment();
+  options.robots[1] = options.robots[0];
+  options.robots[1].id = "beta", options.robots[1].length_m = 15.0;
+  FeatureTeam team(options, sharing(Sharing::view));
+  auto& beta = team.robots[1];
+  beta.has_depth = false, beta.begin = 0;
+  beta.options.session.await_place = true;
+  beta.client.emplace(beta.camera, 0.0, beta.options, matching::shipped_vocabulary());
+  beta.agent.emplace(beta.place);
+  // Alpha is there first.
+  beta.begin = 12 * 45;
+  team.run();
+  double scale = 0.0;
+  const double error_m = beta.error_m(0, true, &scale);
+  std::printf("beta: placed %d times, error %.3f m, scale %.3f, lost %d of %zu\n", beta.placed, error_m, scale, beta.lost, beta.next);
+  EXPECT_GE(beta.placed, 1);
+  EXPECT_NEAR(scale, 1.0, 0.02);
+  EXPECT_LT(error_m, 0.05);
+}
+
+TEST(VisualServer, loses_nothing_of_a_client_that_was_cut_off) {
+  auto options = two_in_an_apartment();
+  for (auto& robot : options.robots) robot.length_m = 15.0;
+  std::map<bool, std::string> maps;
+  FeatureTeam team(options, sharing(Sharing::none));
+  auto& alpha = team.robots[0];
+  for (int round = 0; team.round(); ++round) {
+    const bool was = alpha.cut_off;
+    alpha.cut_off = round > 20 && round < 50;
+    if (was && !alpha.cut_off) alpha.greeted = false;  // says hello again
+  }
+  alpha.greeted = alpha.cut_off = false;
+  team.run();
+  const auto maps_there = team.server.maps();
+  ASSERT_EQ(maps_there.size(), 2U);
+  EXPECT_EQ(maps_there[0].nodes.size(), alpha.client->keyframes().size());
+  EXPECT_EQ(alpha.agent->waiting_bytes(), 0U);
+  EXPECT_EQ(alpha.lost, 0);
+}
+
+TEST(VisualServer, joins_a_robot_that_comes_back_another_day) {
+  VisualServer server(TierId("edge"), {}, {});
+  WorkerPool pool(1);
+  const auto silent = make_silent_progress();
+  std::vector<std::size_t> components;
+  for (const double start_s : {0.0, 86400.0}) {
+    auto options = camera_world(PlanKind::apartment, 7, 1);
+    options.robots[0].last_room = 2, options.robots[0].length_m = 10.0, options.robots[0].start_s = start_s;
+    FeatureTeam team(options, sharing(Sharing::none));
+    team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
+      server.greet(hello_of(*robot.client->run(robot.place)));
+      server.receive(*robot.client->run(robot.place), bytes);
+    };
+    team.run();
+    components.push_back(server.seal(pool, *silent).components.size());
+  }
+  EXPECT_THAT(components, testing::ElementsAre(1U, 1U));
+  const auto maps = server.maps();
+  ASSERT_EQ(maps.size(), 2U);
+  EXPECT_EQ(maps[0].id.str(), "alpha.camera");
+  EXPECT_EQ(maps[1].id.str(), "alpha.camera-2");
+}
+
+TEST(CameraAgent, keeps_within_its_wire_by_telling_less) {
+  auto options = two_in_an_apartment();
+  options.robots.resize(1);
+  options.robots[0].length_m = 15.0;
+  std::map<double, std::uint64_t> sent;
+  for (const double cap : {0.0, 15.0}) {
+    FeatureTeam team(options, sharing(Sharing::none));
+    auto& alpha = team.robots[0];
+    UplinkOptions narrow;
+    narrow.most_kB_per_s = cap;
+    alpha.agent.emplace(alpha.place, narrow);
+    team.run();
+    sent[cap] = alpha.agent->sent_bytes();
+    const double seconds = static_cast<double>(alpha.next) / 12.0, kB_per_s = 1e-3 * static_cast<double>(sent[cap]) / seconds;
+    std::printf("bound %.0f kB/s: %.1f kB/s\n", cap, kB_per_s);
+    if (cap > 0.0) {
+      EXPECT_LT(kB_per_s, 1.2 * cap);
+    }
+    EXPECT_GT(team.server.maps().front().nodes.size(), 5U);
+  }
+  EXPECT_LT(sent[15.0], sent[0.0] / 2);
+}
+
+}  // namespace
+}  // namespace mapweave::tiers
