@@ -300,7 +300,7 @@ TEST(CameraAgent, keeps_within_its_wire_by_telling_less) {
     FeatureTeam team(options, sharing(Sharing::none));
     auto& alpha = team.robots[0];
     UplinkOptions narrow;
-    narrow.most_kB_per_s = cap;
+    narrow.most_bytes_per_s = 1e3 * cap;
     alpha.agent.emplace(alpha.place, narrow);
     team.run();
     sent[cap] = alpha.agent->sent_bytes();

@@ -1,4 +1,5 @@
 #include "results.h"
+#include "shared_cameras.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
@@ -21,9 +22,18 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
                                                    WorkerPool& pool, Progress& progress) {
   std::atomic<bool> give_up{false};
+  std::map<RobotId, CamerasOutcome> shared;
+  try {
+    if (configuration.server.share != tiers::Sharing::none) shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
+  } catch (const Error& error) {
+    if (error.code() != ErrorCode::kInterrupted) throw;
+    return std::vector<std::optional<RobotResult>>(plan.robots.size());
+  }
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
-      RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress);
+      const auto cameras = shared.find(plan.robots[i].id);
+      RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
+                                     cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Error& error) {

@@ -56,26 +56,29 @@ class Camera {
   std::vector<std::string> notes() const { return client_ ? client_->notes() : std::vector<std::string>{}; }
   double seconds() const { return report_.frames == 0 ? 0.0 : seconds_between(first_, last_); }
 
+  visual::ClientPlace place(RobotId robot) const {
+    return {{robot, SensorId(sensor_name(report_.label))}, packer_.rig()->robot_from_camera};
+  }
+  visual::VisualClient* client() { return client_ ? &*client_ : nullptr; }  // null before its first frame
+  CameraReport& report() { return report_; }
+
   // Its maps, one for each session that stayed apart; each begins where the robot stood then.
   CameraResult finish(RobotId robot, std::vector<CameraMap>& maps) {
     CameraResult result;
     client_->finish();
     const Pose3 robot_from_camera = packer_.rig()->robot_from_camera, camera_from_robot = inverse(robot_from_camera);
-    const visual::ClientPlace place{{robot, SensorId(sensor_name(report_.label))}, robot_from_camera};
     const std::vector<int> sessions = client_->sessions();
-    std::vector<MapUpdate> updates = client_->take_updates(place, visual::PublishedDetail::exact);
-    std::sort(updates.begin(), updates.end(),
-              [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
+    std::vector<Map> told = client_->maps(place(robot));
+    std::sort(told.begin(), told.end(), [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
       if (part.ways.empty()) part.ways.push_back({report_.label, {}});
       part.ways.front().frames.push_back({frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
-    MAPWEAVE_EXPECT(updates.size() == own.size(), "each session has told of its map");
+    MAPWEAVE_EXPECT(told.size() == own.size(), "each session has told of its map");
     for (std::size_t i = 0; i < own.size(); ++i) {
-      own[i].map.id = updates[i].origin.map;
-      own[i].map = updated(std::move(own[i].map), updates[i]);
+      own[i].map = std::move(told[i]);
       maps.push_back(std::move(own[i]));
     }
     report_.sessions = sessions.size();
@@ -117,19 +120,6 @@ class Camera {
   std::vector<double> tracking_seconds_, keyframe_seconds_;
   double packing_seconds_ = 0.0;
 };
-
-void replay(const PlannedRobot& robot, const rawlog::ReadOptions& reading, std::deque<Camera>& cameras, const std::atomic<bool>& give_up,
-            Progress& progress) {
-  constexpr std::uint64_t kKilobyte = 1000;
-  const auto log = rawlog::open_log(robot.log, reading);
-  ProgressTask task(progress, "robot " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
-  while (const auto record = log->next()) {
-    throw_if_interrupted();
-    if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + robot.id.str());
-    for (Camera& camera : cameras) camera.add(*record);
-    task.advance(log->bytes_read() / kKilobyte);
-  }
-}
 
 std::size_t frames_of(const CameraMap& map) {
   std::size_t count = 0;
@@ -187,33 +177,92 @@ std::string sensor_name(const std::string& label) {
   return name.empty() ? "camera" : name;
 }
 
-CamerasOutcome map_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
-                           const std::atomic<bool>& give_up, Progress& progress) {
-  CamerasOutcome outcome;
-  outcome.robot = robot;
+struct CameraTask::State {
+  PlannedRobot robot;
+  rawlog::ReadOptions reading;
+  bool keep_going = false;
   std::deque<Camera> cameras;
+  std::unique_ptr<rawlog::ObservationStream> log;
+  std::optional<ProgressTask> task;
+  std::optional<rawlog::Record> next;
+  std::optional<Error> trouble;
+  double cpu_seconds = 0.0;
+
+  // Runs what may meet trouble with the log; its end then.
+  template <class Reading>
+  void guarded(const Reading& reading_on) {
+    const double before_s = thread_cpu_seconds();
+    try {
+      reading_on();
+    } catch (const Error& error) {
+      if (error.code() == ErrorCode::kInterrupted) throw;
+      trouble = error;
+      next.reset();
+    }
+    cpu_seconds += thread_cpu_seconds() - before_s;
+  }
+};
+
+CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
+                       Progress& progress)
+    : state_(new State) {
+  constexpr std::uint64_t kKilobyte = 1000;
+  state_->robot = robot, state_->keep_going = keep_going;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;
-  for (const ChosenCamera& camera : chosen.cameras) cameras.emplace_back(camera, options);
-  try {
-    replay(robot, configuration.reading, cameras, give_up, progress);
-  } catch (const Error& error) {
-    if (error.code() == ErrorCode::kInterrupted) throw;
-    outcome.trouble = error;
-    if (!keep_going) return outcome;
-  }
+  for (const ChosenCamera& camera : chosen.cameras) state_->cameras.emplace_back(camera, options);
+  state_->guarded([&] {
+    state_->log = rawlog::open_log(robot.log, configuration.reading);
+    state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
+    state_->next = state_->log->next();
+  });
+}
+CameraTask::~CameraTask() = default;
+CameraTask::CameraTask(CameraTask&&) noexcept = default;
+
+std::optional<Stamp> CameraTask::next() const { return state_->next ? std::optional(state_->next->stamp) : std::nullopt; }
+
+void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
+  constexpr std::uint64_t kKilobyte = 1000;
+  State& state = *state_;
+  state.guarded([&] {
+    while (state.next && (!until || state.next->stamp < *until)) {
+      throw_if_interrupted();
+      if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + state.robot.id.str());
+      for (Camera& camera : state.cameras) camera.add(*state.next);
+      state.task->advance(state.log->bytes_read() / kKilobyte);
+      state.next = state.log->next();
+    }
+  });
+}
+
+std::vector<CameraTask::Client> CameraTask::clients() {
+  std::vector<Client> result;
+  for (Camera& camera : state_->cameras)
+    if (camera.client() != nullptr) result.push_back({camera.place(state_->robot.id), camera.client(), &camera.report()});
+  return result;
+}
+
+CamerasOutcome CameraTask::finish() {
+  State& state = *state_;
+  const double before_s = thread_cpu_seconds();
+  CamerasOutcome outcome;
+  outcome.robot = state.robot, outcome.trouble = state.trouble;
+  state.task.reset(), state.log.reset();
+  if (outcome.trouble && !state.keep_going) return outcome;
   std::vector<CameraMap> maps;
-  for (Camera& camera : cameras) {
+  for (Camera& camera : state.cameras) {
     outcome.log_seconds = std::max(outcome.log_seconds, camera.seconds());
     if (camera.tracked_anything()) {
-      outcome.cameras.push_back(camera.finish(robot.id, maps));
+      outcome.cameras.push_back(camera.finish(state.robot.id, maps));
     } else if (camera.report().frames > 0) {
-      log(LogLevel::warning, "robot " + robot.id.str() + ": none of the " + std::to_string(camera.report().frames) + " frames of camera '" +
-                                 camera.report().label + "' could be placed");
+      log(LogLevel::warning, "robot " + state.robot.id.str() + ": none of the " + std::to_string(camera.report().frames) +
+                                 " frames of camera '" + camera.report().label + "' could be placed");
     }
   }
-  outcome.maps = placed_together(std::move(maps), robot.id);
-  if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(robot, cameras);
+  outcome.maps = placed_together(std::move(maps), state.robot.id);
+  if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
+  outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;
   return outcome;
 }
 

@@ -66,8 +66,15 @@ void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configurati
 
 // Cameras on the robot; with a map of the laser, which is there already, in one graph.
 void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
-                    const std::atomic<bool>& give_up, Progress& progress, RobotResult& result) {
-  result.cameras = map_cameras(robot, chosen, configuration, keep_going, give_up, progress);
+                    const std::atomic<bool>& give_up, Progress& progress, std::optional<CamerasOutcome> cameras, RobotResult& result) {
+  if (cameras) {
+    result.report.cpu_seconds += cameras->cpu_seconds;
+    result.cameras = std::move(*cameras);
+  } else {
+    CameraTask task(robot, chosen, configuration, keep_going, progress);
+    task.advance(std::nullopt, give_up);
+    result.cameras = task.finish();
+  }
   tiers::RobotOutcome& outcome = result.outcome;
   outcome.robot = robot.id;
   if (outcome.map && result.cameras.maps.empty()) {
@@ -95,7 +102,7 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
 }  // namespace
 
 RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
-                      Progress& progress) {
+                      Progress& progress, std::optional<CamerasOutcome> cameras) {
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;
@@ -107,14 +114,15 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
     const ChosenSensors chosen = choose_sensors(robot.log, configuration);
     if (chosen.laser) map_by_laser(robot, configuration, keep_going, give_up, progress, result);
     const bool go_on = !result.outcome.trouble || keep_going;
-    if (!chosen.cameras.empty() && go_on) map_by_cameras(robot, chosen, configuration, keep_going, give_up, progress, result);
+    if (!chosen.cameras.empty() && go_on)
+      map_by_cameras(robot, chosen, configuration, keep_going, give_up, progress, std::move(cameras), result);
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) throw;
     result.outcome = {robot.id, std::nullopt, error};
   }
   return_free_memory();  // of the engine, which has ended
   result.report.wall_seconds = watch.seconds();
-  result.report.cpu_seconds = thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;
+  result.report.cpu_seconds += thread_cpu_seconds() - cpu_before + result.outcome.helper_cpu_seconds;
   result.report.mapped = result.outcome.map.has_value();
   result.report.trouble = result.outcome.trouble;
   return result;

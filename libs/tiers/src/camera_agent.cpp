@@ -37,7 +37,7 @@ std::uint64_t CameraAgent::waiting_bytes() const {
 
 std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
   std::string bytes = encode(update);
-  if (options_.most_kB_per_s == 0.0 || static_cast<double>(bytes.size()) <= room_bytes) return bytes;
+  if (options_.most_bytes_per_s == 0.0 || static_cast<double>(bytes.size()) <= room_bytes) return bytes;
   std::size_t features = 0;
   for (const Node& node : update.nodes)
     if (const KeyframeFeatures* keyframe = keyframe_of(node)) features += keyframe->points.size();
@@ -56,7 +56,7 @@ std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
 }
 
 std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
-  const double bytes_per_s = 1e3 * options_.most_kB_per_s;
+  const double bytes_per_s = options_.most_bytes_per_s;
   if (last_ && bytes_per_s > 0.0)
     allowance_bytes_ = std::min(allowance_bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
   last_ = now;

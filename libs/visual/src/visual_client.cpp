@@ -405,6 +405,10 @@ struct VisualClient::State {
     return kept(frame.stamp, keyframe);
   }
 
+  MapPublisher publisher_for(const ClientPlace& place) const {
+    return MapPublisher(place, SessionId{place.client, begun->ns}, options.tracking.sigma_px, options.depth.inverse_depth_sigma);
+  }
+
   int receive(const ClientPlace& place, int number, const std::vector<DescribedLandmark>& landmarks) {
     const SessionId own{place.client, begun ? begun->ns : 0};
     const int taken = lent.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
@@ -483,12 +487,16 @@ std::optional<SessionId> VisualClient::run(const ClientPlace& place) const {
 
 std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, PublishedDetail detail) {
   if (!state_->begun) return {};
-  if (!state_->publisher) {
-    const ClientOptions& options = state_->options;
-    state_->publisher.emplace(place, SessionId{place.client, state_->begun->ns}, options.tracking.sigma_px,
-                              options.depth.inverse_depth_sigma);
-  }
+  if (!state_->publisher) state_->publisher.emplace(state_->publisher_for(place));
   return state_->publisher->take(state_->map, detail);
+}
+
+std::vector<Map> VisualClient::maps(const ClientPlace& place) const {
+  if (!state_->begun) return {};
+  std::vector<Map> result;
+  MapPublisher publisher = state_->publisher_for(place);
+  for (const MapUpdate& update : publisher.take(state_->map, PublishedDetail::exact)) result.push_back(updated(Map{}, update));
+  return result;
 }
 
 int VisualClient::lend(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {

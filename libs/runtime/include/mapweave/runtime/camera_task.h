@@ -7,8 +7,10 @@
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/runtime/sensor_choice.h>
+#include <mapweave/visual/visual_client.h>
 
 #include <atomic>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -42,11 +44,33 @@ struct CamerasOutcome {
   // came back to a place that it knew.
   std::vector<CameraMap> maps;
   double log_seconds = 0.0;
+  double cpu_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map
 };
 
-// With `keep_going` what came before trouble is mapped. Throws Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
-CamerasOutcome map_cameras(const PlannedRobot&, const ChosenSensors& cameras, const RunConfiguration&, bool keep_going,
-                           const std::atomic<bool>& give_up, Progress&);
+// Not thread-safe, but each call may come from another thread.
+class CameraTask {
+ public:
+  // With `keep_going` what comes before trouble with the log is mapped.
+  CameraTask(const PlannedRobot&, const ChosenSensors& cameras, const RunConfiguration&, bool keep_going, Progress&);
+  ~CameraTask();
+  CameraTask(CameraTask&&) noexcept;
+
+  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  // All records before `until`; nullopt: to the end. Throws Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
+  void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
+
+  struct Client {
+    visual::ClientPlace place;
+    visual::VisualClient* client;
+    CameraReport* report;
+  };
+  std::vector<Client> clients();  // of the cameras that have had a frame, by label; valid until finish()
+  CamerasOutcome finish();        // once
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace mapweave::runtime

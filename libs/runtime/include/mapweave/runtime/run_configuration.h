@@ -11,6 +11,8 @@
 #include <mapweave/fusion/fusion_options.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/tiers/camera_agent.h>
+#include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/client_options.h>
 
 #include <filesystem>
@@ -97,6 +99,8 @@ struct RunConfiguration {
   laser::LaserOptions laser;
   VisualOptions visual;
   fusion::FusionOptions fusion;
+  tiers::ServerOptions server;
+  tiers::UplinkOptions uplink;
   fusion::BindOptions bind;
   fusion::ComposeOptions compose;
   OutputOptions output;
@@ -119,6 +123,8 @@ struct RunConfiguration {
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("visual", visual, "one camera's SLAM");
     v.section("fusion", fusion, "how maps are joined");
+    v.section("server", server, "the edges' map servers, which cameras tell what they see while they see it");
+    v.section("uplink", uplink, "from a camera's client to its edge's map server");
     v.section("bind", bind, "how a robot's laser and cameras are tied in one graph (sensor: all)");
     v.section("compose", compose, "how grids are drawn");
     v.section("output", output, "what is written beside each map.mwdb");

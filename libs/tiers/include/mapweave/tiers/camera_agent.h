@@ -13,12 +13,12 @@
 namespace mapweave::tiers {
 
 struct UplinkOptions {
-  double most_kB_per_s = 0.0;
+  double most_bytes_per_s = 0.0;
   int least_features = 60;
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative(
-        "most_kB_per_s", most_kB_per_s,
+        "most_bytes_per_s", most_bytes_per_s,
         "a client sends no more than this on the mean; 0: no bound. Keyframes go with fewer features first, then later; where the "
         "client is, last");
     v.integer("least_features", least_features, 1, 100000, "that a keyframe goes with, however narrow the wire");

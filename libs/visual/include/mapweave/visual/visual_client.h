@@ -76,6 +76,8 @@ class VisualClient {
   // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
 
+  // Every session's whole map, whatever was told before: as take_updates() on a client that has told nothing yet.
+  std::vector<Map> maps(const ClientPlace& place) const;
   // Of which run its ids speak: from the first frame on.
   std::optional<SessionId> run(const ClientPlace& place) const;
 

@@ -1,0 +1,97 @@
+#include "shared_cameras.h"
+
+#include <mapweave/core/log.h>
+#include <mapweave/matching/binary_vocabulary.h>
+#include <mapweave/tiers/camera_agent.h>
+#include <mapweave/tiers/visual_server.h>
+
+#include <algorithm>
+#include <deque>
+
+namespace mapweave::runtime {
+namespace {
+
+// One camera's end of the wire; everything goes through the bytes that a network would carry.
+class Link {
+ public:
+  Link(const CameraTask::Client& client, const tiers::UplinkOptions& uplink)
+      : client_(client.client), report_(client.report), agent_(client.place, uplink), place_(client.place) {}
+
+  void exchange(tiers::VisualServer& server, Stamp now, WorkerPool& pool) {
+    const auto run = client_->run(place_);
+    if (!run) return;
+    if (!greeted_) {
+      agent_.reconnected(server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
+      greeted_ = true;
+    }
+    for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);
+    if (const auto view = agent_.view(*client_)) {
+      if (const auto share = server.share(*run, decode_client_view(*view, "view"))) agent_.hear_share(*client_, encode(*share));
+    } else if (const auto request = agent_.place_request(*client_)) {
+      if (const auto answer = server.place(*run, decode_place_request(*request, "place request"), pool))
+        agent_.hear_place(*client_, encode(*answer));
+    }
+    report_->sent_bytes = agent_.sent_bytes(), report_->heard_bytes = agent_.heard_bytes();
+    report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
+  }
+
+ private:
+  visual::VisualClient* client_;
+  CameraReport* report_;
+  tiers::CameraAgent agent_;
+  visual::ClientPlace place_;
+  bool greeted_ = false;
+};
+
+struct Member {
+  RobotId robot;
+  CameraTask task;
+  std::vector<Link> links;  // of the task's clients, which come one after the other
+};
+
+// All robots of one edge, a moment at a time.
+void drive(std::deque<Member>& members, const RunConfiguration& configuration, const TierId& edge, WorkerPool& pool) {
+  tiers::VisualServer server(edge, configuration.server, configuration.fusion);
+  const auto period_ns = static_cast<std::int64_t>(1e9 / configuration.server.share_rate_hz);
+  const std::atomic<bool> give_up{false};
+  for (std::optional<Stamp> moment;;) {
+    std::optional<Stamp> earliest;
+    for (const Member& member : members)
+      if (const auto next = member.task.next(); next && (!earliest || *next < *earliest)) earliest = next;
+    if (!earliest) return;
+    if (!moment || *moment < *earliest) moment = earliest;  // nothing happens in between
+    moment->ns += period_ns;
+    pool.for_each(members.size(), [&](std::size_t i) { members[i].task.advance(moment, give_up); });
+    for (Member& member : members) {
+      const auto clients = member.task.clients();
+      while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration.uplink);
+      for (Link& link : member.links) link.exchange(server, *moment, pool);
+    }
+    server.advance(*moment, pool);
+  }
+}
+
+}  // namespace
+
+std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
+                                                     WorkerPool& pool, Progress& progress) {
+  std::map<RobotId, CamerasOutcome> outcomes;
+  for (const TierId& edge : plan.edges) {
+    std::deque<Member> members;
+    for (const PlannedRobot& robot : plan.robots) {
+      if (robot.edge != edge) continue;
+      try {
+        const ChosenSensors chosen = choose_sensors(robot.log, configuration);
+        if (!chosen.cameras.empty()) members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
+      } catch (const Error& error) {
+        if (error.code() == ErrorCode::kInterrupted) throw;
+      }
+    }
+    drive(members, configuration, edge, pool);
+    std::vector<CamerasOutcome> finished = pool.map(members.size(), [&](std::size_t i) { return members[i].task.finish(); });
+    for (std::size_t i = 0; i < members.size(); ++i) outcomes.emplace(members[i].robot, std::move(finished[i]));
+  }
+  return outcomes;
+}
+
+}  // namespace mapweave::runtime

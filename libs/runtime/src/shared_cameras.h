@@ -1,0 +1,15 @@
+#pragma once
+// Robots' cameras that tell their edge's map server what they see while they see it, and hear what others know: by data time, so that
+// neither threads nor the order of robots change a byte.
+
+#include <mapweave/runtime/camera_task.h>
+
+#include <map>
+
+namespace mapweave::runtime {
+
+// Of the robots that have cameras to map with; the others, and those whose logs cannot be read, are left to map_robot(), which says so.
+// Throws Error(kInterrupted) alone.
+std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going, WorkerPool&, Progress&);
+
+}  // namespace mapweave::runtime
