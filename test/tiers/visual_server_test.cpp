@@ -1,5 +1,6 @@
 #include <mapweave/core/error.h>
-#include <support/feature_team.h>
+#include "heard_updates.h"
+
 #include <support/lending.h>
 
 #include <gmock/gmock.h>
@@ -11,12 +12,7 @@ using simulation::PlanKind;
 using test::camera_world;
 using test::FeatureTeam;
 
-simulation::WorldOptions two_in_an_apartment() {
-  auto options = camera_world(PlanKind::apartment, 7, 2);
-  options.robots[0].first_room = 0, options.robots[0].last_room = 3, options.robots[0].length_m = 25.0;
-  options.robots[1].first_room = 1, options.robots[1].last_room = 4, options.robots[1].length_m = 25.0;
-  return options;
-}
+using test::two_in_an_apartment;
 
 ServerOptions sharing(Sharing share) {
   ServerOptions options;
@@ -65,36 +61,10 @@ TEST(VisualServer, has_every_map_as_its_client_has_it) {
   }
 }
 
-// Updates of the apartment, as they were stored.
-struct Heard {
-  SessionId from;
-  std::string bytes;
-};
-std::vector<Heard> heard_in_the_apartment() {
-  auto options = two_in_an_apartment();
-  for (auto& robot : options.robots) robot.length_m = 12.0;
-  FeatureTeam team(options, sharing(Sharing::none));
-  std::vector<Heard> heard;
-  team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
-    heard.push_back({*robot.client->run(robot.place), bytes});
-  };
-  team.run();
-  return heard;
-}
-const std::vector<Heard>& heard() {
-  static const std::vector<Heard> all = heard_in_the_apartment();
-  return all;
-}
-Hello hello_of(const SessionId& session) { return {session, matching::shipped_vocabulary().hash()}; }
-
-std::string sealed(VisualServer& server, int threads = 1) {
-  WorkerPool pool(threads);
-  const auto silent = make_silent_progress();
-  const auto result = server.seal(pool, *silent);
-  std::string bytes;
-  for (const auto& component : result.components) bytes += encode(difference(Map{}, component.map));
-  return bytes;
-}
+using test::heard;
+using test::Heard;
+using test::hello_of;
+using test::sealed;
 
 TEST(VisualServer, seals_the_same_whatever_order_updates_come_in) {
   VisualServer in_order(TierId("edge"), {}, {}), shuffled(TierId("edge"), {}, {});

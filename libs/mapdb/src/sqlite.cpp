@@ -31,7 +31,7 @@ std::string file_uri(const std::filesystem::path& path, const std::string& query
 }  // namespace
 
 Database::Database(const std::filesystem::path& path, Use use, std::filesystem::path shown) : use_(use), shown_(std::move(shown)) {
-  const bool is_new = use == Use::create;
+  const bool is_new = use != Use::read;
   const int flags = is_new ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
   const std::string name = is_new ? std::filesystem::absolute(path).string() : file_uri(path, "mode=ro&immutable=1");
   if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr); code != SQLITE_OK) {
@@ -60,7 +60,10 @@ void Database::fail(int sqlite_code) const {
   const std::string words = handle_ == nullptr ? sqlite3_errstr(sqlite_code) : sqlite3_errmsg(handle_);
   const int primary = sqlite_code & 0xff;
   if (primary == SQLITE_NOMEM) throw std::bad_alloc();
-  if (use_ == Use::create) {
+  if (use_ == Use::append && (primary == SQLITE_NOTADB || primary == SQLITE_CORRUPT)) corrupt(words);
+  if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)
+    throw Error(ErrorCode::kBadInput, "another process has it open", shown_.string(), "end that one first, or choose another file");
+  if (use_ != Use::read) {
     if (primary != SQLITE_FULL && system != ENOSPC && system != EDQUOT)
       throw Error(ErrorCode::kCannotWrite,
                   "the map store cannot be written: " + words +

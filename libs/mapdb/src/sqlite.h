@@ -14,10 +14,9 @@ namespace mapweave::mapdb {
 
 class Database {
  public:
-  enum class Use { create, read };
-  // create: a new file for one writer. read: never writes nor locks, also where the folder or disk is read-only; what the file's
-  // schema says is not trusted.
-  // `shown`: the file that messages speak of.
+  enum class Use { create, append, read };
+  // create: a new file for one writer. append: the same, or one that is there. read: never writes nor locks, also where the folder or disk
+  // is read-only; what the file's schema says is not trusted. `shown`: the file that messages speak of.
   Database(const std::filesystem::path& path, Use use, std::filesystem::path shown);
   ~Database();
   Database(const Database&) = delete;

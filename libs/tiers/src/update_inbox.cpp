@@ -12,13 +12,15 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, const std::string&
                     "; updates count from 1",
                 where);
   std::vector<MapUpdate> stored;
-  if (update.sequence > stored_ + 1) {
+  const bool says_all = stored_ == 0 && update.base == 0;
+  if (update.sequence > stored_ + 1 && !says_all) {
     if (waiting_.size() < kMostWaiting) waiting_.emplace(update.sequence, std::move(update));
     return stored;
   }
   if (update.sequence <= stored_) return stored;
   store(update);
   stored.push_back(std::move(update));
+  waiting_.erase(waiting_.begin(), waiting_.upper_bound(stored_));
   while (!waiting_.empty() && waiting_.begin()->first == stored_ + 1) {
     MapUpdate next = std::move(waiting_.extract(waiting_.begin()).mapped());
     try {

@@ -80,6 +80,7 @@ struct VisualServer::State {
   fusion::FusionOptions fusion_options;
   std::map<SessionId, Client> clients;
   std::set<MapId> names;
+  std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
   fusion::Memo memo;
   std::shared_ptr<Joining> joining;
@@ -245,6 +246,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
   received.receipt = part.inbox.receipt();
   if (known == client.parts.end()) {
     fresh.name = state_->fresh_name(told);
+    state_->order.emplace_back(from, told);
     client.parts.emplace(told, std::move(fresh));
   }
   return received;
@@ -334,6 +336,18 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
 }
 
 void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
+
+std::vector<std::pair<SessionId, std::string>> VisualServer::snapshot() const {
+  std::vector<std::pair<SessionId, std::string>> result;
+  for (const auto& [session, told] : state_->order) {
+    const UpdateInbox& inbox = state_->clients.at(session).parts.at(told).inbox;
+    if (inbox.receipt().stored == 0) continue;
+    MapUpdate all = difference(Map{}, inbox.map());
+    all.origin = inbox.receipt().origin, all.sequence = inbox.receipt().stored;
+    result.emplace_back(session, encode(all));
+  }
+  return result;
+}
 
 std::vector<Map> VisualServer::maps() const { return state_->maps(); }
 

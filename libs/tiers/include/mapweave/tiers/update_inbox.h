@@ -21,8 +21,9 @@ class UpdateInbox {
   static constexpr std::size_t kMostWaiting = 1024;  // updates that wait for a missing one; more are dropped, and will be awaited
   explicit UpdateInbox(Origin origin);
 
-  // What could be stored now, in order; nothing for one that came before, or that has to wait. Throws Error(kBadInput) for one that does
-  // not fit what it builds on, of which nothing is stored then; one that waited and does not fit is dropped, and will be awaited.
+  // What could be stored now, in order; nothing for one that came before, or that has to wait. The first may have any number where it
+  // builds on nothing: it says all up to there. Throws Error(kBadInput) for one that does not fit what it builds on, of which nothing is
+  // stored then; one that waited and does not fit is dropped, and will be awaited.
   std::vector<MapUpdate> receive(MapUpdate update, const std::string& where);
 
   const Map& map() const { return map_; }

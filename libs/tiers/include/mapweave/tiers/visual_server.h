@@ -11,6 +11,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 
 namespace mapweave::tiers {
 
@@ -79,6 +80,9 @@ class VisualServer {
 
   // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
   void veto(const Hash& judgement);
+  // Every client's own maps, each as one update that says all: received by another server, in this order, they make it the same as this
+  // one. Judgements are made again.
+  std::vector<std::pair<SessionId, std::string>> snapshot() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
   // As joined last; empty before.

@@ -1,0 +1,42 @@
+#pragma once
+// What a server was told by its clients and has said it would keep: an SQLite file (.mwj) that grows by every update and survives a kill at
+// any moment.
+
+#include <mapweave/core/ids.h>
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::mapdb {
+
+struct JournalEntry {
+  SessionId from;
+  std::string update;  // an encoded MapUpdate
+};
+
+// One at a time has a journal open. Not thread-safe.
+class UpdateJournal {
+ public:
+  // Opens it, or begins it. Throws Error: kCannotWrite; kCorrupt for what is no journal, or damaged; kUnsupported for a newer schema;
+  // kBadInput while another process has it open.
+  explicit UpdateJournal(const std::filesystem::path& path);
+  ~UpdateJournal();
+
+  // All or nothing, and on the disk when it returns. Throws Error(kCannotWrite), with the free space when the disk is full.
+  void append(const std::vector<JournalEntry>& entries);
+  // All, in the order they came. Throws Error(kCorrupt) for a damaged one; those before it have been visited.
+  void replay(const std::function<void(const JournalEntry&)>& visit);
+  // What stands for all of it (each map's state in one update): the journal holds that alone then. As append otherwise.
+  void replace(const std::vector<JournalEntry>& entries);
+  std::uint64_t bytes() const;  // of the entries, as they lie in it
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mapweave::mapdb

@@ -1,0 +1,46 @@
+#pragma once
+// What two robots in an apartment tell their edge's map server.
+
+#include <support/feature_team.h>
+
+namespace mapweave::test {
+
+inline simulation::WorldOptions two_in_an_apartment() {
+  auto options = camera_world(simulation::PlanKind::apartment, 7, 2);
+  options.robots[0].first_room = 0, options.robots[0].last_room = 3, options.robots[0].length_m = 25.0;
+  options.robots[1].first_room = 1, options.robots[1].last_room = 4, options.robots[1].length_m = 25.0;
+  return options;
+}
+
+// Updates of the apartment, as they were stored.
+struct Heard {
+  SessionId from;
+  std::string bytes;
+};
+inline std::vector<Heard> heard_in_the_apartment() {
+  auto options = two_in_an_apartment();
+  for (auto& robot : options.robots) robot.length_m = 12.0;
+  FeatureTeam team(options, tiers::ServerOptions{});
+  std::vector<Heard> heard;
+  team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
+    heard.push_back({*robot.client->run(robot.place), bytes});
+  };
+  team.run();
+  return heard;
+}
+inline const std::vector<Heard>& heard() {
+  static const std::vector<Heard> all = heard_in_the_apartment();
+  return all;
+}
+inline Hello hello_of(const SessionId& session) { return {session, matching::shipped_vocabulary().hash()}; }
+
+inline std::string sealed(tiers::VisualServer& server, int threads = 1) {
+  WorkerPool pool(threads);
+  const auto silent = make_silent_progress();
+  const auto result = server.seal(pool, *silent);
+  std::string bytes;
+  for (const auto& component : result.components) bytes += encode(difference(Map{}, component.map));
+  return bytes;
+}
+
+}  // namespace mapweave::test
