@@ -24,7 +24,7 @@ WORLDS = {
     "loop": {"world": "camera_loop.yaml", "robots": ("alpha",), "goal_m": {"rgbd": 0.10}},
 }
 HEADERS = ("sequence", "sensor", "frames", "lost", "ATE RMSE, m (least to most of seeds)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
-           "frames/s", "peak, MB")
+           "frames/s", "peak, MB", "closed after, s")
 
 
 def sequences():
@@ -53,6 +53,7 @@ def kitti_truth(folder, out):
 
 
 def simulated(name, sensor):
+    sensor = "rgbd" if sensor == "mono" else sensor  # whose pictures they are, without their depth
     folder = common.OUT / f"visual/worlds/{name}-{sensor}"
     if not (folder / "manifest.json").exists() and not (folder / "run.yaml").exists():
         common.mapweave("simulate", common.ROOT / "configs/worlds" / WORLDS[name]["world"], "--set", f"cameras.0.kind={sensor}",
@@ -76,6 +77,18 @@ def farthest_from_start(trajectory):
     return max(math.dist(poses[0], pose) for pose in poses)
 
 
+def closing_delay_s(truth, loops):
+    """From when the robot is back where it was half a minute ago or longer (1 m, 20 degrees) until its map is straight; None without a loop."""
+    poses = [[float(value) for value in line.split()] for line in truth.read_text().splitlines() if line and line[0] != "#"][::4]
+
+    def is_back(now, then):
+        turn = abs(sum(a * b for a, b in zip(now[4:8], then[4:8])))
+        return now[0] - then[0] > 30 and math.dist(now[1:4], then[1:4]) < 1.0 and turn > math.cos(math.radians(10))
+
+    back = next((now[0] - poses[0][0] for now in poses if any(is_back(now, then) for then in poses[::4])), None)
+    return loops[0][1] - back if loops and back is not None else None
+
+
 def error_of(trajectory, truth, sequence):
     if sequence.get("stands"):
         return farthest_from_start(trajectory)
@@ -93,7 +106,8 @@ def measure(name, sequence, seeds):
         errors.append(error_of(out / "trajectory.tum", truth, sequence))
     summary = json.loads((out / "summary.json").read_text())
     robot = summary["robots"][0]
-    return {"name": name, "sequence": sequence, "errors_m": errors, "camera": robot["cameras"][0],
+    delay_s = closing_delay_s(truth, robot["cameras"][0]["loop_seconds"]) if "world" in sequence else None
+    return {"name": name, "sequence": sequence, "errors_m": errors, "camera": robot["cameras"][0], "closing_delay_s": delay_s,
             "frames_per_second": robot["cameras"][0]["frames"] / robot["cpu_seconds"], "peak_rss_bytes": summary["peak_rss_bytes"]}
 
 
@@ -102,7 +116,7 @@ def cells(row):
     return (row["name"], row["sequence"]["sensor"], camera["frames"], camera["lost"],
             f"{statistics.median(errors):.4f} ({min(errors):.4f} to {max(errors):.4f} of {len(errors)})", row["sequence"]["goal_m"], camera["loops"],
             f"{camera['tracking_mean_ms']:.1f} ({camera['tracking_p99_ms']:.1f})", f"{camera['keyframe_mean_ms']:.1f}",
-            f"{row['frames_per_second']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}")
+            f"{row['frames_per_second']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}", "" if row.get("closing_delay_s") is None else f"{row['closing_delay_s']:.1f}")
 
 
 def run(arguments):
@@ -116,6 +130,9 @@ def run(arguments):
         if "world" not in known[name]:
             common.need(common.DATA / "visual" / name, "set MAPWEAVE_DATA to the folder that holds visual/")
     (common.OUT / "visual/worlds").mkdir(parents=True, exist_ok=True)
+    for name in chosen:
+        if "world" in known[name]:
+            simulated(known[name]["world"], known[name]["sensor"])
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
     stored = common.OUT / "visual.json"
@@ -125,7 +142,7 @@ def run(arguments):
         common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": [rows[key] for key in known if key in rows]})
     text = common.table(HEADERS, [cells(rows[key]) for key in known if key in rows])
     text += (f"\n\nMeasured by `scripts/bench visual` on {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
-             f"of the seeds' errors; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
+             f"of the seeds' errors; closed after: from the robot's coming back to where it was until its map was straight; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
     print(text)
     if not arguments.dry_run:
         common.write_readme("visual", text)

@@ -90,7 +90,7 @@ std::optional<Pose3> first_place(Server& server, const Drive& drive, const Pose3
   VisualClient probe(drive.camera, 0.0, options);
   drive.add(probe, 0, true);
   const auto request = probe.place_request(kBeta);
-  if (!request || probe.place(kBeta, {request->stamp, MapId("alpha"), -1, about, server.under(drive.camera, about)}) != PlaceVerdict::taken)
+  if (!request || probe.place(kBeta, {request->stamp, MapId("alpha"), about, server.under(drive.camera, about)}) != PlaceVerdict::taken)
     return std::nullopt;
   return probe.trajectory().front().map_from_camera;
 }
@@ -107,7 +107,7 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
     lost += tracked.state == TrackState::lost;
     if (lends && alone && tracked.state == TrackState::waiting && i == 0) {
       const auto request = client.place_request(kBeta);
-      if (request) client.place(kBeta, {request->stamp, MapId("alpha"), -1, first, server.under(drive.camera, first)});
+      if (request) client.place(kBeta, {request->stamp, MapId("alpha"), first, server.under(drive.camera, first)});
     }
     if (lends && tracked.keyframe && tracked.session == 0) {
       // A session that began with the answer is in the server's frame, others in that of their first camera.

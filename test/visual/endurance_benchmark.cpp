@@ -74,9 +74,9 @@ int main(int argc, char** argv) {
     for (double ms : spent_ms) sum += ms;
     total_ms += sum;
     std::sort(spent_ms.begin(), spent_ms.end());
-    std::printf("%8.0f %8.2f %8.2f %8.1f %8.0f %10zu %10zu %6d %6d\n", static_cast<double>(i + 1) / rate / 60.0,
+    std::printf("%8.0f %8.2f %8.2f %8.1f %8.0f %10zu %10zu %6zu %6d\n", static_cast<double>(i + 1) / rate / 60.0,
                 sum / static_cast<double>(spent_ms.size()), spent_ms[spent_ms.size() * 99 / 100], spent_ms.back(), resident_mb(),
-                client.keyframes().size(), client.landmarks().size(), client.loops(), lost);
+                client.keyframes().size(), client.landmarks().size(), client.loops().size(), lost);
     std::fflush(stdout);
     spent_ms.clear();
   }

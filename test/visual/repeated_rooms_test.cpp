@@ -74,7 +74,7 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
     for (const matching::PointPair& pair : of_session)
       worst = std::max(worst, laid ? (transformed(pair.in_b, laid->pose) - pair.in_a).norm() : 0.0);
   }
-  outcome.frames = static_cast<int>(recording.frame_count()), outcome.loops = client.loops();
+  outcome.frames = static_cast<int>(recording.frame_count()), outcome.loops = static_cast<int>(client.loops().size());
   return outcome;
 }
 

@@ -24,6 +24,7 @@ constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr int kMostDifferent = 50;       // bits
 constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
 constexpr double kSameDepth = 0.1;       // of the distance
+constexpr double kLeastGain = 1e-3;      // of an iteration of the bundle of all
 constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
@@ -282,7 +283,9 @@ class Team {
           2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level), 0);
     }
     std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
-    graph::adjust(bundle);
+    graph::BundleOptions adjusting;
+    adjusting.least_gain = kLeastGain;
+    graph::adjust(bundle, adjusting);
     for (std::size_t i = 0; i < keyframes_.size(); ++i)
       keyframes_[i].team_from_node =
           compose(bundle.views[i].map_from_camera, inverse(keyframes_[i].content->content->geometry->robot_from_camera));

@@ -1,10 +1,11 @@
 #include <mapweave/core/error.h>
+#include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/bundle_adjustment.h>
 
 #include <Eigen/LU>
-#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace mapweave::graph {
 namespace {
@@ -98,7 +99,7 @@ class Adjustment {
       const double now = cost_of(views, points);
       build = now < cost;
       if (build) {
-        const bool done = cost - now < 1e-5 * cost;
+        const bool done = cost - now < options_.least_gain * cost;
         views_ = std::move(views), points_ = std::move(points), cost = now;
         lambda = std::max(1e-8, 0.2 * lambda);
         if (done) break;
@@ -133,6 +134,12 @@ class Adjustment {
       columns_.insert(columns_.end(), columns.begin(), columns.end());
       row_begin_.push_back(columns_.size());
     }
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
+        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
+          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
+          if (column >= 0 && row > column) block_of_pair_.push_back(static_cast<std::uint32_t>(block(row, column)));
+        }
   }
   std::size_t block(int row, int column) const {
     const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
@@ -247,6 +254,7 @@ class Adjustment {
     }
     Eigen::VectorXd right = -gradient_of_view_;
     inverse_.resize(points_.size());
+    std::size_t pair = 0;
     for (std::size_t point = 0; point < points_.size(); ++point) {
       Matrix3d damped = hessian_of_point_[point];
       damped.diagonal() *= 1.0 + lambda;
@@ -255,31 +263,23 @@ class Adjustment {
       const Vector3d shift = inverse_[point] * gradient_of_point_[point];
       for (std::size_t i = first_[point]; i < first_[point + 1]; ++i) {
         const int row = column_[bundle_.sightings[i].view];
-        if (row < 0 || !used_[i]) continue;
-        right.segment<6>(6 * row).noalias() += cross_[i] * shift;
-        const Matrix63 left = cross_[i] * inverse_[point];
-        diagonal[static_cast<std::size_t>(row)].noalias() -= left * cross_[i].transpose();
+        if (row < 0) continue;
+        Matrix63 left = Matrix63::Zero();
+        if (used_[i]) {
+          right.segment<6>(6 * row).noalias() += cross_[i] * shift;
+          left = cross_[i] * inverse_[point];
+          diagonal[static_cast<std::size_t>(row)].noalias() -= left * cross_[i].transpose();
+        }
         for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
-          if (const int column = column_[bundle_.sightings[j].view]; column >= 0 && column < row && used_[j])
-            below[block(row, column)].noalias() -= left * cross_[j].transpose();
+          if (const int column = column_[bundle_.sightings[j].view]; column >= 0 && column < row) {
+            if (used_[i] && used_[j]) below[block_of_pair_[pair]].noalias() -= left.lazyProduct(cross_[j].transpose());
+            ++pair;
+          }
       }
     }
-    std::vector<Eigen::Triplet<double>> entries;
-    entries.reserve(21 * diagonal.size() + 36 * below.size());
-    for (int row = 0; row < free_; ++row) {
-      const auto r = static_cast<std::size_t>(row);
-      for (int i = 0; i < 6; ++i)
-        for (int j = 0; j <= i; ++j) entries.emplace_back(6 * row + i, 6 * row + j, diagonal[r](i, j));
-      for (std::size_t b = row_begin_[r]; b < row_begin_[r + 1]; ++b)
-        for (int i = 0; i < 6; ++i)
-          for (int j = 0; j < 6; ++j) entries.emplace_back(6 * row + i, 6 * columns_[b] + j, below[b](i, j));
-    }
-    Eigen::SparseMatrix<double> matrix(6 * free_, 6 * free_);
-    matrix.setFromTriplets(entries.begin(), entries.end());
-    if (!analysed_) cholesky_.analyzePattern(matrix), analysed_ = true;
-    cholesky_.factorize(matrix);
-    if (cholesky_.info() != Eigen::Success) return false;
-    change = cholesky_.solve(right);
+    if (!cholesky_) cholesky_.emplace(row_begin_, columns_);
+    if (!cholesky_->factorise(diagonal, below)) return false;
+    change = cholesky_->solved(right);
     return change.allFinite();
   }
 
@@ -307,6 +307,7 @@ class Adjustment {
   std::vector<std::size_t> first_;  // sighting of each point, and the end
   std::vector<std::size_t> row_begin_;
   std::vector<std::int32_t> columns_;
+  std::vector<std::uint32_t> block_of_pair_;  // of two sightings of one point, in order
   std::vector<Matrix6> hessian_of_view_;
   Eigen::VectorXd gradient_of_view_;
   std::vector<Matrix3d> hessian_of_point_, inverse_;
@@ -314,8 +315,7 @@ class Adjustment {
   std::vector<Matrix63> cross_;        // of each sighting
   std::vector<Matrix6> cross_of_tie_;  // the view of the higher column by the other
   std::vector<char> used_;
-  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> cholesky_;
-  bool analysed_ = false;
+  std::optional<BlockCholesky> cholesky_;
 };
 
 }  // namespace

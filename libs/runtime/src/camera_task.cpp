@@ -83,7 +83,8 @@ class Camera {
     }
     report_.sessions = sessions.size();
     report_.keyframes = client_->keyframes().size(), report_.landmarks = client_->landmarks().size();
-    report_.loops = static_cast<std::uint64_t>(client_->loops());
+    for (const visual::ClosedLoop& loop : client_->loops())
+      report_.loops.push_back({seconds_between(first_, loop.found), seconds_between(first_, loop.applied)});
     report_.readout_s = client_->sensor().readout_s, report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
     const auto mean_ms = [](const std::vector<double>& seconds) {
       return seconds.empty() ? 0.0 : 1e3 * std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());

@@ -97,6 +97,8 @@ Json fusion_json(const FusionReport& fusion) {
 }
 
 Json camera_json(const CameraReport& camera) {
+  Json loop_seconds = Json::array();  // of data: found, applied
+  for (const CameraReport::Loop& loop : camera.loops) loop_seconds.push_back({loop.found_s, loop.applied_s});
   return {{"label", camera.label},
           {"kind", camera.kind},
           {"frames", camera.frames},
@@ -108,7 +110,8 @@ Json camera_json(const CameraReport& camera) {
           {"borrowed_landmarks", camera.borrowed},
           {"keyframes", camera.keyframes},
           {"landmarks", camera.landmarks},
-          {"loops", camera.loops},
+          {"loops", camera.loops.size()},
+          {"loop_seconds", loop_seconds},
           {"sessions", camera.sessions},
           {"tracking_mean_ms", camera.tracking_mean_ms},
           {"tracking_p99_ms", camera.tracking_p99_ms},
@@ -130,7 +133,7 @@ std::string in_words(const RobotReport& robot) {
     text += format("  %llu tracked, %llu lost; %llu keyframes, %llu landmarks, %llu loops closed; %.1f ms a frame\n",
                    static_cast<unsigned long long>(camera.tracked), static_cast<unsigned long long>(camera.lost),
                    static_cast<unsigned long long>(camera.keyframes), static_cast<unsigned long long>(camera.landmarks),
-                   static_cast<unsigned long long>(camera.loops), camera.tracking_mean_ms);
+                   static_cast<unsigned long long>(camera.loops.size()), camera.tracking_mean_ms);
   }
   return text;
 }

@@ -32,7 +32,7 @@ constexpr double kLentReach = 0.02;        // widths of the picture: how far lan
 
 // The straightening of a map, computed aside.
 struct Straightening {
-  Stamp due;
+  Stamp found, due;
   std::shared_ptr<MapCorrection> correction;
   std::shared_ptr<BackgroundWork> work;
 };
@@ -69,7 +69,7 @@ struct VisualClient::State {
   PlaceExchange exchange;
   std::vector<AdoptedFrame> adopted;
   std::optional<Stamp> begun;
-  int loops = 0;
+  std::vector<ClosedLoop> loops;
 
   Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed, double wider = 1.0) {
     Attempt attempt;
@@ -229,7 +229,6 @@ struct VisualClient::State {
     if (straightening) return;
     auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
-    ++loops;
     if (const int other = map.keyframe(loop->earlier).session; other != session) {
       for (int one : {session, other}) forget_lent(one);
       const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
@@ -240,7 +239,8 @@ struct VisualClient::State {
     }
     const auto correction = std::make_shared<MapCorrection>(map, *loop, options.tracking.sigma_px);
     const auto delay = static_cast<std::int64_t>(options.loops.delay_s * 1e9);
-    straightening = Straightening{{stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
+    straightening =
+        Straightening{stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
   void forget_lent(int number) {
@@ -257,11 +257,12 @@ struct VisualClient::State {
     view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
   }
 
-  void straighten() {
+  void straighten(Stamp now) {
     straightening->work->run();
     forget_lent(session);  // its map changes under them
     carry_view([&] { return straightening->correction->apply(map); });
     see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
+    loops.push_back({straightening->found, now});
     straightening.reset();
   }
 
@@ -371,7 +372,7 @@ struct VisualClient::State {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
     }
-    if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten();
+    if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten(frame.stamp);
     if (reference < 0) {
       exchange.miss(frame, picture), lost_stamp = frame.stamp;
       return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
@@ -478,7 +479,7 @@ Tracked VisualClient::add(const FeatureFrame& frame) {
 std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->straightening ? state_->straightening->work : nullptr; }
 
 void VisualClient::finish() {
-  if (state_->straightening) state_->straighten();
+  if (state_->straightening) state_->straighten(state_->last_stamp);
 }
 
 std::optional<SessionId> VisualClient::run(const ClientPlace& place) const {
@@ -530,7 +531,7 @@ std::vector<PlacedFrame> VisualClient::trajectory() const { return frames_of(sta
 std::vector<PlacedFrame> VisualClient::keyframes() const { return keyframes_of(state_->map); }
 std::vector<MappedLandmark> VisualClient::landmarks() const { return landmarks_of(state_->map); }
 std::vector<int> VisualClient::sessions() const { return sessions_of(state_->map); }
-int VisualClient::loops() const { return state_->loops; }
+std::vector<ClosedLoop> VisualClient::loops() const { return state_->loops; }
 SensorFlaws VisualClient::sensor() const { return state_->map.flaws; }
 std::vector<std::string> VisualClient::notes() const { return state_->notes; }
 

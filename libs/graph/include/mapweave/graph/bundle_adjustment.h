@@ -46,6 +46,7 @@ struct Bundle {
 
 struct BundleOptions {
   int iterations = 15;
+  double least_gain = 1e-5;  // share of the cost; an iteration that gains less is the last
   double soft_sigmas = 2.0;  // farther off, an error counts linearly (Huber)
   double gate_sigmas = 5.0;  // farther off at the end, a sighting does not fit
 };

@@ -15,7 +15,11 @@ namespace mapweave::runtime {
 struct CameraReport {
   std::string label, kind;                          // "RGBD", "rgbd"
   std::uint64_t frames = 0, tracked = 0, lost = 0;  // tracked: placed in the map; lost: not, after a first one was
-  std::uint64_t keyframes = 0, landmarks = 0, loops = 0, sessions = 0;
+  std::uint64_t keyframes = 0, landmarks = 0, sessions = 0;
+  struct Loop {
+    double found_s, applied_s;  // of data, since the first frame
+  };
+  std::vector<Loop> loops;
   double longest_loss_s = 0.0;
   std::uint64_t sent_bytes = 0, heard_bytes = 0;  // to and from the edge's map server, where they share
   std::uint64_t borrowed = 0;                     // landmarks of others that keyframes saw, at most at once

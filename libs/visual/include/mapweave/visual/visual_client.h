@@ -35,6 +35,10 @@ struct PlacedFrame {
   int session = 0;
 };
 
+struct ClosedLoop {
+  Stamp found, applied;  // the frame that found it, the frame from which on the map was straight
+};
+
 struct MappedLandmark {
   Eigen::Vector3d point_in_map;
   int sightings = 0;  // keyframes that see it
@@ -108,7 +112,7 @@ class VisualClient {
   std::vector<PlacedFrame> keyframes() const;   // that are kept; by stamp
   std::vector<MappedLandmark> landmarks() const;
   std::vector<int> sessions() const;       // that are apart; the lowest number of those that became one stands for all
-  int loops() const;                       // closed
+  std::vector<ClosedLoop> loops() const;   // by stamp; one that is not applied yet is not among them
   SensorFlaws sensor() const;              // as learnt so far
   std::vector<std::string> notes() const;  // what seems wrong with the pictures, and what to do about it
 

@@ -1,0 +1,138 @@
+#include <mapweave/core/error.h>
+#include <mapweave/graph/block_cholesky.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/OrderingMethods>
+#include <Eigen/SparseCore>
+#include <algorithm>
+
+namespace mapweave::graph {
+namespace {
+
+// For each row its place in an order that leaves few blocks in the factor.
+std::vector<std::int32_t> places(std::size_t count, const std::vector<std::size_t>& row_begin, const std::vector<std::int32_t>& columns) {
+  using Pattern = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
+  std::vector<Eigen::Triplet<double>> entries;
+  for (std::size_t row = 0; row < count; ++row) {
+    entries.emplace_back(static_cast<int>(row), static_cast<int>(row), 1.0);
+    for (std::size_t i = row_begin[row]; i < row_begin[row + 1]; ++i) {
+      entries.emplace_back(static_cast<int>(row), columns[i], 1.0);
+      entries.emplace_back(columns[i], static_cast<int>(row), 1.0);
+    }
+  }
+  Pattern pattern(static_cast<int>(count), static_cast<int>(count));
+  pattern.setFromTriplets(entries.begin(), entries.end());
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
+  Eigen::AMDOrdering<int>()(pattern, order);  // order.indices()(place) is a row
+  std::vector<std::int32_t> place(count);
+  for (std::size_t i = 0; i < count; ++i)
+    place[static_cast<std::size_t>(order.indices()(static_cast<int>(i)))] = static_cast<std::int32_t>(i);
+  return place;
+}
+
+}  // namespace
+
+BlockCholesky::BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std::int32_t> columns)
+    : count_(row_begin.size() - 1), row_begin_(std::move(row_begin)), columns_(std::move(columns)) {
+  MAPWEAVE_EXPECT(row_begin_.back() == columns_.size(), "each row knows where its columns end");
+  place_ = places(count_, row_begin_, columns_);
+  std::vector<std::vector<std::int32_t>> below(count_);  // by column
+  for (std::size_t row = 0; row < count_; ++row)
+    for (std::size_t i = row_begin_[row]; i < row_begin_[row + 1]; ++i) {
+      const auto [low, high] = std::minmax(place_[row], place_[static_cast<std::size_t>(columns_[i])]);
+      below[static_cast<std::size_t>(low)].push_back(high);
+    }
+  // A column's rows, but the first, are rows of the column which that first one names.
+  begin_.push_back(0);
+  for (std::size_t column = 0; column < count_; ++column) {
+    auto& rows = below[column];
+    std::sort(rows.begin(), rows.end());
+    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+    if (rows.size() > 1) {
+      auto& parent = below[static_cast<std::size_t>(rows.front())];
+      parent.insert(parent.end(), rows.begin() + 1, rows.end());
+    }
+    rows_.insert(rows_.end(), rows.begin(), rows.end());
+    begin_.push_back(rows_.size());
+    std::vector<std::int32_t>().swap(rows);
+  }
+  target_.resize(columns_.size()), turned_.resize(columns_.size());
+  for (std::size_t row = 0; row < count_; ++row)
+    for (std::size_t i = row_begin_[row]; i < row_begin_[row + 1]; ++i) {
+      const std::int32_t one = place_[row], other = place_[static_cast<std::size_t>(columns_[i])];
+      turned_[i] = one < other;
+      const auto column = static_cast<std::size_t>(std::min(one, other));
+      const auto first = rows_.begin() + static_cast<std::ptrdiff_t>(begin_[column]),
+                 last = rows_.begin() + static_cast<std::ptrdiff_t>(begin_[column + 1]);
+      target_[i] = static_cast<std::size_t>(std::lower_bound(first, last, std::max(one, other)) - rows_.begin());
+    }
+}
+
+bool BlockCholesky::factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below) {
+  MAPWEAVE_EXPECT(diagonal.size() == count_ && below.size() == columns_.size(), "blocks as the pattern has them");
+  pivots_.resize(count_);
+  blocks_.assign(rows_.size(), Block::Zero());
+  for (std::size_t row = 0; row < count_; ++row) pivots_[static_cast<std::size_t>(place_[row])] = diagonal[row];
+  for (std::size_t i = 0; i < below.size(); ++i) {
+    if (turned_[i])
+      blocks_[target_[i]] = below[i].transpose();
+    else
+      blocks_[target_[i]] = below[i];
+  }
+  constexpr std::int32_t kNone = -1;
+  // Columns that are finished and whose next row is this one; which block that is.
+  std::vector<std::int32_t> waiting(count_, kNone), next(count_, kNone);
+  std::vector<std::size_t> reached(count_), where(count_);
+  for (std::size_t column = 0; column < count_; ++column) {
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) where[static_cast<std::size_t>(rows_[i])] = i;
+    Block pivot = pivots_[column];
+    for (std::int32_t done = waiting[column]; done != kNone;) {
+      const auto from = static_cast<std::size_t>(done);
+      const std::size_t first = reached[from], end = begin_[from + 1];
+      const Block factor = blocks_[first].transpose();
+      pivot.noalias() -= blocks_[first].lazyProduct(factor);
+      for (std::size_t i = first + 1; i < end; ++i)
+        blocks_[where[static_cast<std::size_t>(rows_[i])]].noalias() -= blocks_[i].lazyProduct(factor);
+      done = next[from];
+      if (first + 1 < end) {
+        reached[from] = first + 1;
+        auto& list = waiting[static_cast<std::size_t>(rows_[first + 1])];
+        next[from] = list, list = static_cast<std::int32_t>(from);
+      }
+    }
+    const Eigen::LLT<Block> cholesky(pivot);
+    if (cholesky.info() != Eigen::Success) return false;
+    pivots_[column] = cholesky.matrixL();
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i)
+      pivots_[column].triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(blocks_[i]);
+    if (begin_[column] == begin_[column + 1]) continue;
+    reached[column] = begin_[column];
+    auto& list = waiting[static_cast<std::size_t>(rows_[begin_[column]])];
+    next[column] = list, list = static_cast<std::int32_t>(column);
+  }
+  return true;
+}
+
+Eigen::VectorXd BlockCholesky::solved(const Eigen::VectorXd& right) const {
+  const auto rows = static_cast<Eigen::Index>(count_);
+  MAPWEAVE_EXPECT(right.size() == 6 * rows, "6 numbers a row");
+  Eigen::VectorXd x(right.size());
+  const auto at = [](auto place) { return 6 * static_cast<Eigen::Index>(place); };
+  for (std::size_t row = 0; row < count_; ++row) x.segment<6>(at(place_[row])) = right.segment<6>(at(row));
+  for (std::size_t column = 0; column < count_; ++column) {
+    auto here = x.segment<6>(at(column));
+    pivots_[column].triangularView<Eigen::Lower>().solveInPlace(here);
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) x.segment<6>(at(rows_[i])).noalias() -= blocks_[i].lazyProduct(here);
+  }
+  for (std::size_t column = count_; column-- > 0;) {
+    auto here = x.segment<6>(at(column));
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i)
+      here.noalias() -= blocks_[i].transpose().lazyProduct(x.segment<6>(at(rows_[i])));
+    pivots_[column].triangularView<Eigen::Lower>().transpose().solveInPlace(here);
+  }
+  Eigen::VectorXd result(right.size());
+  for (std::size_t row = 0; row < count_; ++row) result.segment<6>(at(row)) = x.segment<6>(at(place_[row]));
+  return result;
+}
+
+}  // namespace mapweave::graph
