@@ -1,0 +1,129 @@
+#include <mapweave/core/error.h>
+#include <mapweave/maps/exchange.h>
+
+#include <gmock/gmock.h>
+#include <random>
+
+namespace mapweave {
+namespace {
+
+const SessionId kAlpha{{RobotId("alpha"), SensorId("camera")}, 1600000000000000000}, kBeta{{RobotId("beta"), SensorId("camera")}, 5};
+
+DescribedLandmark landmark(std::mt19937_64& random, std::uint32_t index) {
+  const auto draw = [&](double most) { return most * (2.0 * static_cast<double>(random() >> 11) * 0x1.0p-53 - 1.0); };
+  DescribedLandmark result;
+  result.id = {index % 2 == 0 ? kAlpha : kBeta, index};
+  result.point_in_map = {draw(50.0), draw(50.0), draw(3.0)};
+  result.descriptor = {random(), random(), random(), random()};
+  result.feature_from_point = {draw(0.02), draw(0.02), draw(0.02)};
+  result.direction = Eigen::Vector3d(draw(1.0), draw(1.0), draw(1.0)).normalized();
+  result.nearest_m = 0.5 + std::abs(draw(2.0)), result.farthest_m = result.nearest_m + std::abs(draw(5.0));
+  result.sigma_m = 0.01 + std::abs(draw(0.1));
+  return result;
+}
+
+Share share() {
+  std::mt19937_64 random(3);
+  Share result;
+  result.map = MapId("beta.camera");
+  for (std::uint32_t i = 0; i < 200; ++i) result.landmarks.push_back(landmark(random, i));
+  for (const auto& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitZ()})
+    for (const double sign : {1.0, -1.0})
+      result.landmarks.push_back(landmark(random, 300)), result.landmarks.back().direction = sign * axis;
+  result.landmarks.push_back(landmark(random, 301));
+  result.landmarks.back().direction.setZero(), result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
+  result.corrected.push_back({{kBeta, 4}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}});
+  result.scale = 1.25;
+  return result;
+}
+
+TEST(Exchange, gives_a_share_back_to_what_its_form_holds) {
+  const Share sent = share();
+  const std::string bytes = encode(sent);
+  const Share got = decode_share(bytes, "test");
+  EXPECT_EQ(encode(got), bytes);
+  EXPECT_EQ(got.map, sent.map);
+  EXPECT_EQ(got.scale, sent.scale);
+  ASSERT_EQ(got.corrected.size(), 1U);
+  EXPECT_EQ(got.corrected[0].map_from_node.t, sent.corrected[0].map_from_node.t);
+  ASSERT_EQ(got.landmarks.size(), sent.landmarks.size());
+  for (std::size_t i = 0; i < got.landmarks.size(); ++i) {
+    const DescribedLandmark &one = got.landmarks[i], &other = sent.landmarks[i];
+    EXPECT_EQ(one.id, other.id);
+    EXPECT_EQ(one.descriptor, other.descriptor);
+    EXPECT_LT((one.point_in_map - other.point_in_map).norm(), 1e-4);
+    EXPECT_LT((one.feature_from_point - other.feature_from_point).norm(), 1e-4);
+    EXPECT_LT((one.direction - other.direction).norm(), 0.02);
+    EXPECT_NEAR(one.nearest_m, other.nearest_m, 0.031 * other.nearest_m);
+    EXPECT_NEAR(one.farthest_m, other.farthest_m, 0.031 * other.farthest_m);
+    EXPECT_NEAR(one.sigma_m, other.sigma_m, 0.031 * other.sigma_m);
+  }
+  EXPECT_LT(static_cast<double>(bytes.size()) / static_cast<double>(sent.landmarks.size()), 80.0) << "small";
+}
+
+TEST(Exchange, gives_the_other_messages_back) {
+  const Hash vocabulary = Hasher().add("words").finish();
+  const Hello hello = decode_hello(encode(Hello{kAlpha, vocabulary}), "test");
+  EXPECT_EQ(hello.session, kAlpha);
+  EXPECT_EQ(hello.vocabulary, vocabulary);
+
+  const ClientView view =
+      decode_client_view(encode(ClientView{MapId("beta.camera.1"), {-7}, {{1, 2, 3}, Eigen::Quaterniond::Identity()}, 9}), "test");
+  EXPECT_EQ(view.map, MapId("beta.camera.1"));
+  EXPECT_EQ(view.stamp.ns, -7);
+  EXPECT_EQ(view.map_from_robot.t, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(view.forgotten, 9U);
+
+  auto geometry = std::make_shared<CameraGeometry>();
+  geometry->width = 640, geometry->height = 480, geometry->fx = geometry->fy = 500.0, geometry->cx = 320.0, geometry->cy = 240.0;
+  PlaceRequest request{{42}, {geometry, {{100, 200, 300, 2, 4}}, {{1, 2, 3, 4}}}};
+  const PlaceRequest asked = decode_place_request(encode(request), "test");
+  EXPECT_EQ(asked.stamp, request.stamp);
+  EXPECT_EQ(*asked.features.geometry, *geometry);
+  ASSERT_EQ(asked.features.points.size(), 1U);
+  EXPECT_EQ(asked.features.points[0].inverse_depth, 300);
+  EXPECT_EQ(asked.features.descriptors[0], request.features.descriptors[0]);
+
+  PlaceAnswer answer{{42}, MapId("alpha.camera"), {{0, 1, 2}, Eigen::Quaterniond::Identity()}, share().landmarks};
+  const PlaceAnswer told = decode_place_answer(encode(answer), "test");
+  EXPECT_EQ(told.stamp, answer.stamp);
+  EXPECT_EQ(told.map, answer.map);
+  EXPECT_EQ(told.map_from_robot.t, answer.map_from_robot.t);
+  EXPECT_EQ(told.landmarks.size(), answer.landmarks.size());
+}
+
+TEST(Exchange, refuses_what_it_is_not) {
+  const std::string bytes = encode(share());
+  EXPECT_THROW(decode_client_view(bytes, "test"), Error) << "another message";
+  EXPECT_THROW(decode_share("", "test"), Error);
+  std::string newer = bytes;
+  newer[1] = 9;
+  try {
+    decode_share(newer, "test");
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
+  }
+  Share nowhere = share();
+  nowhere.map = MapId();
+  EXPECT_THROW(encode(nowhere), ContractViolation);
+  nowhere = share(), nowhere.corrected[0].map_from_node.t.x() = std::nan("");
+  EXPECT_THROW(encode(nowhere), ContractViolation);
+}
+
+TEST(Exchange, survives_bytes_that_are_flipped) {
+  const std::string bytes = encode(share());
+  std::mt19937_64 random(17);
+  for (int i = 0; i < 3000; ++i) {
+    std::string damaged = bytes;
+    for (int flip = 0; flip < 1 + i % 3; ++flip) damaged[random() % damaged.size()] ^= static_cast<char>(1 << (random() % 8));
+    if (i % 5 == 0) damaged.resize(random() % damaged.size());
+    try {
+      const Share got = decode_share(damaged, "test");
+      EXPECT_NO_THROW(encode(got)) << "what was read is sound";
+    } catch (const Error&) {}
+  }
+}
+
+}  // namespace
+}  // namespace mapweave
