@@ -3,6 +3,8 @@
 #include <mapweave/graph/spatial_graph.h>
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 
 namespace mapweave::visual {
 namespace {
@@ -112,6 +114,24 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
     if (!landmark.gone && landmark.serial == landmarks_[i].serial) landmark.point = bundle_.points[i];
   }
   return scales;
+}
+
+std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own, const std::vector<MovedNode>& corrected,
+                                       const Pose3& robot_from_camera, double scale) {
+  std::map<std::uint32_t, const MovedNode*> known;
+  for (const MovedNode& moved : corrected) {
+    if (moved.id.session != own || !is_finite(moved.map_from_node) || std::abs(moved.map_from_node.q.norm() - 1.0) > 1e-6) return {};
+    known[moved.id.index] = &moved;
+  }
+  std::vector<KeyframeMotion> motions;
+  for (int slot = 0; slot < static_cast<int>(map.keyframes.size()); ++slot) {
+    const Keyframe& keyframe = map.keyframe(slot);
+    const auto moved = known.find(keyframe.serial);
+    if (keyframe.gone || keyframe.session != session || moved == known.end()) continue;
+    const Pose3 camera = compose(compose(inverse(robot_from_camera), moved->second->map_from_node), robot_from_camera);
+    motions.push_back({slot, view_of(camera), scale});
+  }
+  return motions;
 }
 
 std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions) {

@@ -5,6 +5,8 @@
 #include "bundle.h"
 #include "loop_closer.h"
 
+#include <mapweave/maps/map_update.h>
+
 namespace mapweave::visual {
 
 class MapCorrection {
@@ -37,6 +39,10 @@ struct KeyframeMotion {
   View view;
   double scale = 1.0;
 };
+// Of a session's keyframes to where others say that the robot was (Share::corrected, in the frame of the map that is told); nothing where
+// that is not sound, or not about keyframes of `own`.
+std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own, const std::vector<MovedNode>& corrected,
+                                       const Pose3& robot_from_camera, double scale);
 // The other keyframes of the session move along with the one before them (those before the first stay), landmarks with the keyframe that
 // saw them first, and what is measured in the map's lengths grows with them. Answers the scales, by slot.
 std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions);

@@ -10,6 +10,7 @@
 #include "map_report.h"
 #include "mono_start.h"
 #include "place_exchange.h"
+#include "recent_frames.h"
 #include "sensor_notes.h"
 
 #include <mapweave/core/error.h>
@@ -17,7 +18,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <utility>
 
 namespace mapweave::visual {
@@ -69,7 +69,19 @@ struct VisualClient::State {
   PlaceExchange exchange;
   std::vector<AdoptedFrame> adopted;
   std::optional<Stamp> begun;
+  RecentFrames recent;
   std::vector<ClosedLoop> loops;
+
+  // As if the frames since had shown nothing.
+  void go_back(const Station& there) {
+    recent.clear();
+    remove_since(map, session, there.stamp, [&](int keyframe) {
+      if (closer) closer->remove(keyframe);
+    });
+    reference = newest_of(map, session);
+    view = there.view, motion = View(), last_stamp = there.stamp, last_way = there.way;
+    drop_what_is_gone();
+  }
 
   Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed, double wider = 1.0) {
     Attempt attempt;
@@ -254,6 +266,7 @@ struct VisualClient::State {
   void carry_view(const Move& move) {
     const View view_from_reference = view * map.keyframe(reference).view.inverse();
     const double scale = move()[static_cast<std::size_t>(reference)];
+    recent.clear();
     view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
   }
 
@@ -268,21 +281,7 @@ struct VisualClient::State {
 
   bool correct(const ClientPlace& place, int number, const std::vector<MovedNode>& corrected, double scale) {
     if (!has_session(number) || straightening || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
-    const SessionId own{place.client, begun->ns};
-    std::map<std::uint32_t, const MovedNode*> known;
-    for (const MovedNode& moved : corrected) {
-      if (moved.id.session != own || !is_finite(moved.map_from_node) || std::abs(moved.map_from_node.q.norm() - 1.0) > 1e-6) return false;
-      known[moved.id.index] = &moved;
-    }
-    std::vector<KeyframeMotion> motions;
-    for (int slot = 0; slot < static_cast<int>(map.keyframes.size()); ++slot) {
-      const Keyframe& keyframe = map.keyframe(slot);
-      const auto moved = known.find(keyframe.serial);
-      if (keyframe.gone || keyframe.session != number || moved == known.end()) continue;
-      const Pose3& map_from_robot = moved->second->map_from_node;
-      motions.push_back(
-          {slot, view_of(compose(compose(inverse(place.robot_from_camera), map_from_robot), place.robot_from_camera)), scale});
-    }
+    const auto motions = motions_to(map, number, {place.client, begun->ns}, corrected, place.robot_from_camera, scale);
     if (motions.empty()) return false;
     forget_lent(number);
     if (number == session)
@@ -380,9 +379,12 @@ struct VisualClient::State {
     const double interval_s = seconds_between(last_stamp, frame.stamp);
     Attempt attempt = follow(frame, picture, interval_s);
     const bool just_now = lost_stamp == last_stamp || (lost_s == 0.0 && interval_s < kCarried_s);
-    const bool followed = just_now && is_good(attempt, true);
+    bool followed = just_now && is_good(attempt, true);
+    if (followed && !map.monocular && recent.contradict(attempt, {frame.stamp, way, attempt.pose.view}, options.session))
+      followed = false, attempt = Attempt(), go_back(Station(recent.oldest()));
     if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
+    const double share = share_of(attempt);
     matches.clear(), strays.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
       if (!attempt.pose.fits[i]) {
@@ -392,6 +394,7 @@ struct VisualClient::State {
       matches.push_back(attempt.found[i]);
       ++map.landmark(attempt.found[i].landmark).found;
     }
+    if (attempt.session != session || !followed) recent.clear();
     if (attempt.session != session) {
       session = attempt.session, motion = View();
       reference = most_seen(map, matches), reference_landmarks = matches.size();
@@ -403,6 +406,7 @@ struct VisualClient::State {
     const bool keyframe = keyframe_is_due();
     if (keyframe) make_keyframe(frame, picture, attempt.motion);
     last = std::move(picture);
+    recent.add({frame.stamp, way, view}, share);
     return kept(frame.stamp, keyframe);
   }
 
