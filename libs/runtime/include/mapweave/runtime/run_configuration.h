@@ -9,6 +9,7 @@
 #include <mapweave/fusion/bind.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
+#include <mapweave/fusion/rig.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/visual/client_options.h>
@@ -30,7 +31,7 @@ struct RobotEntry {
 };
 
 // Which of a robot's sensors are mapped.
-enum class SensorChoice { automatic, laser, mono, stereo, rgbd, all };
+enum class SensorChoice { automatic, laser, mono, stereo, rgbd, cameras, all };
 
 struct VisualOptions {
   std::string label;
@@ -97,6 +98,7 @@ struct RunConfiguration {
   laser::LaserOptions laser;
   VisualOptions visual;
   fusion::FusionOptions fusion;
+  fusion::RigOptions rig;
   fusion::BindOptions bind;
   fusion::ComposeOptions compose;
   OutputOptions output;
@@ -113,12 +115,15 @@ struct RunConfiguration {
          {"mono", SensorChoice::mono},
          {"stereo", SensorChoice::stereo},
          {"rgbd", SensorChoice::rgbd},
+         {"cameras", SensorChoice::cameras},
          {"all", SensorChoice::all}},
-        "what robots map with; auto: the laser where a log has one, else its cameras with all that they give; all: both, in one graph");
+        "what robots map with; auto: the laser where a log has one, else its cameras; cameras: with all that each of them gives; all: laser "
+        "and cameras, in one graph");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("visual", visual, "one camera's SLAM");
     v.section("fusion", fusion, "how maps are joined");
+    v.section("rig", rig, "how several cameras of one robot share one map");
     v.section("bind", bind, "how a robot's laser and cameras are tied in one graph (sensor: all)");
     v.section("compose", compose, "how grids are drawn");
     v.section("output", output, "what is written beside each map.mwdb");
