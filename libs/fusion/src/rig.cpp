@@ -144,21 +144,21 @@ class Rig {
                            "lengths are not known, and its map stays apart";
       return false;
     }
+    constexpr double kLeastWay_m = 0.1;  // turns on the spot tell little of how a camera is mounted
     const std::vector<Stretch> all = stretches(common.moments, part.metric);
-    if (getenv("RIGDBG")) {
-      printf("metric %d\n", part.metric);
-      for (const auto& t : all) printf("%.2f-%.2f scale %.3f sib %.3f part %.3f diff %.3f turn %.3f %.3f dturn %.3f %s\n", t.begin.seconds()-1.6e9, t.end.seconds()-1.6e9, t.scale, t.by_sibling.t.norm(), t.by_part.t.norm(), (t.by_sibling.t-t.by_part.t).norm(), turn_rad(t.by_sibling), turn_rad(t.by_part), turn_rad(between(t.by_sibling,t.by_part)), contradicts(t, options_) ? "WRONG" : "");
-    }
+    const auto telling = std::count_if(all.begin(), all.end(), [&](const Stretch& stretch) {
+      return stretch.by_sibling.t.norm() > kLeastWay_m || contradicts(stretch, options_);
+    });
     const auto wrong = std::count_if(all.begin(), all.end(), [&](const Stretch& stretch) { return contradicts(stretch, options_); });
-    if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(all.size())) {
+    if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(telling)) {
       const std::string sibling = parts_[common.moments.front().sibling].camera;
       std::string why = text("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
-                             sibling.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(all.size()));
+                             sibling.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
       if (const auto turn = wrong_turn_rad(all, options_))
         why += text("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
                     std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
       else
-        why += "see how they are mounted, and whether their clocks agree";
+        why += "see how they are mounted, whether their clocks agree, and what they saw";
       why_apart_[number] = why;
       return false;
     }

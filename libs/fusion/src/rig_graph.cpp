@@ -19,6 +19,8 @@ struct Tie {
 };
 constexpr double kSameLengths = 1e-4;  // both sides measure them
 
+constexpr double kFreeSigmas = 2.0;    // where a camera without depth lies farther off its siblings, it counts less
+
 // A keyframe in a group. Its own lengths, as `placed` has them, are `scale` times as long in the group.
 struct Knot {
   const Part* part;
@@ -63,16 +65,19 @@ class Group {
  private:
   const MovedKeyframe& keyframe(std::uint32_t knot) const { return knots_[knot].part->keyframes[knots_[knot].keyframe]; }
 
-  // By how much less a step counts that wheels say was another one.
-  double doubt(std::uint32_t from, std::uint32_t to, const Pose3& way) const {
+  // By how much less a step counts that wheels say was another one, or siblings that it was placed along.
+  double doubt(const Tie& step, bool metric) const {
     constexpr double kLongest_s = 5.0;
-    const Stamp first = keyframe(from).stamp, last = keyframe(to).stamp;
-    if (std::abs(seconds_between(first, last)) > kLongest_s) return 1.0;
+    const Stamp first = keyframe(step.from).stamp, last = keyframe(step.to).stamp;
+    const bool is_short = std::abs(seconds_between(first, last)) < kLongest_s;
+    Pose3 own = step.from_from_to;
+    own.t *= knots_[step.from].group_from_node.scale;
     const auto then = pose_at(odometry_, first, options_.longest_gap_s), now = pose_at(odometry_, last, options_.longest_gap_s);
-    if (!then || !now) return 1.0;
-    Pose3 own = way;
-    own.t *= knots_[from].group_from_node.scale;
-    return unlike(own, between(*then, *now));
+    const double by_wheels = is_short && then && now ? unlike(own, between(*then, *now)) : 1.0;
+    const Part& base = parts_[members_.front()];
+    if (metric || (!is_short && !base.metric)) return by_wheels;  // wheels drift, and loops are to mend that
+    const double stretched = std::abs(std::log(knots_[step.to].group_from_node.scale / knots_[step.from].group_from_node.scale));
+    return std::max({by_wheels, sigmas_off(step) / kFreeSigmas, stretched / step.sigma_scale / kFreeSigmas});
   }
   static double unlike(const Pose3& seen, const Pose3& rolled) {
     constexpr double kFree_m = 0.03, kFree_rad = 0.03, kFreeShare = 0.1;
@@ -99,14 +104,19 @@ class Group {
   }
 
   void add_steps(const Part& part) {
-    constexpr double kUsuallyShared = 60.0, kWheels_m = 0.005, kWheels_rad = 0.005;
+    constexpr double kUsuallyShared = 60.0, kWithoutDepth = 2.0, kMostScale = 1.0, kWheels_m = 0.005, kWheels_rad = 0.005;
     for (const Step& step : steps(covisibility(*part.map), options_.least_shared)) {
       const std::uint32_t from = numbers_.at(step.from->id), to = numbers_.at(step.to->id);
       const Pose3 way = between(step.from->map_from_node, step.to->map_from_node);
-      const double slack = std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(step.shared + 1)), 0.7, 3.0) * doubt(from, to, way);
+      const double slack = (part.metric ? 1.0 : kWithoutDepth) *
+                           std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(step.shared + 1)), 0.7, 3.0);
       const double length_m = knots_[from].group_from_node.scale * way.t.norm();
-      ties_.push_back({from, to, way, slack * (options_.step_m + options_.step_share * length_m), slack * options_.step_rad,
-                       part.metric ? kSameLengths : slack * options_.step_scale, ConstraintKind::scan_match});
+      Tie tie{from, to, way, slack * (options_.step_m + options_.step_share * length_m), slack * options_.step_rad,
+              part.metric ? kSameLengths : slack * options_.step_scale, ConstraintKind::scan_match};
+      const double less = doubt(tie, part.metric);
+      tie.sigma_m *= less, tie.sigma_rad *= less;
+      if (!part.metric) tie.sigma_scale = std::min(kMostScale, tie.sigma_scale * less);
+      ties_.push_back(tie);
     }
     for (std::size_t k = 1; part.wheels && k < part.ids.size(); ++k) {
       const Pose3 way = between(part.keyframes[k - 1].before, part.keyframes[k].before);
@@ -125,18 +135,34 @@ class Group {
       const auto near = std::min_element(sibling.keyframes.begin(), sibling.keyframes.end(), [&](const auto& a, const auto& b) {
         return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
       });
-      const std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]);
-      const Pose3 way = between(near->before, seen->own_from_robot);
-      ties_.push_back({from, numbers_.at(part.ids[k]), way, seen->sigma_m + options_.step_share * near->scale * way.t.norm(), seen->sigma_rad,
-                       part.metric && sibling.metric ? kSameLengths : 0.0, ConstraintKind::extrinsic});
+      std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]), to = numbers_.at(part.ids[k]);
+      Pose3 way = between(near->before, seen->own_from_robot);
+      const double length_m = near->scale * way.t.norm();
+      if (part.metric && !sibling.metric) {  // else lengths could grow to make errors small
+        way.t *= near->scale;
+        way = inverse(way);
+        std::swap(from, to);
+      }
+      const bool metric = part.metric && sibling.metric;
+      Tie tie{from, to, way, seen->sigma_m + options_.step_share * length_m, seen->sigma_rad, metric ? kSameLengths : 0.0,
+              ConstraintKind::extrinsic};
+      const double less = metric ? 1.0 : std::max(1.0, sigmas_off(tie) / kFreeSigmas);
+      tie.sigma_m *= less, tie.sigma_rad *= less;
+      ties_.push_back(tie);
     }
   }
 
+  // In the group's lengths.
   Pose3 offset(const Tie& tie) const {
     const Sim3 &from = knots_[tie.from].group_from_node, &to = knots_[tie.to].group_from_node;
-    Pose3 lies = between(from.pose, to.pose);
-    lies.t /= from.scale;
-    return between(tie.from_from_to, lies);
+    const Pose3 lies = between(from.pose, to.pose);
+    Pose3 said = tie.from_from_to;
+    said.t *= from.scale;
+    return between(said, lies);
+  }
+  double sigmas_off(const Tie& tie) const {
+    const Pose3 off = offset(tie);
+    return std::max(off.t.norm() / tie.sigma_m, turn_rad(off) / tie.sigma_rad);
   }
   double apart_m(std::size_t count) const {
     double sum = 0.0;

@@ -20,11 +20,11 @@ struct RigOptions {
   double tie_m = 0.004, tie_rad = 0.002;
   double acceleration_m_per_s2 = 0.5, acceleration_rad_per_s2 = 1.0;
   double step_m = 0.006, step_share = 0.015, step_rad = 0.003;
-  double step_scale = 0.01;
-  double wheels_share = 0.05;
+  double step_scale = 0.05;
+  double wheels_share = 0.02;
   int least_shared = 15;
   double wrong_m = 0.05, wrong_share = 0.12, wrong_rad = 0.05;
-  double most_wrong = 0.3;
+  double most_wrong = 0.5;
   RobotWayOptions way;
   template <class Visitor>
   void describe(Visitor& v) {
