@@ -74,7 +74,8 @@ Robot drive(double length_m, const Blindness& blindness = {}, double back_yaw_ra
     const std::string& name = options.cameras[c].id;
     Pose3 robot_from_camera = compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
     if (c == 1) robot_from_camera.q = Eigen::AngleAxisd(back_yaw_rad, Eigen::Vector3d::UnitZ()) * robot_from_camera.q;
-    visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {}, matching::shipped_vocabulary());
+    visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {},
+                                matching::shipped_vocabulary());
     for (std::size_t i = 0; i < recording.frame_count(); ++i) {
       const simulation::FeatureFrame seen = recording.frame(i);
       visual::FeatureFrame frame;

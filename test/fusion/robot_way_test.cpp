@@ -17,14 +17,15 @@ SeenWay camera(double begin_s, double end_s, Aside aside_m, double weight = 1.0)
   return way;
 }
 SeenWay camera(double begin_s, double end_s, double aside_m = 0.0, double weight = 1.0) {
-  return camera(begin_s, end_s, [=](double) { return aside_m; }, weight);
+  return camera(
+      begin_s, end_s, [=](double) { return aside_m; }, weight);
 }
 
 double longest_step_m(const std::vector<StampedPose>& way) {
   double longest = 0.0;
   for (std::size_t i = 1; i < way.size(); ++i)
-    longest = std::max(longest, (way[i].map_from_robot.t - way[i - 1].map_from_robot.t).norm() /
-                                    (10.0 * seconds_between(way[i - 1].stamp, way[i].stamp)));
+    longest = std::max(
+        longest, (way[i].map_from_robot.t - way[i - 1].map_from_robot.t).norm() / (10.0 * seconds_between(way[i - 1].stamp, way[i].stamp)));
   return longest;
 }
 

@@ -183,7 +183,8 @@ TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_straig
   const Map& team = result.components[0].map;
   double moved = 0.0;
   for (std::uint32_t i = 0; i < way.size(); ++i) {
-    const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i}, sibling{{{RobotId("beta"), SensorId("rear")}, 1'000'000'000}, i};
+    const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i},
+        sibling{{{RobotId("beta"), SensorId("rear")}, 1'000'000'000}, i};
     const Pose3 &here = team.nodes.find(id)->map_from_node, &there = team.nodes.find(sibling)->map_from_node;
     EXPECT_LT((here.t - there.t).norm(), 0.01) << i;
     EXPECT_LT(here.q.angularDistance(there.q), 0.006) << i;

@@ -4,7 +4,9 @@
 
 namespace mapweave {
 
-Pose3 interpolated(const Pose3& from, const Pose3& to, double share) { return {from.t + share * (to.t - from.t), from.q.slerp(share, to.q)}; }
+Pose3 interpolated(const Pose3& from, const Pose3& to, double share) {
+  return {from.t + share * (to.t - from.t), from.q.slerp(share, to.q)};
+}
 
 std::optional<Pose3> pose_at(const std::vector<StampedPose>& poses, Stamp stamp, double longest_gap_s) {
   const auto later =

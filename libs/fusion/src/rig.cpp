@@ -53,7 +53,8 @@ class Rig {
     }
     for (const auto& [number, why] : why_apart_)
       if (std::find(result_.notes.begin(), result_.notes.end(), why) == result_.notes.end()) result_.notes.push_back(why);
-    std::stable_sort(result_.maps.begin(), result_.maps.end(), [&](const TiedMap& a, const TiedMap& b) { return poses_of(a) > poses_of(b); });
+    std::stable_sort(result_.maps.begin(), result_.maps.end(),
+                     [&](const TiedMap& a, const TiedMap& b) { return poses_of(a) > poses_of(b); });
     return std::move(result_);
   }
 
@@ -140,7 +141,8 @@ class Rig {
     Part& part = parts_[number];
     const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common);
     if (!scale) {
-      why_apart_[number] = "camera '" + part.camera + "' has no depth, and the robot hardly moved while a sibling saw where: its "
+      why_apart_[number] = "camera '" + part.camera +
+                           "' has no depth, and the robot hardly moved while a sibling saw where: its "
                            "lengths are not known, and its map stays apart";
       return false;
     }

@@ -1,5 +1,5 @@
-#include "covisibility.h"
 #include "rig_graph.h"
+#include "covisibility.h"
 
 #include <mapweave/graph/spatial_graph.h>
 
@@ -11,7 +11,7 @@ namespace mapweave::fusion {
 namespace {
 
 struct Tie {
-  std::uint32_t from, to;  // numbers of knots
+  std::uint32_t from, to;     // numbers of knots
   Pose3 from_from_to;         // in the lengths of `from`
   double sigma_m, sigma_rad;  // in the group's lengths
   double sigma_scale;         // by which lengths may change; 0: nothing is known of that
@@ -19,7 +19,7 @@ struct Tie {
 };
 constexpr double kSameLengths = 1e-4;  // both sides measure them
 
-constexpr double kFreeSigmas = 2.0;    // where a camera without depth lies farther off its siblings, it counts less
+constexpr double kFreeSigmas = 2.0;  // where a camera without depth lies farther off its siblings, it counts less
 
 // A keyframe in a group. Its own lengths, as `placed` has them, are `scale` times as long in the group.
 struct Knot {
@@ -30,7 +30,8 @@ struct Knot {
 
 class Group {
  public:
-  Group(const std::vector<Part>& parts, std::vector<std::size_t> members, const std::vector<StampedPose>& odometry, const RigOptions& options)
+  Group(const std::vector<Part>& parts, std::vector<std::size_t> members, const std::vector<StampedPose>& odometry,
+        const RigOptions& options)
       : parts_(parts), members_(std::move(members)), odometry_(odometry), options_(options) {
     for (const std::size_t m : members_)
       for (std::size_t k = 0; k < parts_[m].ids.size(); ++k) {
@@ -108,11 +109,16 @@ class Group {
     for (const Step& step : steps(covisibility(*part.map), options_.least_shared)) {
       const std::uint32_t from = numbers_.at(step.from->id), to = numbers_.at(step.to->id);
       const Pose3 way = between(step.from->map_from_node, step.to->map_from_node);
-      const double slack = (part.metric ? 1.0 : kWithoutDepth) *
-                           std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(step.shared + 1)), 0.7, 3.0);
+      const double slack =
+          (part.metric ? 1.0 : kWithoutDepth) * std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(step.shared + 1)), 0.7, 3.0);
       const double length_m = knots_[from].group_from_node.scale * way.t.norm();
-      Tie tie{from, to, way, slack * (options_.step_m + options_.step_share * length_m), slack * options_.step_rad,
-              part.metric ? kSameLengths : slack * options_.step_scale, ConstraintKind::scan_match};
+      Tie tie{from,
+              to,
+              way,
+              slack * (options_.step_m + options_.step_share * length_m),
+              slack * options_.step_rad,
+              part.metric ? kSameLengths : slack * options_.step_scale,
+              ConstraintKind::scan_match};
       const double less = doubt(tie, part.metric);
       tie.sigma_m *= less, tie.sigma_rad *= less;
       if (!part.metric) tie.sigma_scale = std::min(kMostScale, tie.sigma_scale * less);
@@ -121,7 +127,8 @@ class Group {
     for (std::size_t k = 1; part.wheels && k < part.ids.size(); ++k) {
       const Pose3 way = between(part.keyframes[k - 1].before, part.keyframes[k].before);
       const double slack = seen_otherwise(part.keyframes[k - 1], part.keyframes[k]);
-      ties_.push_back({numbers_.at(part.ids[k - 1]), numbers_.at(part.ids[k]), way, slack * (kWheels_m + options_.wheels_share * way.t.norm()),
+      ties_.push_back({numbers_.at(part.ids[k - 1]), numbers_.at(part.ids[k]), way,
+                       slack * (kWheels_m + options_.wheels_share * way.t.norm()),
                        slack * (kWheels_rad + options_.wheels_share * turn_rad(way)), kSameLengths, ConstraintKind::odometry});
     }
   }
@@ -135,7 +142,8 @@ class Group {
       const auto near = std::min_element(sibling.keyframes.begin(), sibling.keyframes.end(), [&](const auto& a, const auto& b) {
         return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
       });
-      std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]), to = numbers_.at(part.ids[k]);
+      std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]),
+                    to = numbers_.at(part.ids[k]);
       Pose3 way = between(near->before, seen->own_from_robot);
       const double length_m = near->scale * way.t.norm();
       if (part.metric && !sibling.metric) {  // else lengths could grow to make errors small
@@ -144,7 +152,12 @@ class Group {
         std::swap(from, to);
       }
       const bool metric = part.metric && sibling.metric;
-      Tie tie{from, to, way, seen->sigma_m + options_.step_share * length_m, seen->sigma_rad, metric ? kSameLengths : 0.0,
+      Tie tie{from,
+              to,
+              way,
+              seen->sigma_m + options_.step_share * length_m,
+              seen->sigma_rad,
+              metric ? kSameLengths : 0.0,
               ConstraintKind::extrinsic};
       const double less = metric ? 1.0 : std::max(1.0, sigmas_off(tie) / kFreeSigmas);
       tie.sigma_m *= less, tie.sigma_rad *= less;

@@ -51,7 +51,8 @@ bool contradicts(const Stretch& stretch, const RigOptions& options);
 // By how much more the part's camera would have to be turned to the left, for its motions to be the sibling's.
 std::optional<double> wrong_turn_rad(const std::vector<Stretch>& all, const RigOptions& options);
 
-// Puts a part beside its siblings: a rigid whole where it measures lengths, else keyframe by keyframe, with the lengths that they have there.
+// Puts a part beside its siblings: a rigid whole where it measures lengths, else keyframe by keyframe, with the lengths that they have
+// there.
 void place(Part& part, const std::vector<Moment>& moments, const std::vector<Stretch>& stretches, double scale);
 void place(Part& part, const Pose3& group_from_own);
 

@@ -112,7 +112,8 @@ std::vector<StampedPose> robot_way(const std::vector<SeenWay>& cameras, const st
   Policy policy(odometry, options);
   for (std::size_t i = 0; i < stamps.size(); ++i) {
     for (std::size_t c = 0; c < cameras.size(); ++c)
-      if (const auto pose = pose_at(cameras[c].frames, stamps[i], options.longest_gap_s)) voices[i].push_back({c, *pose, cameras[c].weight});
+      if (const auto pose = pose_at(cameras[c].frames, stamps[i], options.longest_gap_s))
+        voices[i].push_back({c, *pose, cameras[c].weight});
     for (const Voice& voice : policy.speak(stamps[i], voices[i])) speaks[voice.camera][i] = 1;
   }
   std::vector<std::vector<double>> silence_s;

@@ -191,7 +191,8 @@ std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>&
   std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
   for (const auto& [id, node] : map.nodes) ++seen[id.session.client.sensor.str()].second;
   for (const auto& [id, landmark] : map.landmarks)
-    for (const LandmarkSighting& sighting : landmark.seen) seen[sighting.node.session.client.sensor.str()].first += sighting.inverse_depth != 0 ? 1.0 + kDepth : 1.0;
+    for (const LandmarkSighting& sighting : landmark.seen)
+      seen[sighting.node.session.client.sensor.str()].first += sighting.inverse_depth != 0 ? 1.0 + kDepth : 1.0;
   std::vector<fusion::SeenWay> cameras;
   for (const CameraWay& way : ways) {
     const auto [sightings, keyframes] = seen[sensor_name(way.label)];

@@ -1,7 +1,8 @@
 #pragma once
 // One map of several cameras on one robot (collaborative visual SLAM for service robots, III-D). Each camera is a client with maps of its
-// own, one for each session. For each keyframe of one camera another one gets a virtual keyframe at its stamp, interpolated between where it
-// knows to have been before and after; the two are tied rigidly. Nodes are poses of the robot's base, so a tie says that they are the same.
+// own, one for each session. For each keyframe of one camera another one gets a virtual keyframe at its stamp, interpolated between where
+// it knows to have been before and after; the two are tied rigidly. Nodes are poses of the robot's base, so a tie says that they are the
+// same.
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/fusion/robot_way.h>
@@ -35,7 +36,8 @@ struct RigOptions {
     v.positive("threshold_rad", threshold_rad, "or than this in heading");
     v.positive("tie_m", tie_m, "error of a tie: of the mounting and of stamps");
     v.positive("tie_rad", tie_rad, "the same in heading");
-    v.positive("acceleration_m_per_s2", acceleration_m_per_s2, "of the robot between the poses that a virtual keyframe is interpolated from");
+    v.positive("acceleration_m_per_s2", acceleration_m_per_s2,
+               "of the robot between the poses that a virtual keyframe is interpolated from");
     v.positive("acceleration_rad_per_s2", acceleration_rad_per_s2, "the same of turns");
     v.positive("step_m", step_m, "error of the way from one keyframe to another that sees the same");
     v.non_negative("step_share", step_share, "and of its length");

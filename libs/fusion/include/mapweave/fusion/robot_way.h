@@ -18,7 +18,8 @@ struct RobotWayOptions {
   void describe(Visitor& v) {
     v.positive("longest_gap_s", longest_gap_s, "between two frames of a camera, for it to speak between them");
     v.positive("hand_over_s", hand_over_s, "in which a camera that comes or goes gains or loses its weight");
-    v.positive("doubt_m", doubt_m, "cameras farther apart than this do not both speak: those do that most agree with, else those nearest to odometry");
+    v.positive("doubt_m", doubt_m,
+               "cameras farther apart than this do not both speak: those do that most agree with, else those nearest to odometry");
     v.positive("doubt_rad", doubt_rad, "the same in heading");
     v.positive("odometry_s", odometry_s, "since cameras agreed, for odometry to tell which of them to believe");
   }
@@ -31,8 +32,8 @@ struct SeenWay {
 };
 
 // At every stamp of any of them: the weighted mean of those that speak. A camera is silent where it has no pose, and where it is far from
-// its siblings and they, or else odometry (else the way so far), stand against it. Weights change slowly, so that nobody's coming or going makes the way jump.
-// odometry: of the robot, in a frame of its own; may be empty.
+// its siblings and they, or else odometry (else the way so far), stand against it. Weights change slowly, so that nobody's coming or going
+// makes the way jump. odometry: of the robot, in a frame of its own; may be empty.
 std::vector<StampedPose> robot_way(const std::vector<SeenWay>& cameras, const std::vector<StampedPose>& odometry,
                                    const RobotWayOptions& options = {});
 

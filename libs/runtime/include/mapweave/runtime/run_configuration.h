@@ -108,17 +108,17 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
-    v.choice(
-        "sensor", sensor,
-        {{"auto", SensorChoice::automatic},
-         {"laser", SensorChoice::laser},
-         {"mono", SensorChoice::mono},
-         {"stereo", SensorChoice::stereo},
-         {"rgbd", SensorChoice::rgbd},
-         {"cameras", SensorChoice::cameras},
-         {"all", SensorChoice::all}},
-        "what robots map with; auto: the laser where a log has one, else its cameras; cameras: with all that each of them gives; all: laser "
-        "and cameras, in one graph");
+    v.choice("sensor", sensor,
+             {{"auto", SensorChoice::automatic},
+              {"laser", SensorChoice::laser},
+              {"mono", SensorChoice::mono},
+              {"stereo", SensorChoice::stereo},
+              {"rgbd", SensorChoice::rgbd},
+              {"cameras", SensorChoice::cameras},
+              {"all", SensorChoice::all}},
+             "what robots map with; auto: the laser where a log has one, else its cameras; cameras: with all that each of them gives; all: "
+             "laser "
+             "and cameras, in one graph");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("visual", visual, "one camera's SLAM");
