@@ -119,6 +119,31 @@ std::vector<StampedPose> way_of(const TiedMap& tied, const std::vector<RigMember
   return robot_way(cameras, odometry);
 }
 
+// A camera that does not know places again that it saw before.
+void forget(Map& map, double after_s) {
+  for (auto& [id, landmark] : map.landmarks) {
+    const Stamp anchored = map.nodes.find(landmark.anchor)->stamp;
+    const auto is_later = [&](const LandmarkSighting& seen) {
+      return std::abs(seconds_between(anchored, map.nodes.find(seen.node)->stamp)) > after_s;
+    };
+    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), is_later), landmark.seen.end());
+  }
+}
+
+// What is left of a member between two times, without landmarks.
+RigMember part_of(RigMember member, double begin_s, double end_s) {
+  const Stamp first = member.frames.front().stamp;
+  const auto is_out = [&](Stamp stamp) { return seconds_between(first, stamp) < begin_s || seconds_between(first, stamp) >= end_s; };
+  member.map.landmarks = {};
+  Table<NodeId, Node> nodes;
+  for (const auto& [id, node] : member.map.nodes)
+    if (!is_out(node.stamp)) nodes.set(id, node);
+  member.map.nodes = nodes;
+  auto& frames = member.frames;
+  frames.erase(std::remove_if(frames.begin(), frames.end(), [&](const StampedPose& frame) { return is_out(frame.stamp); }), frames.end());
+  return member;
+}
+
 // The same camera without depth: its lengths are other ones, and change by `drift` until the end.
 RigMember single(RigMember member, double scale, double drift) {
   const Stamp first = member.frames.front().stamp;
@@ -133,13 +158,8 @@ RigMember single(RigMember member, double scale, double drift) {
   for (auto& [id, landmark] : member.map.landmarks) {
     landmark.point_units = landmark_units(scale_at(member.map.nodes.find(landmark.anchor)->stamp) * landmark.point_in_anchor());
     for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
-    // A place that was seen before is not known again.
-    const Stamp anchored = member.map.nodes.find(landmark.anchor)->stamp;
-    const auto is_later = [&](const LandmarkSighting& seen) {
-      return std::abs(seconds_between(anchored, member.map.nodes.find(seen.node)->stamp)) > 8.0;
-    };
-    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), is_later), landmark.seen.end());
   }
+  forget(member.map, 8.0);
   for (auto& [id, node] : member.map.nodes) node.map_from_node = *pose_at(frames, node.stamp, 1.0);
   member.frames = frames;
   return member;
@@ -238,22 +258,36 @@ TEST_F(TwoCameras, without_depth_take_lengths_from_wheels) {
 }
 
 TEST_F(TwoCameras, stay_apart_where_a_single_one_did_not_move) {
-  std::vector<RigMember> members = robot().members;
-  const Stamp first = members[1].frames.front().stamp;
-  auto& frames = members[1].frames;
-  frames.resize(4);
-  frames.back().stamp = stamp_from_seconds(first.seconds() + 0.9);
-  members[1] = single(members[1], 0.4, 0.0);
+  const std::vector<RigMember> members{robot().members[0], part_of(single(robot().members[1], 0.4, 0.0), 0.0, 0.9)};
   RigOptions options;
   options.least_common_s = 0.5;
-  std::vector<NodeId> later;
-  for (const auto& [id, node] : members[1].map.nodes)
-    if (frames.back().stamp < node.stamp) later.push_back(id);
-  members[1].map.landmarks = {};
-  for (const NodeId& id : later) members[1].map.nodes.erase(id);
   const TiedRig rig = tied(members, {}, options);
   EXPECT_EQ(rig.maps.size(), 2U);
   EXPECT_THAT(rig.notes, testing::ElementsAre(testing::HasSubstr("'back' has no depth")));
+}
+
+TEST_F(TwoCameras, that_never_saw_at_the_same_time_stay_apart) {
+  const std::vector<RigMember> members{part_of(robot().members[0], 0.0, 20.0), part_of(robot().members[1], 25.0, 1e9)};
+  EXPECT_EQ(tied(members, robot().odometry).maps.size(), 2U) << "wheels turn in the air where a robot is carried";
+}
+
+TEST_F(TwoCameras, believe_the_one_that_wheels_agree_with) {
+  std::vector<RigMember> members = robot().members;
+  const Pose3 aside{{0.0, 0.4, 0.0}, Eigen::Quaterniond::Identity()};
+  const Stamp then{members[0].frames.front().stamp.ns + 30'000'000'000};
+  for (auto& [id, node] : members[0].map.nodes)
+    if (then < node.stamp) node.map_from_node = compose(aside, node.map_from_node);
+  for (StampedPose& frame : members[0].frames)
+    if (then < frame.stamp) frame.map_from_robot = compose(aside, frame.map_from_robot);
+  forget(members[0].map, 2.4);
+  ASSERT_GT(error_m(members[0].frames, robot().truth), 0.1);
+  const double back_m = error_m(members[1].frames, robot().truth);
+  const auto error = [&](const std::vector<StampedPose>& odometry) {
+    const TiedRig rig = tied(members, odometry);
+    return rig.maps.size() == 1 ? error_m(way_of(rig.maps[0], members, odometry), robot().truth) : 1e9;
+  };
+  EXPECT_LT(error(robot().odometry), 1.5 * back_m);
+  EXPECT_GT(error({}), error(robot().odometry));
 }
 
 TEST(Rig, brings_a_camera_that_was_blind_back_by_its_sibling) {

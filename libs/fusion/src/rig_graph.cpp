@@ -66,24 +66,33 @@ class Group {
  private:
   const MovedKeyframe& keyframe(std::uint32_t knot) const { return knots_[knot].part->keyframes[knots_[knot].keyframe]; }
 
-  // By how much less a step counts that wheels say was another one, or siblings that it was placed along.
-  double doubt(const Tie& step, bool metric) const {
+  // By how much less a way counts that wheels say was another one.
+  double by_wheels(Stamp first, Stamp last, const Pose3& way) const {
+    if (!is_short(first, last)) return 1.0;
+    const auto then = pose_at(odometry_, first, options_.longest_gap_s), now = pose_at(odometry_, last, options_.longest_gap_s);
+    return then && now ? unlike(way, between(*then, *now)) : 1.0;
+  }
+  static bool is_short(Stamp first, Stamp last) {
     constexpr double kLongest_s = 5.0;
+    return std::abs(seconds_between(first, last)) < kLongest_s;
+  }
+
+  // The same for a step; of a camera without depth also by siblings that it was placed along.
+  double doubt(const Tie& step, bool metric) const {
     const Stamp first = keyframe(step.from).stamp, last = keyframe(step.to).stamp;
-    const bool is_short = std::abs(seconds_between(first, last)) < kLongest_s;
     Pose3 own = step.from_from_to;
     own.t *= knots_[step.from].group_from_node.scale;
-    const auto then = pose_at(odometry_, first, options_.longest_gap_s), now = pose_at(odometry_, last, options_.longest_gap_s);
-    const double by_wheels = is_short && then && now ? unlike(own, between(*then, *now)) : 1.0;
+    const double rolled = by_wheels(first, last, own);
     const Part& base = parts_[members_.front()];
-    if (metric || (!is_short && !base.metric)) return by_wheels;  // wheels drift, and loops are to mend that
+    if (metric || (!is_short(first, last) && !base.metric)) return rolled;  // wheels drift, and loops are to mend that
     const double stretched = std::abs(std::log(knots_[step.to].group_from_node.scale / knots_[step.from].group_from_node.scale));
-    return std::max({by_wheels, sigmas_off(step) / kFreeSigmas, stretched / step.sigma_scale / kFreeSigmas});
+    return std::max({rolled, sigmas_off(step) / kFreeSigmas, stretched / step.sigma_scale / kFreeSigmas});
   }
   static double unlike(const Pose3& seen, const Pose3& rolled) {
     constexpr double kFree_m = 0.03, kFree_rad = 0.03, kFreeShare = 0.1;
-    return std::max({1.0, (seen.t - rolled.t).norm() / (kFree_m + kFreeShare * rolled.t.norm()),
-                     turn_rad(between(seen, rolled)) / (kFree_rad + kFreeShare * turn_rad(rolled))});
+    const double times = std::max({1.0, (seen.t - rolled.t).norm() / (kFree_m + kFreeShare * rolled.t.norm()),
+                                   turn_rad(between(seen, rolled)) / (kFree_rad + kFreeShare * turn_rad(rolled))});
+    return times * times;  // so that what is far off pulls less the farther it is
   }
 
   // The same for a step of wheels: by the camera that agrees most with it. Where all are blind it may have been carried.
@@ -145,21 +154,21 @@ class Group {
       std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]),
                     to = numbers_.at(part.ids[k]);
       Pose3 way = between(near->before, seen->own_from_robot);
-      const double length_m = near->scale * way.t.norm();
+      const Pose3 own{near->scale * way.t, way.q};
       if (part.metric && !sibling.metric) {  // else lengths could grow to make errors small
-        way.t *= near->scale;
-        way = inverse(way);
+        way = inverse(own);
         std::swap(from, to);
       }
       const bool metric = part.metric && sibling.metric;
       Tie tie{from,
               to,
               way,
-              seen->sigma_m + options_.step_share * length_m,
+              seen->sigma_m + options_.step_share * own.t.norm(),
               seen->sigma_rad,
               metric ? kSameLengths : 0.0,
               ConstraintKind::extrinsic};
-      const double less = metric ? 1.0 : std::max(1.0, sigmas_off(tie) / kFreeSigmas);
+      const double rolled = by_wheels(near->stamp, stamp, own);
+      const double less = metric ? rolled : std::max(rolled, sigmas_off(tie) / kFreeSigmas);
       tie.sigma_m *= less, tie.sigma_rad *= less;
       ties_.push_back(tie);
     }
