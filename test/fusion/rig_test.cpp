@@ -263,7 +263,7 @@ TEST_F(TwoCameras, stay_apart_where_a_single_one_did_not_move) {
   options.least_common_s = 0.5;
   const TiedRig rig = tied(members, {}, options);
   EXPECT_EQ(rig.maps.size(), 2U);
-  EXPECT_THAT(rig.notes, testing::ElementsAre(testing::HasSubstr("'back' has no depth")));
+  EXPECT_THAT(rig.notes, testing::ElementsAre(testing::HasSubstr("'back', which has no depth")));
 }
 
 TEST_F(TwoCameras, that_never_saw_at_the_same_time_stay_apart) {

@@ -51,8 +51,10 @@ class Rig {
       else
         result_.maps.push_back(tied_together(group));
     }
-    for (const auto& [number, why] : why_apart_)
-      if (std::find(result_.notes.begin(), result_.notes.end(), why) == result_.notes.end()) result_.notes.push_back(why);
+    for (const auto& [number, why] : why_apart_) {
+      const std::string note = why.what + (other_session_joined(number) ? "it was led astray, for at other times they agree" : why.advice);
+      if (std::find(result_.notes.begin(), result_.notes.end(), note) == result_.notes.end()) result_.notes.push_back(note);
+    }
     std::stable_sort(result_.maps.begin(), result_.maps.end(),
                      [&](const TiedMap& a, const TiedMap& b) { return poses_of(a) > poses_of(b); });
     return std::move(result_);
@@ -63,6 +65,13 @@ class Rig {
     std::size_t sum = 0;
     for (const std::size_t m : map.members) sum += parts_[m].poses.size();
     return sum;
+  }
+
+  bool other_session_joined(std::size_t number) const {
+    return std::any_of(result_.maps.begin(), result_.maps.end(), [&](const TiedMap& map) {
+      return map.members.size() > 1 &&
+             std::any_of(map.members.begin(), map.members.end(), [&](std::size_t m) { return parts_[m].camera == parts_[number].camera; });
+    });
   }
 
   // Who knows lengths comes first.
@@ -141,9 +150,8 @@ class Rig {
     Part& part = parts_[number];
     const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common);
     if (!scale) {
-      why_apart_[number] = "camera '" + part.camera +
-                           "' has no depth, and the robot hardly moved while a sibling saw where: its "
-                           "lengths are not known, and its map stays apart";
+      why_apart_[number] = {"the map of camera '" + part.camera + "', which has no depth, stays apart: ",
+                            "the robot hardly moved while a sibling saw where, so its lengths are not known"};
       return false;
     }
     constexpr double kLeastWay_m = 0.1;  // turns on the spot tell little of how a camera is mounted
@@ -154,14 +162,14 @@ class Rig {
     const auto wrong = std::count_if(all.begin(), all.end(), [&](const Stretch& stretch) { return contradicts(stretch, options_); });
     if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(telling)) {
       const std::string sibling = parts_[common.moments.front().sibling].camera;
-      std::string why = text("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
-                             sibling.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
+      WhyApart& why = why_apart_[number];
+      why.what = text("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
+                      sibling.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
       if (const auto turn = wrong_turn_rad(all, options_))
-        why += text("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
-                    std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
+        why.advice = text("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
+                          std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
       else
-        why += "see how they are mounted, whether their clocks agree, and what they saw";
-      why_apart_[number] = why;
+        why.advice = "see how they are mounted, whether their clocks agree, and what they saw";
       return false;
     }
     place(part, common.moments, all, *scale);
@@ -173,7 +181,10 @@ class Rig {
   const RigOptions& options_;
   const Map no_map_;
   std::vector<Part> parts_;
-  std::map<std::size_t, std::string> why_apart_;
+  struct WhyApart {
+    std::string what, advice;
+  };
+  std::map<std::size_t, WhyApart> why_apart_;
   TiedRig result_;
 };
 
