@@ -89,7 +89,7 @@ class Group {
     return std::max({rolled, sigmas_off(step) / kFreeSigmas, stretched / step.sigma_scale / kFreeSigmas});
   }
   static double unlike(const Pose3& seen, const Pose3& rolled) {
-    constexpr double kFree_m = 0.02, kFree_rad = 0.015, kFreeShare = 0.05;
+    constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
     const double times = std::max({1.0, (seen.t - rolled.t).norm() / (kFree_m + kFreeShare * rolled.t.norm()),
                                    turn_rad(between(seen, rolled)) / (kFree_rad + kFreeShare * turn_rad(rolled))});
     return times * times;  // so that what is far off pulls less the farther it is
