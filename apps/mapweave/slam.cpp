@@ -20,8 +20,10 @@ Action set_up_slam(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
-  verb.add_option("--sensor", arguments->sensor, "what to map with; auto: the laser where the log has one, else its cameras; all: both")
-      ->check(CLI::IsMember({"auto", "mono", "stereo", "rgbd", "laser", "all"}));
+  verb.add_option("--sensor", arguments->sensor,
+                  "what to map with; auto: the laser where the log has one, else its cameras; cameras: all of them, with all that each "
+                  "gives; all: laser and cameras")
+      ->check(CLI::IsMember({"auto", "mono", "stereo", "rgbd", "cameras", "laser", "all"}));
   verb.add_option("--engine", arguments->engine, "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
       ->check(CLI::IsMember({"graph", "rbpf", "icp"}));
   verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");

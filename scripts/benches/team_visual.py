@@ -1,8 +1,10 @@
 """team maps of camera robots: accuracy against a single run, and times
 
 Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default ../shared/data): visual/SEQUENCE. Cuts each into two robots
-that share some seconds, on an edge each; the cloud joins them. Writes the table between <!-- bench:team-visual --> and <!-- /bench --> of
-README.md, and out/bench/team-visual.json.
+that share some seconds, on an edge each; the cloud joins them. Robots with two cameras drive in simulated buildings (made when they are first
+needed, some minutes each, and kept in out/bench/team-visual/worlds). Writes the tables between <!-- bench:team-visual --> or
+<!-- bench:rigs --> and <!-- /bench --> of README.md, and out/bench/team-visual.json. A partial run (--sequences) keeps the other rows as they
+were measured before.
 """
 import json
 import math
@@ -11,11 +13,18 @@ import statistics
 from benches import common
 
 SEQUENCES = {"tum_fr1_rpy": {"overlap_s": 2.3}, "hololens_office_part1": {"overlap_s": 5}}
+# One robot in camera_apartment.yaml.
+RIGS = {
+    "two depth cameras": {"cameras": "[{id: ahead}, {id: back, yaw_deg: 180, x_m: -0.15}]", "length_m": 60, "sensor": "cameras"},
+    "two single cameras": {"cameras": "[{id: ahead}, {id: back, yaw_deg: 180, x_m: -0.15}]", "length_m": 60, "sensor": "mono"},
+    "a depth and a single one": {"cameras": "[{id: ahead}, {id: side, kind: mono, yaw_deg: 90, x_m: 0}]", "length_m": 30, "sensor": "cameras"},
+}
+RIG_HEADERS = ("cameras of a robot", "frames placed, each alone", "ATE, m, each alone", "frames placed, both", "ATE, m, both", "goal, m", "ties", "ties off by, m")
 HEADERS = ("sequence", "robots", "joined", "single run, ATE m", "team, ATE m (least to most)", "goal, m", "witnesses", "merge, s (match + optimise)")
 
 
 def add_arguments(parser):
-    parser.add_argument("--sequences", default=",".join(SEQUENCES), metavar="NAME,...", help="default: all of %(default)s")
+    parser.add_argument("--sequences", default=",".join([*SEQUENCES, *RIGS]), metavar="NAME,...", help="default: all of %(default)s")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="the median error of N seeds (default: %(default)s)")
     parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
 
@@ -65,6 +74,33 @@ def measure(name, seeds):
             "match_s": statistics.median(s[0] for s in seconds), "optimise_s": statistics.median(s[1] for s in seconds)}
 
 
+def measure_rig(name):
+    rig = RIGS[name]
+    world = common.OUT / "team-visual/worlds" / f"{rig['cameras'].count('kind')}-single-{rig['length_m']}-m"
+    if not (world / "run.yaml").exists():
+        robot = f"robots=[{{id: alpha, first_room: 0, last_room: 4, length_m: {rig['length_m']}}}]"
+        common.mapweave("simulate", common.ROOT / "configs/worlds/camera_apartment.yaml", "--set", f"cameras={rig['cameras']}", "--set", robot,
+                        "--set", "edges=1", "--out", world, "--force")
+
+    def mapped(out, *settings):
+        out = common.OUT / "team-visual" / out
+        common.mapweave("slam", world / "alpha.rawlog", "--sensor", rig["sensor"], *settings, "--out", out, "--force")
+        frames = len(rows_of(out / "trajectory.tum"))
+        return json.loads((out / "summary.json").read_text())["robots"][0], frames, error_of(out / "trajectory.tum", world / "alpha.truth.tum")
+
+    robot, frames, error_m = mapped("rig")
+    alone = [mapped("alone", "--set", f"visual.label={camera['label']}") for camera in robot["cameras"]]
+    return {"name": name, "alone_frames": [one[1] for one in alone], "alone_m": [one[2] for one in alone], "frames": frames, "both_m": error_m,
+            "rig": robot.get("rig", {})}
+
+
+def rig_cells(row):
+    ties = row["rig"]
+    off = f"{ties['apart_before_m']:.4f} -> {ties['apart_after_m']:.4f}" if ties else "not tied"
+    return (row["name"], ", ".join(map(str, row["alone_frames"])), ", ".join(f"{error:.4f}" for error in row["alone_m"]), row["frames"],
+            f"{row['both_m']:.4f}", f"{1.1 * min(row['alone_m']):.4f}", ties.get("ties", 0), off)
+
+
 def cells(row):
     single = statistics.median(row["single_m"])
     return (row["name"], row["robots"], "yes" if row["joined"] else "no", f"{single:.4f}",
@@ -75,20 +111,31 @@ def cells(row):
 def run(arguments):
     chosen = [name for name in arguments.sequences.split(",") if name]
     for name in chosen:
-        if name not in SEQUENCES:
-            common.give_up(f"unknown sequence '{name}'; known: {', '.join(SEQUENCES)}", 2)
+        if name not in SEQUENCES and name not in RIGS:
+            common.give_up(f"unknown sequence '{name}'; known: {', '.join([*SEQUENCES, *RIGS])}", 2)
     common.need(common.PROGRAM, "run scripts/build first")
     for name in chosen:
-        common.need(common.DATA / "visual" / name, "set MAPWEAVE_DATA to the folder that holds visual/")
+        if name in SEQUENCES:
+            common.need(common.DATA / "visual" / name, "set MAPWEAVE_DATA to the folder that holds visual/")
     stored = common.OUT / "team-visual.json"
     rows = {row["name"]: row for row in json.loads(stored.read_text())["rows"]} if stored.exists() else {}
     for name in chosen:
-        rows[name] = measure(name, arguments.seeds)
-        common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(), "rows": [rows[key] for key in SEQUENCES if key in rows]})
-    text = common.table(HEADERS, [cells(rows[key]) for key in SEQUENCES if key in rows])
-    text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}: each sequence cut into two robots that share some seconds, on an edge each. One "
-             f"alignment for the whole team; goal: 1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
-    print(text)
-    if not arguments.dry_run:
-        common.write_readme("team-visual", text)
+        rows[name] = measure(name, arguments.seeds) if name in SEQUENCES else measure_rig(name)
+        common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(),
+                                          "rows": [rows[key] for key in [*SEQUENCES, *RIGS] if key in rows]})
+    teams, rigs = [rows[key] for key in SEQUENCES if key in rows], [rows[key] for key in RIGS if key in rows]
+    if teams and any(name in SEQUENCES for name in chosen):
+        text = common.table(HEADERS, [cells(row) for row in teams])
+        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}: each sequence cut into two robots that share some seconds, on an edge each. One "
+                 f"alignment for the whole team; goal: 1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
+        print(text)
+        if not arguments.dry_run:
+            common.write_readme("team-visual", text)
+    if rigs and any(name in RIGS for name in chosen):
+        text = common.table(RIG_HEADERS, [rig_cells(row) for row in rigs])
+        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}, in simulated apartments. Each alone: the largest of its maps; both: one map of "
+                 "both, and the robot's way by both. Goal: 1.1 times the better one's error. Ties: root mean square before and after the graph is solved.")
+        print(text)
+        if not arguments.dry_run:
+            common.write_readme("rigs", text)
     return 0

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/fusion/rig.h>
 #include <mapweave/maps/map_update.h>
 #include <support/starry_maps.h>
 
@@ -137,6 +138,61 @@ TEST(VisualFuse, comes_apart_again_when_its_witnesses_are_vetoed) {
   ASSERT_EQ(apart.components.size(), 2U);
   EXPECT_EQ(apart.verdicts[0].reason, Reason::vetoed);
   EXPECT_EQ(content_hash(apart.components[1].map), content_hash(robots.b));
+}
+
+// The map of a camera that looks the other way: of the same robot, of another sensor.
+Map facing_back(const Map& map) {
+  const Pose3 turned{{0, 0, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()))};
+  const auto session = [](SessionId id) {
+    id.client.sensor = SensorId("rear");
+    return id;
+  };
+  auto geometry = std::make_shared<CameraGeometry>(*keyframe_of(map.nodes.front().second)->geometry);
+  geometry->robot_from_camera = compose(turned, geometry->robot_from_camera);
+  Map result;
+  result.id = map.id;
+  for (auto [id, node] : map.nodes) {
+    KeyframeFeatures features = *keyframe_of(node);
+    features.geometry = geometry;
+    node.id.session = session(id.session);
+    node.map_from_node = compose(node.map_from_node, turned);
+    node.payload = std::make_shared<const Payload>(std::move(features));
+    result.nodes.set(node.id, node);
+  }
+  for (auto [id, landmark] : map.landmarks) {
+    landmark.id.session = session(id.session), landmark.anchor.session = session(landmark.anchor.session);
+    landmark.point_units = landmark_units(transformed(landmark.point_in_anchor(), turned));
+    for (LandmarkSighting& sighting : landmark.seen) sighting.node.session = session(sighting.node.session);
+    result.landmarks.set(landmark.id, landmark);
+  }
+  return result;
+}
+
+TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_straightened) {
+  const test::StarryBuilding building({1});
+  const auto way = test::look_around(-1.0, 0.0, 0.0, 2.6, 24);
+  std::vector<Pose2> way_of_rear = way;
+  for (Pose2& pose : way_of_rear) pose.phi = wrap_angle(pose.phi + M_PI);
+  test::StarryOptions bent;
+  bent.drift_rad_per_keyframe = 0.002;
+  const Map straight = building.keyframe_map("alpha", way), ahead = building.keyframe_map("beta", way, bent);
+  TiedRig rig = tied({{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
+  ASSERT_EQ(rig.maps.size(), 1U);
+  const auto result = fused({straight, rig.maps[0].map});
+  ASSERT_EQ(result.components.size(), 1U);
+  const Map& team = result.components[0].map;
+  double moved = 0.0;
+  for (std::uint32_t i = 0; i < way.size(); ++i) {
+    const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i},
+        sibling{{{RobotId("beta"), SensorId("rear")}, 1'000'000'000}, i};
+    const Pose3 &here = team.nodes.find(id)->map_from_node, &there = team.nodes.find(sibling)->map_from_node;
+    EXPECT_LT((here.t - there.t).norm(), 0.01) << i;
+    EXPECT_LT(here.q.angularDistance(there.q), 0.006) << i;
+    moved = std::max(moved, std::abs(wrap_angle(planar(here).phi - planar(ahead.nodes.find(id)->map_from_node).phi)));
+  }
+  EXPECT_GT(moved, 0.03);
+  EXPECT_TRUE(std::any_of(team.constraints.begin(), team.constraints.end(),
+                          [](const auto& entry) { return entry.first.kind == ConstraintKind::extrinsic; }));
 }
 
 TEST(VisualFuse, takes_maps_of_one_run_that_share_no_keyframe) {

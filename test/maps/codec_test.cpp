@@ -267,6 +267,10 @@ TEST(Codec, writes_nothing_that_could_not_be_read) {
     u.nodes[5].payload = std::make_shared<const Payload>(grid);
   });
   Verdict verdict = RandomMaps(1).verdict(MapId("a"), MapId("b"));
+  for (const char* kind : {"laser", "vision", "laser and vision", "grid"}) {
+    verdict.kind = kind;
+    EXPECT_EQ(decode_verdict(encode(verdict), "here").kind, kind);
+  }
   verdict.kind = "smell";
   EXPECT_THROW(encode(verdict), ContractViolation);
 }

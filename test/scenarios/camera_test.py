@@ -83,14 +83,26 @@ class Cameras(support.Scenario):
         self.mapweave("slam", world / "alpha.rawlog", "--sensor", "mono", "--out", "all")
         summary = json.loads((self.folder / "all/summary.json").read_text())
         self.assertEqual([camera["label"] for camera in summary["robots"][0]["cameras"]], ["mono", "rgbd", "stereo"])
-        ways = [self.folder / "all/trajectory.tum", *sorted((self.folder / "all").glob("cameras/*/trajectory.tum"))]
+        ways = sorted((self.folder / "all").glob("cameras/*/trajectory.tum"))
         self.assertEqual(len(ways), 3)
-        # Each alone, with odometry's scale, and begun where the first one says that the robot was then.
-        first = {row[0]: row[1:4] for row in poses(ways[0])}
-        for other in ways[1:]:
-            apart = [math.dist(row[1:4], first[row[0]]) for row in poses(other) if row[0] in first]
-            self.assertLess(apart[0], 0.02, other)
-            self.assertLess(max(apart), 1.5, other)
+        robot = {row[0]: row[1:4] for row in poses(self.folder / "all/trajectory.tum")}
+        for way in ways:
+            apart = [math.dist(row[1:4], robot[row[0]]) for row in poses(way)]
+            self.assertLess(max(apart), 0.15, way)
+        self.assertEqual(len(robot), len({row[0] for way in ways for row in poses(way)}))
+        # Without depth, but with wheels.
+        self.assertLess(self.error(self.folder / "all/trajectory.tum", world / "alpha.truth.tum"), 0.1)
+        self.assertGreater(summary["robots"][0]["rig"]["ties"], 10)
+
+    def test_cameras_of_all_kinds_share_the_robots_map(self):
+        world = self.world
+        self.mapweave("slam", world / "alpha.rawlog", "--sensor", "cameras", "--out", "all")
+        summary = json.loads((self.folder / "all/summary.json").read_text())
+        self.assertEqual(summary["robots"][0]["rig"]["cameras"], ["rgbd", "stereo", "mono"])
+        errors = [self.error(path, world / "alpha.truth.tum") for path in sorted((self.folder / "all").glob("cameras/*/trajectory.tum"))]
+        self.assertEqual(len(errors), 3)
+        self.assertLess(max(errors), 0.06)
+        self.assertLess(self.error(self.folder / "all/trajectory.tum", world / "alpha.truth.tum"), 0.03)
 
     def test_the_laser_is_taken_where_there_is_one(self):
         world = self.world

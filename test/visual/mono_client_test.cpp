@@ -69,6 +69,23 @@ TEST(MonoClient, takes_scale_from_odometry) {
   EXPECT_NEAR(laid_on(client, truth).scale, 1.0, 0.03);
 }
 
+TEST(MonoClient, tells_nobody_of_depths_that_it_worked_out_itself) {
+  ClientOptions options;
+  options.depth.inverse_depth_sigma = 1.0;  // whatever a depth camera may have
+  VisualClient client(room.camera, 0.0, options);
+  for (int i = 0; i < 60; ++i) client.add(picture(i, walk(i)));
+  const auto updates = client.take_updates({{RobotId("alpha"), SensorId("camera")}, {}}, PublishedDetail::exact);
+  ASSERT_FALSE(updates.empty());
+  int sightings = 0;
+  for (const MapUpdate& update : updates)
+    for (const Landmark& landmark : update.landmarks)
+      for (const LandmarkSighting& sighting : landmark.seen) {
+        ASSERT_EQ(sighting.inverse_depth, 0);
+        ++sightings;
+      }
+  EXPECT_GT(sightings, 300);
+}
+
 TEST(MonoClient, waits_while_it_stands_or_only_turns) {
   VisualClient client(room.camera, 0.0, {});
   for (int i = 0; i < 30; ++i)

@@ -33,6 +33,23 @@ Covisibility covisibility(const Map& map) {
   return result;
 }
 
+std::vector<Step> steps(const Covisibility& seen, int least_shared) {
+  constexpr std::size_t kMostNeighbours = 5;
+  std::vector<Step> result;
+  for (std::size_t i = 1; i < seen.keyframes.size(); ++i) {
+    std::size_t count = 0, with_the_last = 0;
+    bool to_the_last = seen.keyframes[i - 1]->id.session != seen.keyframes[i]->id.session;
+    for (const auto& [landmarks, other] : seen.shared[i]) {
+      if (other + 1 == i) with_the_last = landmarks;
+      if (other > i || count == kMostNeighbours || landmarks < static_cast<std::size_t>(least_shared)) continue;
+      result.push_back({seen.keyframes[other], seen.keyframes[i], landmarks});
+      ++count, to_the_last = to_the_last || other + 1 == i;
+    }
+    if (!to_the_last) result.push_back({seen.keyframes[i - 1], seen.keyframes[i], with_the_last});
+  }
+  return result;
+}
+
 bool is_metric(const Map& map) {
   return std::any_of(map.nodes.begin(), map.nodes.end(),
                      [](const auto& entry) {

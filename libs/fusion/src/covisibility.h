@@ -17,6 +17,13 @@ struct Covisibility {
 };
 Covisibility covisibility(const Map&);
 
+// Keyframes that see the same, for each the most (with at least so many landmarks), and one and the next of a session.
+struct Step {
+  const Node *from, *to;
+  std::size_t shared;  // landmarks
+};
+std::vector<Step> steps(const Covisibility&, int least_shared);
+
 // Whether its keyframes measured depth. Without that a map has the lengths that one camera gave it.
 bool is_metric(const Map&);
 

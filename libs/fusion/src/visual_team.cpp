@@ -77,6 +77,7 @@ class Team {
         keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node)});
     }
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
+    for (const VisualMap* member : members) rigs_.push_back(rig_of(*member));
   }
 
   VisualTeam run() {
@@ -91,6 +92,27 @@ class Team {
   }
 
  private:
+  // What ties its cameras to each other.
+  static std::vector<const Constraint*> rig_of(const VisualMap& member) {
+    std::vector<const Constraint*> result;
+    const auto is_keyframe = [&](const NodeId& id) { return member.number_of(id) < member.keyframes().size(); };
+    for (const auto& [id, constraint] : member.map().constraints)
+      if (id.kind == ConstraintKind::extrinsic && is_keyframe(id.from) && is_keyframe(id.to) && constraint.information(0, 0) > 0.0 &&
+          constraint.information(5, 5) > 0.0)
+        result.push_back(&constraint);
+    return result;
+  }
+
+  // Whether they are of two cameras that are tied: the last keyframe of one and the first of the other say nothing of each other.
+  bool are_siblings(std::size_t a, std::size_t b) const {
+    const SessionId &one = keyframes_[a].content->id.session, &other = keyframes_[b].content->id.session;
+    const auto& rig = rigs_[keyframes_[a].member];
+    return one != other && std::any_of(rig.begin(), rig.end(), [&](const Constraint* rigid) {
+             return (rigid->id.from.session == one && rigid->id.to.session == other) ||
+                    (rigid->id.from.session == other && rigid->id.to.session == one);
+           });
+  }
+
   double scale_of(std::size_t member) const { return team_from_map_[member].scale; }
 
   double middle_depth(const TeamKeyframe& keyframe) const {
@@ -106,7 +128,7 @@ class Team {
     return scale_of(keyframe.member) * std::max(0.1, *middle);
   }
 
-  // How keyframes lay in their own maps: of those that see the same, and of one and the next.
+  // How keyframes lay in their own maps: of those that see the same, of one and the next, and of cameras of one robot at the same time.
   std::vector<graph::BundleTie> ties(double stiffness) const {
     std::vector<graph::BundleTie> result;
     const auto tie = [&](std::size_t from, std::size_t to, double slack) {
@@ -116,11 +138,19 @@ class Team {
     };
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const std::size_t first = first_keyframe_[keyframes_[i].member];
-      if (i > first) tie(i - 1, i, 2.0);
+      if (i > first && !are_siblings(i - 1, i)) tie(i - 1, i, 2.0);
       const auto& companions = keyframes_[i].content->companions;
       for (std::size_t c = 0; c < companions.size() && c < kTied; ++c)
         if (companions[c].first >= kLeastShared) tie(companions[c].second + first, i, 1.0);
     }
+    for (std::size_t m = 0; m < members_.size(); ++m)
+      for (const Constraint* rigid : rigs_[m]) {
+        const std::size_t from = first_keyframe_[m] + members_[m]->number_of(rigid->id.from),
+                          to = first_keyframe_[m] + members_[m]->number_of(rigid->id.to);
+        result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to),
+                          between(keyframes_[from].team_from_node, keyframes_[to].team_from_node),
+                          stiffness / std::sqrt(rigid->information(0, 0)), stiffness / std::sqrt(rigid->information(5, 5))});
+      }
     return result;
   }
 
@@ -304,6 +334,11 @@ class Team {
     for (auto& [id, node] : nodes) team.nodes.set(id, std::move(node));
 
     std::vector<Constraint> constraints;
+    for (std::size_t m = 0; m < members_.size(); ++m)
+      for (const Constraint* rigid : rigs_[m]) {
+        constraints.push_back(*rigid);
+        constraints.back().from_from_to.pose.t *= scale_of(m);
+      }
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
         Constraint constraint;
@@ -357,6 +392,7 @@ class Team {
   std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
   std::vector<Vector3d> points_;                                  // in the team's frame
   std::vector<graph::BundleTie> straightened_;                    // of nodes
+  std::vector<std::vector<const Constraint*>> rigs_;              // of each member
   std::vector<Found> found_;
 };
 

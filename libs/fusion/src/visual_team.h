@@ -13,7 +13,7 @@ struct VisualJoin {
 
 struct VisualTeam {
   Table<NodeId, Node> nodes;
-  Table<ConstraintId, Constraint> constraints;  // what the joins rest on
+  Table<ConstraintId, Constraint> constraints;  // what the joins rest on, and what ties cameras of one robot
   Table<LandmarkId, Landmark> landmarks;        // of those that are the same the lowest one, with all sightings
   Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
 };

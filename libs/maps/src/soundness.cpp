@@ -166,8 +166,8 @@ std::string flaw(const Verdict& verdict) {
   if (!is_valid_name(verdict.a.str()) || !is_valid_name(verdict.b.str())) return "a verdict has no valid name of a map";
   if (!(verdict.a < verdict.b)) return "a verdict's maps are not in order";
   if (!verdict.by.empty() && !is_valid_name(verdict.by.str())) return "a verdict has no valid name of a tier";
-  if (verdict.kind != "laser" && verdict.kind != "vision" && verdict.kind != "grid")
-    return "a verdict's kind is none of laser, vision, grid";
+  if (verdict.kind != "laser" && verdict.kind != "vision" && verdict.kind != "laser and vision" && verdict.kind != "grid")
+    return "a verdict's kind is none of laser, vision, laser and vision, grid";
   if (verdict.proposer.size() > 256 ||
       !std::all_of(verdict.proposer.begin(), verdict.proposer.end(), [](char c) { return c >= ' ' && c <= '~'; }))
     return "a verdict's proposer is not up to 256 printable letters";

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
 #include <numeric>
 
 namespace mapweave::runtime {
@@ -40,6 +41,8 @@ class Camera {
       client_.emplace(packer_.rig()->camera, packer_.rig()->baseline_m, options_, matching::shipped_vocabulary());
       first_ = frame->stamp;
     }
+    if (frame->odometry_from_camera)
+      odometry_.push_back({frame->stamp, compose(*frame->odometry_from_camera, inverse(packer_.rig()->robot_from_camera))});
     const double packed_s = thread_cpu_seconds();
     const visual::Tracked tracked = client_->add(*frame);
     (tracked.keyframe ? keyframe_seconds_ : tracking_seconds_).push_back(thread_cpu_seconds() - packed_s);
@@ -53,6 +56,7 @@ class Camera {
 
   bool tracked_anything() const { return report_.tracked > 0; }
   const CameraReport& report() const { return report_; }
+  const std::vector<StampedPose>& odometry() const { return odometry_; }  // of the robot, at its frames
   std::vector<std::string> notes() const { return client_ ? client_->notes() : std::vector<std::string>{}; }
   double seconds() const { return report_.frames == 0 ? 0.0 : seconds_between(first_, last_); }
 
@@ -117,44 +121,37 @@ class Camera {
   std::optional<visual::VisualClient> client_;
   CameraReport report_;
   SheetCollector sheet_;
+  std::vector<StampedPose> odometry_;
   Stamp first_, last_, last_tracked_;
   std::vector<double> tracking_seconds_, keyframe_seconds_;
   double packing_seconds_ = 0.0;
 };
 
-std::size_t frames_of(const CameraMap& map) {
-  std::size_t count = 0;
-  for (const CameraWay& way : map.ways) count += way.frames.size();
-  return count;
-}
-
-// Cameras of one robot see one world: what began while another camera was placed begins where that one says the robot was.
-std::vector<CameraMap> placed_together(std::vector<CameraMap> maps, RobotId robot) {
-  constexpr double kSameTime_s = 0.25;
-  std::stable_sort(maps.begin(), maps.end(), [](const CameraMap& a, const CameraMap& b) { return frames_of(a) > frames_of(b); });
+// Cameras of one robot see one world.
+std::vector<CameraMap> tied_together(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
+                                     const fusion::RigOptions& options, std::vector<std::string>& notes) {
+  std::vector<fusion::RigMember> members;
+  for (CameraMap& part : parts) members.push_back({part.ways.front().label, std::move(part.map), std::move(part.ways.front().frames)});
+  fusion::TiedRig rig = fusion::tied(members, odometry, options);
+  notes = std::move(rig.notes);
   std::vector<CameraMap> result;
-  for (CameraMap& map : maps) {
-    const CameraWay& way = map.ways.front();
-    bool placed = false;
-    for (CameraMap& known : result) {
-      if (known.ways.front().label == way.label) continue;
-      const auto known_from_map = exporters::pose_at(known.ways.front().frames, way.frames.front().stamp, kSameTime_s);
-      if (!known_from_map) continue;
-      // The part's own map begins at the identity but for what its first frame was corrected by since.
-      const Pose3 motion = compose(*known_from_map, inverse(way.frames.front().map_from_robot));
-      for (auto [id, node] : map.map.nodes) {
-        node.map_from_node = compose(motion, node.map_from_node);
-        known.map.nodes.set(id, std::move(node));
-      }
-      for (const auto& [id, landmark] : map.map.landmarks) known.map.landmarks.set(id, landmark);
-      known.ways.push_back(way);
-      for (exporters::StampedPose& pose : known.ways.back().frames) pose.map_from_robot = compose(motion, pose.map_from_robot);
-      placed = true;
-      break;
+  for (fusion::TiedMap& tied : rig.maps) {
+    CameraMap& map = result.emplace_back();
+    map.map = std::move(tied.map);
+    map.map.id = MapId(result.size() == 1 ? robot.str() : robot.str() + "." + std::to_string(result.size() - 1));
+    for (std::size_t i = 0; i < tied.members.size(); ++i) {
+      const std::string& label = members[tied.members[i]].camera;
+      auto way = std::find_if(map.ways.begin(), map.ways.end(), [&](const CameraWay& known) { return known.label == label; });
+      if (way == map.ways.end()) way = map.ways.insert(way, {label, {}});
+      way->frames.insert(way->frames.end(), tied.frames[i].begin(), tied.frames[i].end());
+      std::stable_sort(way->frames.begin(), way->frames.end(),
+                       [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
     }
-    if (!placed) result.push_back(std::move(map));
+    map.way = robot_way(map.map, map.ways, odometry, options.way);
+    if (map.ways.size() == 1) continue;
+    map.rig = {{}, tied.ties, tied.apart_before_m, tied.apart_after_m, tied.solved};
+    for (const CameraWay& way : map.ways) map.rig.cameras.push_back(way.label);
   }
-  for (std::size_t i = 0; i < result.size(); ++i) result[i].map.id = MapId(i == 0 ? robot.str() : robot.str() + "." + std::to_string(i));
   return result;
 }
 
@@ -178,9 +175,27 @@ std::string sensor_name(const std::string& label) {
   return name.empty() ? "camera" : name;
 }
 
+std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
+                                   const fusion::RobotWayOptions& options) {
+  // A camera is heard by how much its keyframes see, above all of depth.
+  constexpr double kDepth = 3.0;
+  std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
+  for (const auto& [id, node] : map.nodes) ++seen[id.session.client.sensor.str()].second;
+  for (const auto& [id, landmark] : map.landmarks)
+    for (const LandmarkSighting& sighting : landmark.seen)
+      seen[sighting.node.session.client.sensor.str()].first += sighting.inverse_depth != 0 ? 1.0 + kDepth : 1.0;
+  std::vector<fusion::SeenWay> cameras;
+  for (const CameraWay& way : ways) {
+    const auto [sightings, keyframes] = seen[sensor_name(way.label)];
+    cameras.push_back({way.frames, (1.0 + sightings) / (1.0 + keyframes)});
+  }
+  return fusion::robot_way(cameras, odometry, options);
+}
+
 struct CameraTask::State {
   PlannedRobot robot;
   rawlog::ReadOptions reading;
+  fusion::RigOptions rig;
   bool keep_going = false;
   std::deque<Camera> cameras;
   std::unique_ptr<rawlog::ObservationStream> log;
@@ -208,7 +223,7 @@ CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, c
                        Progress& progress)
     : state_(new State) {
   constexpr std::uint64_t kKilobyte = 1000;
-  state_->robot = robot, state_->keep_going = keep_going;
+  state_->robot = robot, state_->rig = configuration.rig, state_->keep_going = keep_going;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;
   for (const ChosenCamera& camera : chosen.cameras) state_->cameras.emplace_back(camera, options);
@@ -254,6 +269,7 @@ CamerasOutcome CameraTask::finish() {
   std::vector<CameraMap> maps;
   for (Camera& camera : state.cameras) {
     outcome.log_seconds = std::max(outcome.log_seconds, camera.seconds());
+    outcome.odometry.insert(outcome.odometry.end(), camera.odometry().begin(), camera.odometry().end());
     if (camera.tracked_anything()) {
       outcome.cameras.push_back(camera.finish(state.robot.id, maps));
     } else if (camera.report().frames > 0) {
@@ -261,7 +277,12 @@ CamerasOutcome CameraTask::finish() {
                                  " frames of camera '" + camera.report().label + "' could be placed");
     }
   }
-  outcome.maps = placed_together(std::move(maps), state.robot.id);
+  const auto by_stamp = [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; };
+  std::stable_sort(outcome.odometry.begin(), outcome.odometry.end(), by_stamp);
+  outcome.odometry.erase(std::unique(outcome.odometry.begin(), outcome.odometry.end(),
+                                     [](const StampedPose& a, const StampedPose& b) { return a.stamp == b.stamp; }),
+                         outcome.odometry.end());
+  outcome.maps = tied_together(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
   outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;
   return outcome;

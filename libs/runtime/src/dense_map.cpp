@@ -16,9 +16,9 @@ namespace {
 
 constexpr double kSameTime_s = 0.25;  // between two frames farther apart nobody knows how the camera moved
 
-Pose3 pose_or(const std::vector<exporters::StampedPose>& frames, const exporters::StampedPose& frame, double later_s) {
+Pose3 pose_or(const std::vector<StampedPose>& frames, const StampedPose& frame, double later_s) {
   const Stamp stamp{frame.stamp.ns + std::llround(1e9 * later_s)};
-  return exporters::pose_at(frames, stamp, kSameTime_s).value_or(frame.map_from_robot);
+  return pose_at(frames, stamp, kSameTime_s).value_or(frame.map_from_robot);
 }
 
 std::vector<DepthWay> ways_of(const CameraMap& part, const CamerasOutcome& cameras, const std::vector<CameraWay>& ways) {
@@ -53,7 +53,7 @@ class Revisit {
   std::optional<Seen> operator()(const rawlog::Record& record) {
     if (record.observation->sensorLabel != way_.chosen.label) return std::nullopt;
     const auto placed = std::lower_bound(way_.frames.begin(), way_.frames.end(), record.stamp,
-                                         [](const exporters::StampedPose& frame, Stamp stamp) { return frame.stamp < stamp; });
+                                         [](const StampedPose& frame, Stamp stamp) { return frame.stamp < stamp; });
     if (placed == way_.frames.end() || placed->stamp != record.stamp) return std::nullopt;
     const bool wanted = dense_.every_frames > 0 ? (placed - way_.frames.begin()) % dense_.every_frames == 0
                                                 : std::binary_search(way_.keyframes.begin(), way_.keyframes.end(), record.stamp);
@@ -64,7 +64,7 @@ class Revisit {
   }
 
  private:
-  Seen seen(const visual::Frame& frame, const visual::CameraRig& rig, const exporters::StampedPose& placed) const {
+  Seen seen(const visual::Frame& frame, const visual::CameraRig& rig, const StampedPose& placed) const {
     const Pose3& robot_from_camera = rig.robot_from_camera;
     const Pose3 map_from_camera = compose(placed.map_from_robot, robot_from_camera);
     const Pose3 map_from_depth = compose(pose_or(way_.frames, placed, frame.depth.delay_s), robot_from_camera);

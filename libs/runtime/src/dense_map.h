@@ -11,7 +11,7 @@ struct DepthWay {
   PlannedRobot robot;
   ChosenCamera chosen;
   visual::SensorFlaws flaws;
-  std::vector<exporters::StampedPose> frames;
+  std::vector<StampedPose> frames;
   std::vector<Stamp> keyframes;  // sorted
 };
 

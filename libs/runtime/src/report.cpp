@@ -173,6 +173,12 @@ Json summary_json(const Report& report) {
                  {"real_time_factor", robot.real_time_factor()},
                  {"mapped", robot.mapped}};
     for (const CameraReport& camera : robot.cameras) line["cameras"].push_back(camera_json(camera));
+    if (!robot.rig.cameras.empty())
+      line["rig"] = {{"cameras", robot.rig.cameras},
+                     {"ties", robot.rig.ties},
+                     {"apart_before_m", robot.rig.apart_before_m},
+                     {"apart_after_m", robot.rig.apart_after_m},
+                     {"optimised", robot.rig.optimised}};
     if (!robot.edge.empty()) line["edge"] = robot.edge.str();
     if (robot.trouble) line["trouble"] = robot.trouble->what();
     robots.push_back(line);

@@ -81,19 +81,24 @@ void Results::store(const std::string& folder, const Map& map) {
 void Results::add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& part) {
   const OutputOptions& output = configuration_.output;
   const std::filesystem::path top = folder_.staging() / folder;
-  std::vector<exporters::SessionTrajectory> ways;
-  for (const CameraWay& way : part.ways) {
-    const std::filesystem::path place = ways.empty() ? top : top / "cameras" / sensor_name(way.label);
-    std::filesystem::create_directories(place);
-    if (output.tum) {
-      write_file(place / "trajectory.tum", exporters::tum_text(way.frames));
-      for (const exporters::SessionTrajectory& keyframes : exporters::session_trajectories(part.map))
-        if (keyframes.session.client.sensor.str() == sensor_name(way.label))
-          write_file(place / "keyframes.tum", exporters::tum_text(keyframes.poses));
-    }
-    ways.push_back({{{part.map.robots().front(), SensorId()}, static_cast<std::int64_t>(ways.size())}, way.frames});
+  std::filesystem::create_directories(top);
+  const auto write_keyframes = [&](const std::filesystem::path& place, const CameraWay& way) {
+    for (const exporters::SessionTrajectory& keyframes : exporters::session_trajectories(part.map))
+      if (keyframes.session.client.sensor.str() == sensor_name(way.label))
+        write_file(place / "keyframes.tum", exporters::tum_text(keyframes.poses));
+  };
+  if (output.tum) {
+    write_file(top / "trajectory.tum", exporters::tum_text(part.way));
+    write_keyframes(top, part.ways.front());
   }
-  draw_landmarks(folder, title, part.map, ways);
+  for (const CameraWay& way : part.ways) {
+    if (!output.tum || part.ways.size() == 1) continue;
+    const std::filesystem::path place = top / "cameras" / sensor_name(way.label);
+    std::filesystem::create_directories(place);
+    write_file(place / "trajectory.tum", exporters::tum_text(way.frames));
+    write_keyframes(place, way);
+  }
+  draw_landmarks(folder, title, part.map, {{{{part.map.robots().front(), SensorId()}, 0}, part.way}});
   store(folder.string(), part.map);
 }
 
@@ -141,7 +146,7 @@ void Results::draw_seen(const std::string& folder, const std::string& title, boo
                         const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
-  const auto ways = team_ways(component, cameras);
+  const auto ways = team_ways(component, cameras, configuration_.rig.way);
   if (configuration_.output.tum) {
     write_file(top / "trajectory.tum", exporters::tum_text(ways));
     if (robot_trajectories) std::filesystem::create_directories(top / "trajectories");
@@ -160,7 +165,8 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
     add_camera_map(place, name, cameras.maps[i]);
     if (dense) draw_dense(place, name, depth_ways(cameras.maps[i], cameras));
   }
-  if (cameras.maps.size() > 1)
+  for (const std::string& note : cameras.notes) notes_.push_back(title + ": " + note);
+  if (cameras.maps.size() > 1 && cameras.notes.empty())
     notes_.push_back(title + ": its cameras left " + std::to_string(cameras.maps.size()) +
                      " maps that stayed apart: one was lost, went on elsewhere and came to no place that it knew");
   const std::string& first = cameras.maps.front().ways.front().label;

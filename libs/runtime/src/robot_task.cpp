@@ -84,6 +84,7 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
   if (!outcome.trouble) outcome.trouble = result.cameras.trouble;
   result.report.log_seconds = std::max(result.report.log_seconds, result.cameras.log_seconds);
   for (const CameraResult& camera : result.cameras.cameras) result.report.cameras.push_back(camera.report);
+  if (!result.cameras.maps.empty()) result.report.rig = result.cameras.maps.front().rig;
   std::vector<Map> seen;
   for (const CameraMap& map : result.cameras.maps) seen.push_back(map.map);
   if (outcome.map && !seen.empty()) {

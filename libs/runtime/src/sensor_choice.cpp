@@ -94,9 +94,11 @@ ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfigur
     throw Error(ErrorCode::kBadInput, "the log has no camera '" + label + "'; it has " + in_words(found), log.string(),
                 nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
   }
-  if (wanted == CameraKind::automatic) return {true, {}};  // a laser may still come, and its absence is told by who maps with it
-  throw Error(ErrorCode::kBadInput, "the log has no " + in_words(wanted) + "; it has " + in_words(found), log.string(),
-              "choose another sensor, or leave the choice to auto");
+  if (wanted == CameraKind::automatic && configuration.sensor != SensorChoice::cameras)
+    return {true, {}};  // a laser may still come, and its absence is told by who maps with it
+  throw Error(ErrorCode::kBadInput,
+              "the log has no " + (wanted == CameraKind::automatic ? "camera" : in_words(wanted)) + "; it has " + in_words(found),
+              log.string(), "choose another sensor, or leave the choice to auto");
 }
 
 }  // namespace mapweave::runtime

@@ -1,5 +1,5 @@
 #pragma once
-// The ways of a team's robots by their cameras' frames: fusion moves keyframes, and each frame moves with the keyframe before it.
+// The ways of a team's robots by their cameras' frames: fusion moves keyframes, and each frame moves with the keyframes around it.
 
 #include <mapweave/exporters/session_trajectories.h>
 #include <mapweave/fusion/fuse.h>
@@ -7,11 +7,12 @@
 
 namespace mapweave::runtime {
 
-// Of the main camera of each member's map, by robot; of keyframes alone where `cameras` do not hold a member (stored maps).
-std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras);
+// Of each member's robot; of keyframes alone where `cameras` do not hold a member (stored maps).
+std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
+                                                    const fusion::RobotWayOptions& options);
 
 // One camera's frames in the team's map. `scale`: by which the member's lengths grew.
-std::vector<exporters::StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale);
+std::vector<StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale);
 
 bool has_keyframes(const Map&);
 

@@ -91,8 +91,8 @@ LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observa
   result.u = pixel_units(std::clamp(pixel.x(), 0.0, map.camera.width - 1.0));
   result.v = pixel_units(std::clamp(pixel.y(), 0.0, map.camera.height - 1.0));
   const double inverse_depth = sighting.inverse_depth - map.flaws.inverse_depth_offset;
-  // At an edge a depth camera may mean either side: nobody else is told.
-  const bool is_sure = map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_;
+  // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: nobody else is told.
+  const bool is_sure = !map.monocular && (map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_);
   if (sighting.inverse_depth_sigma > 0.0 && is_sure && inverse_depth > 0.0) result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);
   // The sighting's deviation is 2^level times that of level 0.
   result.level = static_cast<std::uint8_t>(std::max(0, std::ilogb(sighting.sigma_px / sigma_px_)));

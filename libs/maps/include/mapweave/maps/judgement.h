@@ -60,7 +60,7 @@ enum class Decision : std::uint8_t { accepted = 0, refused = 1, deferred = 2 };
 struct Verdict {
   MapId a, b;  // a < b
   TierId by;
-  std::string kind = "laser";  // laser, vision, grid
+  std::string kind = "laser";  // laser, vision, laser and vision, grid
   std::string proposer;        // what proposed the alignment: "descriptor", "exhaustive", ...
   Decision decision = Decision::deferred;
   Reason reason = Reason::none;

@@ -4,6 +4,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/exporters/contact_sheet.h>
 #include <mapweave/exporters/session_trajectories.h>
+#include <mapweave/fusion/rig.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/runtime/sensor_choice.h>
@@ -26,16 +27,22 @@ struct CameraResult {
 // Poses of the robot by one camera's frames.
 struct CameraWay {
   std::string label;
-  std::vector<exporters::StampedPose> frames;
+  std::vector<StampedPose> frames;
 };
 
 // A camera's name among the robot's sensors, and of its folder.
 std::string sensor_name(const std::string& label);
 
 struct CameraMap {
-  Map map;                      // keyframes and landmarks
-  std::vector<CameraWay> ways;  // of its cameras, by label
+  Map map;                       // keyframes and landmarks
+  std::vector<CameraWay> ways;   // of its cameras; the first one gave the frame
+  std::vector<StampedPose> way;  // the robot's, by all of them
+  RigReport rig;                 // of several
 };
+
+// One way of all: `ways` are those of the map's cameras, or what became of them elsewhere.
+std::vector<StampedPose> robot_way(const Map&, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
+                                   const fusion::RobotWayOptions&);
 
 struct CamerasOutcome {
   PlannedRobot robot;
@@ -43,6 +50,8 @@ struct CamerasOutcome {
   // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never
   // came back to a place that it knew.
   std::vector<CameraMap> maps;
+  std::vector<std::string> notes;     // why its cameras left several maps
+  std::vector<StampedPose> odometry;  // of the robot at its cameras' frames, in a frame of its own
   double log_seconds = 0.0;
   double cpu_seconds = 0.0;
   std::optional<Error> trouble;  // why the stream ended early, or why there is no map

@@ -29,11 +29,20 @@ struct CameraReport {
   double readout_s = 0.0, inverse_depth_offset = 0.0;  // of the sensor, as learnt
 };
 
+// Several cameras in one map.
+struct RigReport {
+  std::vector<std::string> cameras;  // empty for one alone
+  std::uint64_t ties = 0;
+  double apart_before_m = 0.0, apart_after_m = 0.0;  // root mean square of what the ties are off by
+  bool optimised = false;                            // they were apart by more than the threshold
+};
+
 struct RobotReport {
   RobotId id;
   TierId edge;  // empty for slam
   std::uint64_t scans = 0;
   std::vector<CameraReport> cameras;  // by label; empty where the laser maps
+  RigReport rig;                      // of its main map
   double log_seconds = 0.0;           // of data
   double wall_seconds = 0.0;          // from opening the log to the finished map
   double cpu_seconds = 0.0;           // the helper's included

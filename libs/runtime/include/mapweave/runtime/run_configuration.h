@@ -9,6 +9,7 @@
 #include <mapweave/fusion/bind.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
+#include <mapweave/fusion/rig.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/tiers/camera_agent.h>
@@ -32,7 +33,7 @@ struct RobotEntry {
 };
 
 // Which of a robot's sensors are mapped.
-enum class SensorChoice { automatic, laser, mono, stereo, rgbd, all };
+enum class SensorChoice { automatic, laser, mono, stereo, rgbd, cameras, all };
 
 struct VisualOptions {
   std::string label;
@@ -101,6 +102,7 @@ struct RunConfiguration {
   fusion::FusionOptions fusion;
   tiers::ServerOptions server;
   tiers::UplinkOptions uplink;
+  fusion::RigOptions rig;
   fusion::BindOptions bind;
   fusion::ComposeOptions compose;
   OutputOptions output;
@@ -110,21 +112,24 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
-    v.choice(
-        "sensor", sensor,
-        {{"auto", SensorChoice::automatic},
-         {"laser", SensorChoice::laser},
-         {"mono", SensorChoice::mono},
-         {"stereo", SensorChoice::stereo},
-         {"rgbd", SensorChoice::rgbd},
-         {"all", SensorChoice::all}},
-        "what robots map with; auto: the laser where a log has one, else its cameras with all that they give; all: both, in one graph");
+    v.choice("sensor", sensor,
+             {{"auto", SensorChoice::automatic},
+              {"laser", SensorChoice::laser},
+              {"mono", SensorChoice::mono},
+              {"stereo", SensorChoice::stereo},
+              {"rgbd", SensorChoice::rgbd},
+              {"cameras", SensorChoice::cameras},
+              {"all", SensorChoice::all}},
+             "what robots map with; auto: the laser where a log has one, else its cameras; cameras: with all that each of them gives; all: "
+             "laser "
+             "and cameras, in one graph");
     v.section("reading", reading, "what logs do not say themselves");
     v.section("laser", laser, "one robot's grid SLAM");
     v.section("visual", visual, "one camera's SLAM");
     v.section("fusion", fusion, "how maps are joined");
     v.section("server", server, "the edges' map servers, which cameras tell what they see while they see it");
     v.section("uplink", uplink, "from a camera's client to its edge's map server");
+    v.section("rig", rig, "how several cameras of one robot share one map");
     v.section("bind", bind, "how a robot's laser and cameras are tied in one graph (sensor: all)");
     v.section("compose", compose, "how grids are drawn");
     v.section("output", output, "what is written beside each map.mwdb");
