@@ -106,7 +106,7 @@ def measure(name, sequence, seeds):
         errors.append(error_of(out / "trajectory.tum", truth, sequence))
     summary = json.loads((out / "summary.json").read_text())
     robot = summary["robots"][0]
-    delay_s = closing_delay_s(truth, robot["cameras"][0]["loop_seconds"]) if "world" in sequence else None
+    delay_s = closing_delay_s(truth, robot["cameras"][0]["loop_seconds"]) if sequence.get("world") == "loop" else None
     return {"name": name, "sequence": sequence, "errors_m": errors, "camera": robot["cameras"][0], "closing_delay_s": delay_s,
             "frames_per_second": robot["cameras"][0]["frames"] / robot["cpu_seconds"], "peak_rss_bytes": summary["peak_rss_bytes"]}
 

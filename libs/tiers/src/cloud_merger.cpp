@@ -16,7 +16,7 @@ Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
                 where, "each robot ships to exactly one edge");
   UpdateInbox fresh(origin);
   UpdateInbox& inbox = known != inboxes_.end() ? known->second : fresh;
-  for (const MapUpdate& stored : inbox.receive(std::move(update), where))
+  for (const MapUpdate& stored : inbox.receive(std::move(update), bytes.size(), where))
     for (const Judgement& judgement : stored.judgements) memo_.emplace(judgement.id, judgement);
   if (known == inboxes_.end()) return inboxes_.emplace(origin.map, std::move(fresh)).first->second.receipt();
   return inbox.receipt();

@@ -5,7 +5,7 @@ namespace mapweave::tiers {
 
 UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) { map_.id = origin.map; }
 
-std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, const std::string& where) {
+std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where) {
   if (update.sequence == 0 || update.base >= update.sequence)
     throw Error(ErrorCode::kBadInput,
                 "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) +
@@ -14,21 +14,25 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, const std::string&
   std::vector<MapUpdate> stored;
   const bool says_all = stored_ == 0 && update.base == 0;
   if (update.sequence > stored_ + 1 && !says_all) {
-    if (waiting_.size() < kMostWaiting) waiting_.emplace(update.sequence, std::move(update));
+    const std::uint64_t sequence = update.sequence;
+    if (waiting_.size() < kMostWaiting && waiting_bytes_ + bytes <= kMostWaitingBytes &&
+        waiting_.try_emplace(sequence, Waiting{std::move(update), bytes}).second)
+      waiting_bytes_ += bytes;
     return stored;
   }
   if (update.sequence <= stored_) return stored;
   store(update);
   stored.push_back(std::move(update));
-  waiting_.erase(waiting_.begin(), waiting_.upper_bound(stored_));
-  while (!waiting_.empty() && waiting_.begin()->first == stored_ + 1) {
-    MapUpdate next = std::move(waiting_.extract(waiting_.begin()).mapped());
+  while (!waiting_.empty() && waiting_.begin()->first <= stored_ + 1) {
+    Waiting next = std::move(waiting_.extract(waiting_.begin()).mapped());
+    waiting_bytes_ -= next.bytes;
+    if (next.update.sequence <= stored_) continue;
     try {
-      store(next);
+      store(next.update);
     } catch (const Error&) {  // awaited again: its sender hears of it then
       break;
     }
-    stored.push_back(std::move(next));
+    stored.push_back(std::move(next.update));
   }
   return stored;
 }

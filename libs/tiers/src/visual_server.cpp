@@ -17,6 +17,7 @@ constexpr std::uint64_t kHeldFor = 20;   // shares out of view: clients forget a
 constexpr std::size_t kMostHeld = 2500;  // clients hold 3000
 constexpr double kResent_m = 0.01;       // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;    // a client whose keyframes moved by more since the joining began knows better
+constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;  // of one client's run
 
 std::string name_of(const SessionId& session) { return "client " + to_string(session); }
@@ -220,6 +221,9 @@ std::vector<Receipt> VisualServer::greet(const Hello& hello) {
   if (const Hash& known = matching::shipped_vocabulary().hash(); hello.vocabulary != known)
     throw Error(ErrorCode::kUnsupported, "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
                 name_of(hello.session), "give both the same");
+  if (state_->clients.count(hello.session) == 0 && state_->clients.size() >= kMostClients)
+    throw Error(ErrorCode::kBadInput, "this server keeps " + std::to_string(kMostClients) + " runs of clients already", name_of(hello.session),
+                "take what is old out of its store");
   std::vector<Receipt> receipts;
   for (const auto& [told, part] : state_->clients[hello.session].parts) receipts.push_back(part.inbox.receipt());
   return receipts;
@@ -239,7 +243,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
     throw Error(ErrorCode::kBadInput, "it has begun " + std::to_string(kMostMaps) + " maps already", name_of(from));
   Client::Part& part = known != client.parts.end() ? known->second : fresh;
   Received received;
-  for (const MapUpdate& stored : part.inbox.receive(std::move(update), name_of(from))) {
+  for (const MapUpdate& stored : part.inbox.receive(std::move(update), bytes.size(), name_of(from))) {
     received.stored.push_back(encode(stored));
     state_->keyframes += stored.nodes.size();
   }

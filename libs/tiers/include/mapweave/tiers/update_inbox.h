@@ -18,13 +18,15 @@ struct Receipt {
 
 class UpdateInbox {
  public:
-  static constexpr std::size_t kMostWaiting = 1024;  // updates that wait for a missing one; more are dropped, and will be awaited
+  // Of updates that wait for a missing one; more are dropped, and will be awaited.
+  static constexpr std::size_t kMostWaiting = 1024, kMostWaitingBytes = std::size_t{64} << 20;
   explicit UpdateInbox(Origin origin);
 
   // What could be stored now, in order; nothing for one that came before, or that has to wait. The first may have any number where it
   // builds on nothing: it says all up to there. Throws Error(kBadInput) for one that does not fit what it builds on, of which nothing is
   // stored then; one that waited and does not fit is dropped, and will be awaited.
-  std::vector<MapUpdate> receive(MapUpdate update, const std::string& where);
+  // `bytes`: of the update as it came.
+  std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where);
 
   const Map& map() const { return map_; }
   Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
@@ -34,7 +36,12 @@ class UpdateInbox {
   Origin origin_;
   Map map_;
   std::uint64_t stored_ = 0;
-  std::map<std::uint64_t, MapUpdate> waiting_;
+  struct Waiting {
+    MapUpdate update;
+    std::size_t bytes;
+  };
+  std::map<std::uint64_t, Waiting> waiting_;
+  std::size_t waiting_bytes_ = 0;
 };
 
 }  // namespace mapweave::tiers

@@ -55,7 +55,7 @@ class VisualServer {
   ~VisualServer();
 
   // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws Error(kUnsupported)
-  // where its vocabulary is another one.
+  // where its vocabulary is another one, kBadInput where there are too many clients.
   std::vector<Receipt> greet(const Hello&);
 
   struct Received {
