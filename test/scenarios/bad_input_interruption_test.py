@@ -103,12 +103,15 @@ class Interruption(support.Scenario):
         self.write("room.log", "\n".join(support.room_lines(30)) + "\n")
         config = self.configuration([("alpha", "room.log"), ("beta", slow)], laser="{engine: rbpf}")
         process = self.start("run", config, "--out", "out", "--threads", "1")
-        # alpha's helper comes first and is quick; the one that is still there a good second later is beta's
+        # alpha's helper comes first and is quick: the second one is beta's, and so is one that nobody came before for long
         killed, since = None, {}
         deadline = time.monotonic() + 60 * support.PATIENCE
         while killed is None and process.poll() is None and time.monotonic() < deadline:
             for pid, name in children(process.pid):
-                if name == "mrpt_mapper" and time.monotonic() - since.setdefault(pid, time.monotonic()) > 1.5 * support.PATIENCE:
+                if name != "mrpt_mapper":
+                    continue
+                there_s = time.monotonic() - since.setdefault(pid, time.monotonic())
+                if there_s > 6 * support.PATIENCE or (len(since) > 1 and pid == list(since)[-1] and there_s > 0.3):
                     os.kill(pid, signal.SIGKILL)
                     killed = pid
             time.sleep(0.05)
