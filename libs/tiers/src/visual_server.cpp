@@ -13,12 +13,12 @@
 namespace mapweave::tiers {
 namespace {
 
-constexpr std::uint64_t kHeldFor = 20;   // shares out of view: clients forget after 30 keyframes
-constexpr std::size_t kMostHeld = 2500;  // clients hold 3000
-constexpr double kResent_m = 0.01;       // a landmark that moved by more is told again
-constexpr double kUnchanged_m = 0.05;    // a client whose keyframes moved by more since the joining began knows better
+constexpr std::uint64_t kHeldFor = 20;       // shares out of view: clients forget after 30 keyframes
+constexpr std::size_t kMostHeld = 2500;      // clients hold 3000
+constexpr double kResent_m = 0.01;           // a landmark that moved by more is told again
+constexpr double kUnchanged_m = 0.05;        // a client whose keyframes moved by more since the joining began knows better
 constexpr std::size_t kMostClients = 10000;  // runs of clients
-constexpr std::size_t kMostMaps = 1000;  // of one client's run
+constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
 std::string name_of(const SessionId& session) { return "client " + to_string(session); }
 
@@ -62,17 +62,17 @@ struct VisualServer::Client {
     std::map<LandmarkId, Lent> lent = {};
     std::uint32_t forgotten = 0;
     std::uint64_t shares = 0;
-    const TeamView* corrected_by = nullptr;
+    std::uint64_t corrected_by = 0;  // the view
   };
   std::map<MapId, Part> parts;  // by what the client calls them
 };
 
+// Owned by the work too, which may outlive the server.
 struct VisualServer::Joining {
-  std::vector<Map> maps;
+  fusion::FusionInput input;
   Stamp due;
   fusion::Memo memo;
   std::shared_ptr<const TeamView> view;
-  std::shared_ptr<BackgroundWork> work;
 };
 
 struct VisualServer::State {
@@ -85,7 +85,9 @@ struct VisualServer::State {
   std::set<Hash> vetoed;
   fusion::Memo memo;
   std::shared_ptr<Joining> joining;
+  std::shared_ptr<BackgroundWork> work;  // of the joining
   std::shared_ptr<const TeamView> view;
+  std::uint64_t views = 0;                          // counted
   std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
   bool vetoed_since = false;
 
@@ -120,34 +122,34 @@ struct VisualServer::State {
 
   void begin(Stamp now, WorkerPool& pool) {
     joining = std::make_shared<Joining>();
-    joining->maps = maps();
+    joining->input = input(maps());
     joining->memo = memo;
     joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
     joined_keyframes = keyframes, vetoed_since = false;
-    // What the work needs and nothing of the server, which goes on.
-    joining->work = std::make_shared<BackgroundWork>(
-        [joining = joining.get(), input = input(joining->maps), options = options, fusion_options = fusion_options, &pool] {
-          const auto silent = make_silent_progress();
-          auto result = fusion::fuse(input, fusion_options, joining->memo, pool, *silent);
-          joining->view = std::make_shared<const TeamView>(std::move(result), joining->maps, options.index, options.description, pool);
-        });
+    work = std::make_shared<BackgroundWork>([joining = joining, options = options, fusion_options = fusion_options, &pool] {
+      const auto silent = make_silent_progress();
+      auto result = fusion::fuse(joining->input, fusion_options, joining->memo, pool, *silent);
+      joining->view = std::make_shared<const TeamView>(std::move(result), joining->input.maps, options.index, options.description, pool);
+    });
   }
 
   void take_over() {
-    joining->work->run();
-    view = joining->view;
+    work->run();
+    view = joining->view, ++views;
     memo = std::move(joining->memo);
-    joining.reset();
+    joining.reset(), work.reset();
   }
 
-  // The part's node that the team has and that is nearest to `pose`; null where there is none.
-  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Pose3& pose) {
+  // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.
+  enum class Frame { map, team };
+  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame) {
     const Node* best = nullptr;
     double least = std::numeric_limits<double>::infinity();
     for (const NodeId& id : member.nodes) {
       const Node* node = part.inbox.map().nodes.find(id);
       if (node == nullptr) continue;
-      const double apart = (node->map_from_node.t - pose.t).squaredNorm();
+      const Node& there = frame == Frame::map ? *node : *member.component->content->map.nodes.find(id);
+      const double apart = (there.map_from_node.t - place).squaredNorm();
       if (apart < least) least = apart, best = node;
     }
     return best;
@@ -186,8 +188,8 @@ struct VisualServer::State {
 
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
   void correct(Client::Part& part, const TeamView::Member& member, Share& share) const {
-    if (part.corrected_by == view.get()) return;
-    part.corrected_by = view.get();
+    if (part.corrected_by == views) return;
+    part.corrected_by = views;
     const Map& own = part.inbox.map();
     const Map& team = member.component->content->map;
     const Node* first = nullptr;
@@ -222,8 +224,8 @@ std::vector<Receipt> VisualServer::greet(const Hello& hello) {
     throw Error(ErrorCode::kUnsupported, "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
                 name_of(hello.session), "give both the same");
   if (state_->clients.count(hello.session) == 0 && state_->clients.size() >= kMostClients)
-    throw Error(ErrorCode::kBadInput, "this server keeps " + std::to_string(kMostClients) + " runs of clients already", name_of(hello.session),
-                "take what is old out of its store");
+    throw Error(ErrorCode::kBadInput, "this server keeps " + std::to_string(kMostClients) + " runs of clients already",
+                name_of(hello.session), "take what is old out of its store");
   std::vector<Receipt> receipts;
   for (const auto& [told, part] : state_->clients[hello.session].parts) receipts.push_back(part.inbox.receipt());
   return receipts;
@@ -258,14 +260,14 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
 
 void VisualServer::advance(Stamp now, WorkerPool& pool) {
   State& state = *state_;
-  if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.joining->work->is_done())) state.take_over();
+  if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.work->is_done())) state.take_over();
   if (state.joining) return;
   const auto due =
       std::max(static_cast<double>(state.options.fuse_after), state.options.fuse_share * static_cast<double>(state.joined_keyframes));
   if (static_cast<double>(state.keyframes - state.joined_keyframes) >= due || state.vetoed_since) state.begin(now, pool);
 }
 
-std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->joining ? state_->joining->work : nullptr; }
+std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->work; }
 
 std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& told) {
   State& state = *state_;
@@ -279,7 +281,7 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   if (part.forgotten != told.forgotten) part.lent.clear(), part.forgotten = told.forgotten;
   const TeamView::Member* member = state.view->member(part.name);
   if (member == nullptr || member->component->content->members.size() < 2) return std::nullopt;
-  const Node* near = State::nearest(part, *member, told.map_from_robot);
+  const Node* near = State::nearest(part, *member, told.map_from_robot.t, State::Frame::map);
   if (near == nullptr) return std::nullopt;
   Share share;
   share.map = told.map;
@@ -319,14 +321,7 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
   for (const auto& [told, part] : client.parts) {
     const TeamView::Member* member = state.view->member(part.name);
     if (member == nullptr || member->component != component) continue;
-    const Node* near = nullptr;
-    double least = std::numeric_limits<double>::infinity();
-    for (const NodeId& id : member->nodes) {
-      const Node* node = part.inbox.map().nodes.find(id);
-      if (node == nullptr) continue;
-      const double apart = (component->content->map.nodes.find(id)->map_from_node.t - best->map_from_robot.t).squaredNorm();
-      if (apart < least) least = apart, near = node;
-    }
+    const Node* near = State::nearest(part, *member, best->map_from_robot.t, State::Frame::team);
     if (near != nullptr) return answer_in(told, *near, *member);
   }
   const auto owner = state.clients.find(best->keyframe.session);

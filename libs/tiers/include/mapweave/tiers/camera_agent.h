@@ -34,8 +34,7 @@ class CameraAgent {
   // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. None while too much
   // is under way that nobody has confirmed: the client keeps it together meanwhile. `now`: of data.
   std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
-  // What the server has: of the answer to an update, or, `whole`, of the answer to a greeting after a break, when all that is not stored is
-  // sent again.
+  // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
   void stored(const Receipt& receipt);
   void reconnected(const std::vector<Receipt>& receipts);
   // Where the client is; nullopt while it has no place.
