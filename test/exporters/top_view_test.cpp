@@ -84,6 +84,15 @@ TEST(ContactSheet, puts_frames_side_by_side_with_their_tracks) {
   EXPECT_GT(count_like(decoded(contact_sheet_png({frame}, options)), {0, 94, 213}), 10U) << "near ones are orange";
 }
 
+TEST(ContactSheet, shows_the_same_of_frames_that_were_shrunk_before) {
+  SheetFrame frame{640, 480, std::vector<std::uint8_t>(640 * 480), "", {{{{40.0F, 40.0F}, {320.0F, 240.0F}}, 1.0F}}};
+  for (std::size_t i = 0; i < frame.grey.size(); ++i) frame.grey[i] = static_cast<std::uint8_t>(i / 640 / 2);
+  const SheetFrame small = shrunk(frame);
+  EXPECT_EQ(small.width, ContactSheetOptions().picture_width_px);
+  EXPECT_LT(small.grey.capacity(), frame.grey.size() / 3);
+  EXPECT_EQ(contact_sheet_png({small}), contact_sheet_png({frame}));
+}
+
 TEST(ContactSheet, refuses_frames_without_their_pixels) {
   EXPECT_THROW(contact_sheet_png({}), ContractViolation);
   EXPECT_THROW(contact_sheet_png({SheetFrame{64, 48, {1, 2, 3}, "", {}}}), ContractViolation);

@@ -19,16 +19,23 @@ cv::Scalar colour_of(double share) {
   return kScale[first] + (place - first) * (kScale[first + 1] - kScale[first]);
 }
 
-cv::Mat drawn(const SheetFrame& frame, int width_px) {
+// Of a frame's pixels, at this width.
+cv::Mat resized(const SheetFrame& frame, int width_px) {
   MAPWEAVE_EXPECT(frame.width > 0 && frame.height > 0 &&
                       frame.grey.size() == static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height),
                   "a frame of a contact sheet has its pixels");
   const cv::Mat grey(frame.height, frame.width, CV_8U, const_cast<std::uint8_t*>(frame.grey.data()));
   const double zoom = static_cast<double>(width_px) / frame.width;
-  cv::Mat small, result;
-  cv::resize(grey, small, {width_px, std::max(1, static_cast<int>(std::lround(frame.height * zoom)))}, 0, 0,
+  cv::Mat result;
+  cv::resize(grey, result, {width_px, std::max(1, static_cast<int>(std::lround(frame.height * zoom)))}, 0, 0,
              zoom < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
-  cv::cvtColor(small, result, cv::COLOR_GRAY2BGR);
+  return result;
+}
+
+cv::Mat drawn(const SheetFrame& frame, int width_px) {
+  const double zoom = static_cast<double>(width_px) / frame.width;
+  cv::Mat result;
+  cv::cvtColor(resized(frame, width_px), result, cv::COLOR_GRAY2BGR);
   std::vector<float> depths;
   for (const SheetTrack& track : frame.tracks) depths.push_back(track.depth_m);
   std::sort(depths.begin(), depths.end());
@@ -50,6 +57,18 @@ cv::Mat drawn(const SheetFrame& frame, int width_px) {
 }
 
 }  // namespace
+
+SheetFrame shrunk(SheetFrame frame, int width_px) {
+  if (frame.width <= width_px) return frame;
+  const cv::Mat small = resized(frame, width_px);
+  const float zoom = static_cast<float>(width_px) / static_cast<float>(frame.width);
+  for (SheetTrack& track : frame.tracks)
+    for (auto& [u, v] : track.pixels) u *= zoom, v *= zoom;
+  frame.width = small.cols, frame.height = small.rows;
+  frame.grey.assign(small.datastart, small.dataend);
+  frame.grey.shrink_to_fit();
+  return frame;
+}
 
 std::string contact_sheet_png(const std::vector<SheetFrame>& frames, const ContactSheetOptions& options) {
   MAPWEAVE_EXPECT(!frames.empty() && options.columns > 0 && options.picture_width_px >= 64, "a contact sheet has frames and columns");

@@ -6,6 +6,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/visual/visual_client.h>
 
@@ -223,6 +224,7 @@ CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, c
                        Progress& progress)
     : state_(new State) {
   constexpr std::uint64_t kKilobyte = 1000;
+  keep_room_for_pictures();
   state_->robot = robot, state_->rig = configuration.rig, state_->keep_going = keep_going;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;

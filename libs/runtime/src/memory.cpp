@@ -15,6 +15,13 @@ void return_large_blocks() {
 #endif
 }
 
+void keep_room_for_pictures() {
+#ifdef __GLIBC__
+  constexpr int kBytes = 2 * 1024 * 1024;
+  mallopt(M_TOP_PAD, kBytes);
+#endif
+}
+
 void return_free_memory() {
 #ifdef __GLIBC__
   malloc_trim(0);

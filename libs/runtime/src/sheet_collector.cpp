@@ -35,7 +35,7 @@ void SheetCollector::add(const visual::Frame& frame, const std::vector<visual::S
     for (const visual::SeenLandmark& landmark : earlier)
       if (const auto found = track_of.find(landmark.landmark); found != track_of.end())
         picked.tracks[found->second].pixels.emplace_back(static_cast<float>(landmark.pixel.x()), static_cast<float>(landmark.pixel.y()));
-  frames_.push_back(std::move(picked));
+  frames_.push_back(exporters::shrunk(std::move(picked)));
 }
 
 }  // namespace mapweave::runtime

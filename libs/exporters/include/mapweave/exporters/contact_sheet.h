@@ -27,6 +27,9 @@ struct ContactSheetOptions {
   std::string title;
 };
 
+// As a sheet shows it: shrunk to this width where it is wider. Contract: it has its pixels.
+SheetFrame shrunk(SheetFrame, int width_px = ContactSheetOptions().picture_width_px);
+
 // PNG. Tracks from near (orange) to far (blue). Contract: there are frames, each with its pixels.
 std::string contact_sheet_png(const std::vector<SheetFrame>&, const ContactSheetOptions& = {});
 
