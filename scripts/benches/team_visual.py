@@ -2,13 +2,14 @@
 
 Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default ../shared/data): visual/SEQUENCE. Cuts each into two robots
 that share some seconds, on an edge each; the cloud joins them. Robots with two cameras drive in simulated buildings (made when they are first
-needed, some minutes each, and kept in out/bench/team-visual/worlds). Writes the tables between <!-- bench:team-visual --> or
-<!-- bench:rigs --> and <!-- /bench --> of README.md, and out/bench/team-visual.json. A partial run (--sequences) keeps the other rows as they
-were measured before.
+needed, some minutes each, and kept in out/bench/team-visual/worlds). Teams of more robots hand over features instead of pictures
+(team_benchmark). Writes the tables between <!-- bench:team-visual -->, <!-- bench:rigs --> or <!-- bench:teams --> and <!-- /bench --> of
+README.md, and out/bench/team-visual.json. A partial run (--sequences) keeps the other rows as they were measured before.
 """
 import json
 import math
 import statistics
+import subprocess
 
 from benches import common
 
@@ -19,12 +20,16 @@ RIGS = {
     "two single cameras": {"cameras": "[{id: ahead}, {id: back, yaw_deg: 180, x_m: -0.15}]", "length_m": 60, "sensor": "mono"},
     "a depth and a single one": {"cameras": "[{id: ahead}, {id: side, kind: mono, yaw_deg: 90, x_m: 0}]", "length_m": 30, "sensor": "cameras"},
 }
+# Of team_benchmark.
+TEAMS = ("apartment-3", "apartment-8", "single-camera", "another-day", "repeated-rooms-100")
+TEAM_HEADERS = ("cameras that hand over features", "robots", "maps", "joined into", "wrongly", "each alone, ATE m", "team, ATE m", "goal, m", "up, kB/s",
+                "down, kB/s")
 RIG_HEADERS = ("cameras of a robot", "frames placed, each alone", "ATE, m, each alone", "frames placed, both", "ATE, m, both", "goal, m", "ties", "ties off by, m")
 HEADERS = ("sequence", "robots", "joined", "single run, ATE m", "team, ATE m (least to most)", "goal, m", "witnesses", "merge, s (match + optimise)")
 
 
 def add_arguments(parser):
-    parser.add_argument("--sequences", default=",".join([*SEQUENCES, *RIGS]), metavar="NAME,...", help="default: all of %(default)s")
+    parser.add_argument("--sequences", default=",".join([*SEQUENCES, *RIGS, *TEAMS]), metavar="NAME,...", help="default: all of %(default)s")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="the median error of N seeds (default: %(default)s)")
     parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
 
@@ -101,6 +106,28 @@ def rig_cells(row):
             f"{row['both_m']:.4f}", f"{1.1 * min(row['alone_m']):.4f}", ties.get("ties", 0), off)
 
 
+def measure_team(name):
+    program = common.need(common.PROGRAM.with_name("team_benchmark"), "run scripts/build release team_benchmark first")
+    done = subprocess.run([program, name], stdout=subprocess.PIPE, text=True, check=True)
+    return {**json.loads(done.stdout), "name": name, "title": json.loads(done.stdout)["name"]}
+
+
+def team_cells(row):
+    if "seeds" in row:  # where to join is wrong; a corridor that both drove is right
+        return row["title"], row["robots"], 2 * row["seeds"], 2 * row["seeds"] - row["rightly_joined"] - row["falsely_joined"], row["falsely_joined"], "", "", "", "", ""
+    goal_m = 1.1 * row["alone_m"]
+    wire = (f"{row['up_kb_per_s']:.0f}", f"{row['down_kb_per_s']:.1f}") if "up_kb_per_s" in row else ("", "")
+    return (row["title"], row["robots"], row["maps"], row["components"], row["falsely_joined"], f"{row['alone_m']:.4f}", f"{row['team_m']:.4f}", f"{goal_m:.4f}", *wire)
+
+
+def keyframes_text(row):
+    """What a keyframe costs on the wire, in full and after (CORB-SLAM, table 1)."""
+    told = row["keyframes"]
+    full, light = told["full_bytes"] / told["full"], told["light_bytes"] / max(1, told["light"])
+    return (f" In {row['title']}, {told['full']} keyframes went in full with the landmarks that they made, {full:.0f} bytes each, and {told['light']} times as pose "
+            f"and id, {light:.0f} bytes each: 1/{full / light:.0f} (CORB-SLAM: 1/45).")
+
+
 def cells(row):
     single = statistics.median(row["single_m"])
     return (row["name"], row["robots"], "yes" if row["joined"] else "no", f"{single:.4f}",
@@ -111,8 +138,8 @@ def cells(row):
 def run(arguments):
     chosen = [name for name in arguments.sequences.split(",") if name]
     for name in chosen:
-        if name not in SEQUENCES and name not in RIGS:
-            common.give_up(f"unknown sequence '{name}'; known: {', '.join([*SEQUENCES, *RIGS])}", 2)
+        if name not in (*SEQUENCES, *RIGS, *TEAMS):
+            common.give_up(f"unknown sequence '{name}'; known: {', '.join([*SEQUENCES, *RIGS, *TEAMS])}", 2)
     common.need(common.PROGRAM, "run scripts/build first")
     for name in chosen:
         if name in SEQUENCES:
@@ -120,9 +147,9 @@ def run(arguments):
     stored = common.OUT / "team-visual.json"
     rows = {row["name"]: row for row in json.loads(stored.read_text())["rows"]} if stored.exists() else {}
     for name in chosen:
-        rows[name] = measure(name, arguments.seeds) if name in SEQUENCES else measure_rig(name)
+        rows[name] = measure(name, arguments.seeds) if name in SEQUENCES else measure_rig(name) if name in RIGS else measure_team(name)
         common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(),
-                                          "rows": [rows[key] for key in [*SEQUENCES, *RIGS] if key in rows]})
+                                          "rows": [rows[key] for key in (*SEQUENCES, *RIGS, *TEAMS) if key in rows]})
     teams, rigs = [rows[key] for key in SEQUENCES if key in rows], [rows[key] for key in RIGS if key in rows]
     if teams and any(name in SEQUENCES for name in chosen):
         text = common.table(HEADERS, [cells(row) for row in teams])
@@ -138,4 +165,13 @@ def run(arguments):
         print(text)
         if not arguments.dry_run:
             common.write_readme("rigs", text)
+    larger = [rows[key] for key in TEAMS if key in rows]
+    if larger and any(name in TEAMS for name in chosen):
+        text = common.table(TEAM_HEADERS, [team_cells(row) for row in larger])
+        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}: simulated robots whose cameras hand over features, 12 frames/s, with their map "
+                 "server. Wrongly: off by more than 0.5 m. Alone: root mean square of robots laid on the truth one by one; goal: 1.1 times that." +
+                 "".join(keyframes_text(row) for row in larger if "keyframes" in row))
+        print(text)
+        if not arguments.dry_run:
+            common.write_readme("teams", text)
     return 0

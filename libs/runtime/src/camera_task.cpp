@@ -67,7 +67,7 @@ class Camera {
   visual::VisualClient* client() { return client_ ? &*client_ : nullptr; }  // null before its first frame
   CameraReport& report() { return report_; }
 
-  // Its maps, one for each session that stayed apart; each begins where the robot stood then.
+  // Once: its maps, one for each session that stayed apart; each begins where the robot stood then.
   CameraResult finish(RobotId robot, std::vector<CameraMap>& maps) {
     CameraResult result;
     client_->finish();
@@ -102,6 +102,7 @@ class Camera {
     result.chosen = chosen_;
     result.notes = client_->notes();
     result.sheet = sheet_.take();
+    client_.reset();
     return result;
   }
 

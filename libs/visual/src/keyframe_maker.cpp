@@ -158,6 +158,10 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Featu
     const double inverse_depth = features.inverse_depth(feature);
     made.depths.push_back(inverse_depth > 0.0 ? static_cast<float>(1.0 / inverse_depth) : 0.0F);
   }
+  for (const Match& match : matches) {
+    float& depth = made.depths[static_cast<std::size_t>(match.feature)];
+    if (!(depth > 0.0F)) depth = static_cast<float>(std::max(0.0, (view * map.landmark(match.landmark).point).z()));
+  }
   const int number = map.add(std::move(made));
   std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) {

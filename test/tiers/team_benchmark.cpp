@@ -1,0 +1,221 @@
+// Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what goes over the wire.
+// team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, another-day, repeated-rooms-SEEDS. Prints one JSON object each.
+//   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
+//   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
+//   another-day       a robot comes back a day later, half of the furniture elsewhere
+//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds
+
+#include <support/feature_team.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <nlohmann/json.hpp>
+
+using namespace mapweave;
+using test::FeatureTeam;
+
+namespace {
+
+constexpr double kFalse_m = 0.5;  // who is off by more was joined wrongly
+
+double processor_s() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+struct TrueWay {
+  Pose3 robot_from_camera;
+  std::map<std::int64_t, Eigen::Vector3d> camera;  // in the world, by stamp
+};
+using Truth = std::map<RobotId, TrueWay>;
+
+// What became of robots' maps, against the truth.
+struct Judged {
+  std::size_t components = 0, maps = 0, falsely_joined = 0;
+  double team_m = 0.0;  // the component with most keyframes, one alignment for all of it
+};
+
+Judged judged(const fusion::FusionResult& result, const Truth& truth) {
+  Judged judged;
+  std::size_t most = 0;
+  for (const fusion::Component& component : result.components) {
+    std::vector<matching::PointPair> pairs;
+    for (const auto& [id, node] : component.map.nodes) {
+      const TrueWay& way = truth.at(id.session.client.robot);
+      pairs.push_back({way.camera.at(node.stamp.ns), compose(node.map_from_node, way.robot_from_camera).t});
+    }
+    const double error_m = FeatureTeam::laid(pairs);
+    judged.falsely_joined += component.members.size() > 1 && error_m > kFalse_m;
+    judged.maps += component.members.size();
+    if (pairs.size() > most) most = pairs.size(), judged.team_m = error_m;
+  }
+  judged.components = result.components.size();
+  return judged;
+}
+
+Truth truth_of(const std::deque<FeatureTeam::Robot>& robots) {
+  Truth truth;
+  for (const auto& robot : robots) truth[robot.place.client.robot] = {robot.place.robot_from_camera, robot.truth};
+  return truth;
+}
+
+// Of robots by themselves, laid on the truth one by one: root mean square over all.
+double alone_m(const std::deque<FeatureTeam::Robot>& robots) {
+  double square = 0.0;
+  for (const auto& robot : robots) square += robot.error_m() * robot.error_m() / static_cast<double>(robots.size());
+  return std::sqrt(square);
+}
+
+// Keyframes as they are told: once in full, with the landmarks that they made, then a pose and an id (CORB-SLAM, table 1).
+struct KeyframeBytes {
+  std::size_t full = 0, light = 0, full_bytes = 0, light_bytes = 0;
+
+  void add(const std::string& bytes) {
+    const MapUpdate told = decode_map_update(bytes, "client");
+    MapUpdate once, again;
+    once.origin = again.origin = told.origin, once.sequence = again.sequence = told.sequence;
+    const std::size_t head = encode(once).size();
+    once.nodes = told.nodes, once.landmarks = told.landmarks, again.moved = told.moved;
+    full += told.nodes.size(), full_bytes += encode(once).size() - head;
+    light += told.moved.size(), light_bytes += encode(again).size() - head;
+  }
+  nlohmann::json json() const {
+    return {{"full", full}, {"full_bytes", full_bytes}, {"light", light}, {"light_bytes", light_bytes}};
+  }
+};
+
+nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
+  const auto silent = make_silent_progress();
+  const double driven_s = processor_s();
+  const auto sealed = team.server.seal(team.pool, *silent);
+  const double sealing_s = processor_s() - driven_s;
+  const Judged found = judged(sealed, truth_of(team.robots));
+  double up = 0.0, down = 0.0;
+  int lost = 0, placed = 0, frames = 0;
+  for (const auto& robot : team.robots) {
+    const double seconds = static_cast<double>(robot.next) / 12.0 * static_cast<double>(team.robots.size());
+    up += 1e-3 * static_cast<double>(robot.agent->sent_bytes()) / seconds;
+    down += 1e-3 * static_cast<double>(robot.agent->heard_bytes()) / seconds;
+    lost += robot.lost, placed += robot.placed, frames += static_cast<int>(robot.next);
+  }
+  return {{"name", name},          {"robots", team.robots.size()},         {"maps", found.maps},
+          {"frames", frames},      {"lost", lost},                         {"components", found.components},
+          {"placed", placed},      {"falsely_joined", found.falsely_joined}, {"alone_m", alone_m(team.robots)},
+          {"team_m", found.team_m}, {"up_kb_per_s", up},                   {"down_kb_per_s", down},
+          {"sealing_s", sealing_s}, {"cpu_s", processor_s() - began_s}};
+}
+
+nlohmann::json apartment(int robots) {
+  const double began_s = processor_s();
+  auto options = test::camera_world(simulation::PlanKind::apartment, 7, static_cast<std::size_t>(robots));
+  for (int i = 0; i < robots; ++i) {
+    auto& robot = options.robots[static_cast<std::size_t>(i)];
+    robot.first_room = i % 5, robot.last_room = robot.first_room + 2, robot.length_m = 60.0;
+    if (i >= 5) robot.order = simulation::TourOrder::back;
+  }
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view;
+  FeatureTeam team(options, sharing, {}, 2);
+  KeyframeBytes keyframes;
+  team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { keyframes.add(bytes); };
+  team.run();
+  auto told = report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s);
+  told["keyframes"] = keyframes.json();
+  return told;
+}
+
+nlohmann::json single_camera() {
+  const double began_s = processor_s();
+  auto options = test::camera_world(simulation::PlanKind::apartment, 7, 2);
+  options.robots[0].last_room = 2, options.robots[0].length_m = 40.0;
+  options.robots[1] = options.robots[0];
+  options.robots[1].id = "beta", options.robots[1].length_m = 30.0;
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view;
+  FeatureTeam team(options, sharing, {}, 2);
+  auto& beta = team.robots[1];
+  beta.has_depth = false, beta.options.session.await_place = true;
+  beta.client.emplace(beta.camera, 0.0, beta.options, matching::shipped_vocabulary());
+  beta.agent.emplace(beta.place);
+  beta.begin = 12 * 75;  // alpha has been around
+  team.run();
+  double scale = 0.0;
+  beta.error_m(0, true, &scale);
+  auto told = report("a single camera in a mapped area", team, began_s);
+  told["scale"] = scale;
+  return told;
+}
+
+nlohmann::json another_day() {
+  const double began_s = processor_s();
+  tiers::VisualServer server(TierId("edge"), {}, {});
+  WorkerPool pool(2);
+  Truth truth;
+  double alone = 0.0;
+  for (const int day : {0, 1}) {
+    auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
+    options.buildings[0].furniture.session = day;
+    options.robots[0].last_room = 3, options.robots[0].length_m = 40.0, options.robots[0].start_s = 86400.0 * day;
+    FeatureTeam team(options, tiers::ServerOptions{});
+    team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
+      server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()});
+      server.receive(*robot.client->run(robot.place), bytes);
+    };
+    team.run();
+    const auto& robot = team.robots.front();
+    alone += 0.5 * robot.error_m() * robot.error_m();
+    TrueWay& way = truth[robot.place.client.robot];
+    way.robot_from_camera = robot.place.robot_from_camera;
+    way.camera.insert(robot.truth.begin(), robot.truth.end());
+  }
+  const auto silent = make_silent_progress();
+  const Judged found = judged(server.seal(pool, *silent), truth);
+  return {{"name", "a robot that comes back another day"}, {"robots", 1}, {"maps", found.maps}, {"components", found.components},
+          {"falsely_joined", found.falsely_joined}, {"alone_m", std::sqrt(alone)}, {"team_m", found.team_m},
+          {"cpu_s", processor_s() - began_s}};
+}
+
+nlohmann::json repeated_rooms(int seeds) {
+  const double began_s = processor_s();
+  std::size_t falsely_joined = 0, rightly_joined = 0;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    auto options = test::camera_world(simulation::PlanKind::repeated_rooms, seed, 2);
+    options.robots[0].first_room = 0, options.robots[0].last_room = 1, options.robots[0].length_m = 20.0;
+    options.robots[1].first_room = 3, options.robots[1].last_room = 4, options.robots[1].length_m = 20.0;
+    FeatureTeam team(options, tiers::ServerOptions{}, {}, 2);
+    team.run();
+    const auto silent = make_silent_progress();
+    const Judged found = judged(team.server.seal(team.pool, *silent), truth_of(team.robots));
+    falsely_joined += found.falsely_joined;
+    rightly_joined += found.maps - found.components - found.falsely_joined;
+    std::fprintf(stderr, "seed %d: %zu of %zu maps, %zu falsely joined\n", seed, found.components, found.maps, found.falsely_joined);
+  }
+  return {{"name", "rooms that are all alike, " + std::to_string(seeds) + " seeds"}, {"robots", 2}, {"seeds", seeds},
+          {"falsely_joined", falsely_joined}, {"rightly_joined", rightly_joined}, {"cpu_s", processor_s() - began_s}};
+}
+
+nlohmann::json run(const std::string& scenario) {
+  const auto number = [&](const std::string& start) {
+    return scenario.rfind(start, 0) == 0 ? std::atoi(scenario.c_str() + start.size()) : 0;
+  };
+  if (const int robots = number("apartment-"); robots >= 1 && robots <= 8) return apartment(robots);
+  if (scenario == "single-camera") return single_camera();
+  if (scenario == "another-day") return another_day();
+  if (const int seeds = number("repeated-rooms-"); seeds > 0) return repeated_rooms(seeds);
+  throw Error(ErrorCode::kUsage, "there is no scenario '" + scenario + "'", {},
+              "apartment-1 to apartment-8, single-camera, another-day, repeated-rooms-SEEDS");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    for (int i = 1; i < argc; ++i) std::printf("%s\n", run(argv[i]).dump().c_str()), std::fflush(stdout);
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+  return 0;
+}
