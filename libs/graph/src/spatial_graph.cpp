@@ -1,167 +1,215 @@
-#include <ceres/ceres.h>
 #include <mapweave/core/error.h>
+#include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/spatial_graph.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <optional>
 
 namespace mapweave::graph {
 namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Matrix7 = Eigen::Matrix<double, 7, 7>;
+using Eigen::Matrix3d;
 
-// What is left of an edge: translation and rotation vector of measured^-1 * (from^-1 * to). Parameters: x, y, z, and the quaternion as
-// Eigen keeps it (x, y, z, w).
-class EdgeError {
- public:
-  explicit EdgeError(const SpatialEdge& edge) : measured_(edge.from_from_to) {
-    const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(0.5 * (edge.information + edge.information.transpose()));
-    root_ = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
-  }
-  template <class T>
-  bool operator()(const T* from_t, const T* from_q, const T* to_t, const T* to_q, T* residuals) const {
-    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> ta(from_t), tb(to_t);
-    const Eigen::Map<const Eigen::Quaternion<T>> qa(from_q), qb(to_q);
-    const Eigen::Quaternion<T> measured = measured_.q.cast<T>(), back = measured.conjugate() * qa.conjugate();
-    Eigen::Quaternion<T> turn = back * qb;
-    if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
-    Eigen::Matrix<T, 6, 1> error;
-    error.template head<3>() = back * (tb - ta) - measured.conjugate() * measured_.t.cast<T>();
-    error.template tail<3>() = T(2) * turn.vec();
-    Eigen::Map<Eigen::Matrix<T, 6, 1>>{residuals} = root_.cast<T>() * error;
-    return true;
-  }
+constexpr std::int32_t kNone = -1;
 
- private:
-  Pose3 measured_;
-  Matrix6 root_;
-};
-
-// Parameters: as above, then the scale's logarithm.
-class SimilarityError {
- public:
-  explicit SimilarityError(const SimilarityEdge& edge) : measured_(edge.from_from_to) {
-    const Eigen::SelfAdjointEigenSolver<Matrix7> eigen(0.5 * (edge.information + edge.information.transpose()));
-    root_ = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
-  }
-  template <class T>
-  bool operator()(const T* from_t, const T* from_q, const T* from_s, const T* to_t, const T* to_q, const T* to_s, T* residuals) const {
-    using std::exp;
-    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> ta(from_t), tb(to_t);
-    const Eigen::Map<const Eigen::Quaternion<T>> qa(from_q), qb(to_q);
-    const Eigen::Quaternion<T> measured = measured_.pose.q.cast<T>();
-    Eigen::Quaternion<T> turn = measured.conjugate() * qa.conjugate() * qb;
-    if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
-    const Eigen::Matrix<T, 3, 1> way = exp(-from_s[0]) * (qa.conjugate() * (tb - ta));
-    Eigen::Matrix<T, 7, 1> error;
-    error.template head<3>() = T(1.0 / measured_.scale) * (measured.conjugate() * (way - measured_.pose.t.cast<T>()));
-    error.template segment<3>(3) = T(2) * turn.vec();
-    error[6] = to_s[0] - from_s[0] - T(std::log(measured_.scale));
-    Eigen::Map<Eigen::Matrix<T, 7, 1>>{residuals} = root_.cast<T>() * error;
-    return true;
-  }
-
- private:
-  Sim3 measured_;
-  Matrix7 root_;
-};
-
-ceres::Solver::Summary minimised(ceres::Problem& problem, int iterations) {
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  options.num_threads = 1;
-  options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-7;
-  options.parameter_tolerance = 1e-9;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  return summary;
+Matrix3d cross(const Eigen::Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
 }
+
+// What is left of an edge: translation and rotation vector (to first order) of measured^-1 * (from^-1 * to).
+Vector6 error_of(const Pose3& measured, const Pose3& a, const Pose3& b, Eigen::Quaterniond& turn) {
+  const Eigen::Quaterniond back = measured.q.conjugate() * a.q.conjugate();
+  turn = back * b.q;
+  if (turn.w() < 0) turn.coeffs() = -turn.coeffs();
+  Vector6 error;
+  error << back * (b.t - a.t) - measured.q.conjugate() * measured.t, 2.0 * turn.vec();
+  return error;
+}
+
+// By how much the error grows with a small motion of `from` and of `to` in their own frames.
+struct Slopes {
+  Matrix6 from = Matrix6::Zero(), to = Matrix6::Zero();
+};
+Slopes slopes_of(const Pose3& measured, const Pose3& a, const Pose3& b, const Eigen::Quaterniond& turn) {
+  const Matrix3d back = measured.q.toRotationMatrix().transpose(), a_from_map = a.q.toRotationMatrix().transpose();
+  const Matrix3d v = cross(turn.vec()), w = turn.w() * Matrix3d::Identity();
+  Slopes slopes;
+  slopes.to.topLeftCorner<3, 3>() = back * a_from_map * b.q.toRotationMatrix();
+  slopes.to.bottomRightCorner<3, 3>() = w + v;
+  slopes.from.topLeftCorner<3, 3>() = -back;
+  slopes.from.topRightCorner<3, 3>() = back * cross(a_from_map * (b.t - a.t));
+  slopes.from.bottomRightCorner<3, 3>() = (v - w) * back;
+  return slopes;
+}
+
+// Symmetric, and nowhere negative.
+Matrix6 sound(const Matrix6& information) {
+  const Matrix6 symmetric = 0.5 * (information + information.transpose());
+  if (symmetric.llt().info() == Eigen::Success) return symmetric;
+  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(symmetric);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+// Levenberg-Marquardt on the poses that edges name, without the fixed one.
+class Solver {
+ public:
+  Solver(std::vector<Pose3>& poses, const std::vector<SpatialEdge>& edges, std::uint32_t fixed) : poses_(poses), edges_(edges) {
+    std::vector<std::int32_t> number(poses.size(), kNone);
+    for (const SpatialEdge& edge : edges) {
+      information_.push_back(sound(edge.information));
+      for (const std::uint32_t pose : {edge.from, edge.to})
+        if (pose != fixed) number[pose] = 0;
+    }
+    for (std::size_t pose = 0; pose < poses.size(); ++pose)
+      if (number[pose] != kNone) number[pose] = static_cast<std::int32_t>(free_.size()), free_.push_back(pose);
+    std::vector<std::vector<std::int32_t>> below(free_.size());
+    for (const SpatialEdge& edge : edges) {
+      Place place{number[edge.from], number[edge.to], 0};
+      if (place.from != kNone && place.to != kNone)
+        below[static_cast<std::size_t>(std::max(place.from, place.to))].push_back(std::min(place.from, place.to));
+      places_.push_back(place);
+    }
+    std::vector<std::size_t> row_begin{0};
+    std::vector<std::int32_t> columns;
+    for (auto& row : below) {
+      std::sort(row.begin(), row.end());
+      row.erase(std::unique(row.begin(), row.end()), row.end());
+      columns.insert(columns.end(), row.begin(), row.end());
+      row_begin.push_back(columns.size());
+    }
+    for (Place& place : places_) {
+      if (place.from == kNone || place.to == kNone) continue;
+      const auto row = static_cast<std::size_t>(std::max(place.from, place.to));
+      const auto first = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row]),
+                 last = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row + 1]);
+      place.block = static_cast<std::size_t>(std::lower_bound(first, last, std::min(place.from, place.to)) - columns.begin());
+    }
+    diagonal_.resize(free_.size()), below_.resize(columns.size());
+    cholesky_.emplace(std::move(row_begin), std::move(columns));
+  }
+
+  SpatialSolution run(int iterations) {
+    constexpr double kEnough = 1e-6;  // of the cost, that a step saves
+    SpatialSolution solution;
+    double cost = cost_of(poses_), damping = 1e-4;
+    while (solution.iterations < iterations && !solution.converged) {
+      ++solution.iterations;
+      linearise();
+      bool better = false;
+      while (!better && !solution.converged) {
+        const double saved = step(damping, cost);
+        better = saved > 0.0;
+        if (!better && damping > 1e8) solution.converged = true;  // nothing is left to gain
+        damping = std::clamp(better ? 0.1 * damping : 10.0 * damping, 1e-10, 1e10);
+        if (better) solution.converged = saved <= kEnough * cost, cost -= saved;
+      }
+      if (cost < 1e-20) solution.converged = true;
+    }
+    solution.chi2 = cost;
+    return solution;
+  }
+
+ private:
+  struct Place {
+    std::int32_t from, to;  // among the free poses
+    std::size_t block;      // between both
+  };
+
+  double cost_of(const std::vector<Pose3>& poses) const {
+    double cost = 0.0;
+    Eigen::Quaterniond turn;
+    for (std::size_t i = 0; i < edges_.size(); ++i) {
+      const Vector6 error = error_of(edges_[i].from_from_to, poses[edges_[i].from], poses[edges_[i].to], turn);
+      cost += error.dot(information_[i] * error);
+    }
+    return cost;
+  }
+
+  void linearise() {
+    for (Matrix6& block : diagonal_) block.setZero();
+    for (Matrix6& block : below_) block.setZero();
+    gradient_.setZero(6 * static_cast<Eigen::Index>(free_.size()));
+    const auto add = [&](std::int32_t pose, const Matrix6& slope, const Matrix6& weighted, const Vector6& error) {
+      if (pose == kNone) return;
+      diagonal_[static_cast<std::size_t>(pose)].noalias() += slope.transpose().lazyProduct(weighted);
+      gradient_.segment<6>(6 * static_cast<Eigen::Index>(pose)).noalias() += weighted.transpose().lazyProduct(error);
+    };
+    Eigen::Quaterniond turn;
+    for (std::size_t i = 0; i < edges_.size(); ++i) {
+      const Pose3 &a = poses_[edges_[i].from], &b = poses_[edges_[i].to], &measured = edges_[i].from_from_to;
+      const Vector6 error = error_of(measured, a, b, turn);
+      const Slopes slopes = slopes_of(measured, a, b, turn);
+      const Matrix6 from = information_[i].lazyProduct(slopes.from), to = information_[i].lazyProduct(slopes.to);
+      const Place& place = places_[i];
+      add(place.from, slopes.from, from, error);
+      add(place.to, slopes.to, to, error);
+      if (place.from == kNone || place.to == kNone) continue;
+      if (place.from > place.to)
+        below_[place.block].noalias() += slopes.from.transpose().lazyProduct(to);
+      else
+        below_[place.block].noalias() += slopes.to.transpose().lazyProduct(from);
+    }
+  }
+
+  // Answers what it saves of the cost, 0 where it is not taken.
+  double step(double damping, double cost) {
+    std::vector<Matrix6> damped = diagonal_;
+    for (Matrix6& block : damped)
+      for (int i = 0; i < 6; ++i) block(i, i) += damping * std::max(block(i, i), 1e-6);
+    if (!cholesky_->factorise(damped, below_)) return 0.0;
+    const Eigen::VectorXd change = cholesky_->solved(gradient_);
+    std::vector<Pose3> moved = poses_;
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+      const Vector6 d = -change.segment<6>(6 * static_cast<Eigen::Index>(i));
+      Pose3& pose = moved[free_[i]];
+      const double angle = d.tail<3>().norm();
+      pose.t += pose.q * d.head<3>();
+      if (angle > 0.0) pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, d.tail<3>() / angle))).normalized();
+    }
+    const double after = cost_of(moved);
+    if (!(after < cost)) return 0.0;
+    poses_ = std::move(moved);
+    return cost - after;
+  }
+
+  std::vector<Pose3>& poses_;
+  const std::vector<SpatialEdge>& edges_;
+  std::vector<Matrix6> information_;
+  std::vector<std::size_t> free_;
+  std::vector<Place> places_;
+  std::vector<Matrix6> diagonal_, below_;
+  Eigen::VectorXd gradient_;
+  std::optional<BlockCholesky> cholesky_;
+};
 
 }  // namespace
 
 SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations, std::uint32_t fixed) {
-  SpatialSolution solution;
-  solution.poses = initial;
   MAPWEAVE_EXPECT(initial.empty() || fixed < initial.size(), "the fixed pose is one of them");
-  ceres::Problem problem;
   for (const SpatialEdge& edge : edges) {
     MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to, "edges join two of the poses");
     MAPWEAVE_EXPECT(edge.information.allFinite() && is_finite(edge.from_from_to), "edges are finite");
-    Pose3 &a = solution.poses[edge.from], &b = solution.poses[edge.to];
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<EdgeError, 6, 3, 4, 3, 4>(new EdgeError(edge)), nullptr, a.t.data(),
-                             a.q.coeffs().data(), b.t.data(), b.q.coeffs().data());
   }
-  if (problem.NumResidualBlocks() == 0) {
+  std::vector<Pose3> poses = initial;
+  SpatialSolution solution;
+  if (edges.empty())
     solution.converged = true;
-    return solution;
-  }
-  for (std::size_t i = 0; i < solution.poses.size(); ++i) {
-    Pose3& pose = solution.poses[i];
-    if (!problem.HasParameterBlock(pose.t.data())) continue;
-    problem.SetManifold(pose.q.coeffs().data(), new ceres::EigenQuaternionManifold);
-    if (i == fixed) problem.SetParameterBlockConstant(pose.t.data()), problem.SetParameterBlockConstant(pose.q.coeffs().data());
-  }
-  const ceres::Solver::Summary summary = minimised(problem, iterations);
-  for (Pose3& pose : solution.poses) pose.q.normalize();
-  solution.chi2 = 2.0 * summary.final_cost;
-  solution.iterations = static_cast<int>(summary.iterations.size());
-  solution.converged = summary.termination_type == ceres::CONVERGENCE;
-  return solution;
-}
-
-SimilaritySolution solve(const std::vector<Sim3>& initial, const std::vector<SimilarityEdge>& edges, int iterations, std::uint32_t fixed) {
-  SimilaritySolution solution;
-  solution.poses = initial;
-  MAPWEAVE_EXPECT(initial.empty() || fixed < initial.size(), "the fixed pose is one of them");
-  std::vector<double> logarithms;
-  for (const Sim3& pose : initial) {
-    MAPWEAVE_EXPECT(pose.scale > 0.0 && std::isfinite(pose.scale), "scales are positive");
-    logarithms.push_back(std::log(pose.scale));
-  }
-  ceres::Problem problem;
-  for (const SimilarityEdge& edge : edges) {
-    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to, "edges join two of the poses");
-    MAPWEAVE_EXPECT(edge.information.allFinite() && is_finite(edge.from_from_to.pose) && edge.from_from_to.scale > 0.0 &&
-                        std::isfinite(edge.from_from_to.scale),
-                    "edges are finite");
-    Pose3 &a = solution.poses[edge.from].pose, &b = solution.poses[edge.to].pose;
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SimilarityError, 7, 3, 4, 1, 3, 4, 1>(new SimilarityError(edge)), nullptr,
-                             a.t.data(), a.q.coeffs().data(), &logarithms[edge.from], b.t.data(), b.q.coeffs().data(),
-                             &logarithms[edge.to]);
-  }
-  if (problem.NumResidualBlocks() == 0) {
-    solution.converged = true;
-    return solution;
-  }
-  for (std::size_t i = 0; i < solution.poses.size(); ++i) {
-    Pose3& pose = solution.poses[i].pose;
-    if (!problem.HasParameterBlock(pose.t.data())) continue;
-    problem.SetManifold(pose.q.coeffs().data(), new ceres::EigenQuaternionManifold);
-    if (i != fixed) continue;
-    problem.SetParameterBlockConstant(pose.t.data()), problem.SetParameterBlockConstant(pose.q.coeffs().data());
-    problem.SetParameterBlockConstant(&logarithms[i]);
-  }
-  const ceres::Solver::Summary summary = minimised(problem, iterations);
-  for (std::size_t i = 0; i < solution.poses.size(); ++i) {
-    solution.poses[i].pose.q.normalize();
-    solution.poses[i].scale = std::exp(logarithms[i]);
-  }
-  solution.chi2 = 2.0 * summary.final_cost;
-  solution.iterations = static_cast<int>(summary.iterations.size());
-  solution.converged = summary.termination_type == ceres::CONVERGENCE;
+  else
+    solution = Solver(poses, edges, fixed).run(iterations);
+  solution.poses = std::move(poses);
   return solution;
 }
 
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses) {
-  const Pose3 error = between(edge.from_from_to, between(poses[edge.from], poses[edge.to]));
-  Vector6 e;
-  const double sign = error.q.w() < 0 ? -2.0 : 2.0;
-  e << error.t, sign * error.q.vec();
-  return e.dot(edge.information * e);
+  Eigen::Quaterniond turn;
+  const Vector6 error = error_of(edge.from_from_to, poses[edge.from], poses[edge.to], turn);
+  return error.dot(edge.information * error);
 }
 
 }  // namespace mapweave::graph
