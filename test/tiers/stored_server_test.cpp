@@ -1,5 +1,5 @@
 // A map server that is killed again and again, with a journal of what it was told.
-#include "heard_updates.h"
+#include <support/heard_updates.h>
 
 #include <mapweave/mapdb/update_journal.h>
 #include <support/temporary_folder.h>

@@ -1,5 +1,5 @@
 #include <mapweave/core/error.h>
-#include "heard_updates.h"
+#include <support/heard_updates.h>
 
 #include <support/lending.h>
 

@@ -74,6 +74,8 @@ struct UpdateJournal::State {
 
 UpdateJournal::UpdateJournal(const std::filesystem::path& path) : state_(new State(path)) {}
 UpdateJournal::~UpdateJournal() = default;
+UpdateJournal::UpdateJournal(UpdateJournal&&) noexcept = default;
+UpdateJournal& UpdateJournal::operator=(UpdateJournal&&) noexcept = default;
 
 void UpdateJournal::append(const std::vector<JournalEntry>& entries) {
   if (entries.empty()) return;

@@ -3,7 +3,11 @@
 
 namespace mapweave::tiers {
 
-UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) { map_.id = origin.map; }
+UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) {
+  Map map;
+  map.id = origin.map;
+  map_ = std::make_shared<const Map>(std::move(map));
+}
 
 std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where) {
   if (update.sequence == 0 || update.base >= update.sequence)
@@ -38,8 +42,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
 }
 
 void UpdateInbox::store(const MapUpdate& update) {
-  map_ = updated(map_, update);  // throws before anything has changed
-  map_.id = origin_.map;
+  map_ = std::make_shared<const Map>(updated(*map_, update));  // throws before anything has changed
   stored_ = update.sequence;
 }
 

@@ -71,8 +71,16 @@ struct VisualServer::Client {
 struct VisualServer::Joining {
   fusion::FusionInput input;
   Stamp due;
-  fusion::Memo memo;
+  std::shared_ptr<const fusion::Memo> memo;
   std::shared_ptr<const TeamView> view;
+};
+
+struct VisualServer::PlaceSearch::State {
+  PlaceRequest request;
+  std::shared_ptr<const TeamView> view;
+  fusion::FusionOptions options;
+  std::optional<fusion::FoundPlace> found;
+  const TeamView::Component* component = nullptr;  // where
 };
 
 struct VisualServer::State {
@@ -83,7 +91,7 @@ struct VisualServer::State {
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
-  fusion::Memo memo;
+  std::shared_ptr<const fusion::Memo> memo = std::make_shared<const fusion::Memo>();
   std::shared_ptr<Joining> joining;
   std::shared_ptr<BackgroundWork> work;  // of the joining
   std::shared_ptr<const TeamView> view;
@@ -103,40 +111,49 @@ struct VisualServer::State {
     return name;
   }
 
-  std::vector<Map> maps() const {
-    std::vector<Map> result;
+  // As they are now, and their names here.
+  using Snapshots = std::vector<std::pair<MapId, std::shared_ptr<const Map>>>;
+  Snapshots snapshots() const {
+    Snapshots result;
     for (const auto& [session, client] : clients)
-      for (const auto& [told, part] : client.parts) {
-        if (part.inbox.map().empty()) continue;
-        result.push_back(part.inbox.map());
-        result.back().id = part.name;
-      }
+      for (const auto& [told, part] : client.parts)
+        if (!part.inbox.map().empty()) result.emplace_back(part.name, part.inbox.snapshot());
+    return result;
+  }
+  static std::vector<Map> copies(const Snapshots& snapshots) {
+    std::vector<Map> result;
+    for (const auto& [name, map] : snapshots) result.push_back(*map), result.back().id = name;
     return result;
   }
 
-  fusion::FusionInput input(std::vector<Map> maps) const {
+  fusion::FusionInput input() const {
     fusion::FusionInput input;
-    input.maps = std::move(maps), input.vetoed = vetoed, input.by = edge;
+    input.vetoed = vetoed, input.by = edge;
     return input;
   }
 
   void begin(Stamp now, WorkerPool& pool) {
     joining = std::make_shared<Joining>();
-    joining->input = input(maps());
+    joining->input = input();
     joining->memo = memo;
     joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
     joined_keyframes = keyframes, vetoed_since = false;
-    work = std::make_shared<BackgroundWork>([joining = joining, options = options, fusion_options = fusion_options, &pool] {
+    work = std::make_shared<BackgroundWork>([joining = joining, snapshots = snapshots(), options = options, fusion_options = fusion_options,
+                                             &pool] {
+      joining->input.maps = copies(snapshots);
+      auto known = std::make_shared<fusion::Memo>(*joining->memo);
       const auto silent = make_silent_progress();
-      auto result = fusion::fuse(joining->input, fusion_options, joining->memo, pool, *silent);
+      auto result = fusion::fuse(joining->input, fusion_options, *known, pool, *silent);
+      joining->memo = std::move(known);
       joining->view = std::make_shared<const TeamView>(std::move(result), joining->input.maps, options.index, options.description, pool);
     });
   }
 
+  // What is let go of is left to whoever holds the work.
   void take_over() {
     work->run();
-    view = joining->view, ++views;
-    memo = std::move(joining->memo);
+    view.swap(joining->view), memo.swap(joining->memo);
+    ++views;
     joining.reset(), work.reset();
   }
 
@@ -232,8 +249,12 @@ std::vector<Receipt> VisualServer::greet(const Hello& hello) {
 }
 
 VisualServer::Received VisualServer::receive(const SessionId& from, std::string_view bytes) {
+  state_->client(from);
+  return receive(from, decode_map_update(bytes, name_of(from)), bytes);
+}
+
+VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate update, std::string_view bytes) {
   Client& client = state_->client(from);
-  MapUpdate update = decode_map_update(bytes, name_of(from));
   const MapId told = update.origin.map;
   if (!visual::session_of(from.client, told))
     throw Error(ErrorCode::kBadInput, "map '" + told.str() + "' is not one of its own", name_of(from),
@@ -245,8 +266,9 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
     throw Error(ErrorCode::kBadInput, "it has begun " + std::to_string(kMostMaps) + " maps already", name_of(from));
   Client::Part& part = known != client.parts.end() ? known->second : fresh;
   Received received;
+  const std::uint64_t sequence = update.sequence;
   for (const MapUpdate& stored : part.inbox.receive(std::move(update), bytes.size(), name_of(from))) {
-    received.stored.push_back(encode(stored));
+    received.stored.push_back(stored.sequence == sequence ? std::string(bytes) : encode(stored));
     state_->keyframes += stored.nodes.size();
   }
   received.receipt = part.inbox.receipt();
@@ -292,19 +314,40 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   return share;
 }
 
+VisualServer::PlaceSearch::PlaceSearch(std::unique_ptr<State> state) : state_(std::move(state)) {}
+VisualServer::PlaceSearch::~PlaceSearch() = default;
+
+void VisualServer::PlaceSearch::run(WorkerPool& pool) {
+  for (const TeamView::Component& one : state_->view->components()) {
+    auto found = one.places.find(state_->request.features, state_->options, pool);
+    if (!found || (state_->found && found->probability <= state_->found->probability)) continue;
+    state_->found = std::move(found), state_->component = &one;
+  }
+}
+
+std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const SessionId& from, PlaceRequest request) const {
+  const State& state = *state_;
+  state_->client(from);
+  if (state.options.share == Sharing::none || !state.view) return nullptr;
+  auto search = std::make_unique<PlaceSearch::State>();
+  search->request = std::move(request), search->view = state.view, search->options = state.fusion_options;
+  return std::shared_ptr<PlaceSearch>(new PlaceSearch(std::move(search)));
+}
+
 std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const {
+  const auto search = place_search(from, request);
+  if (!search) return std::nullopt;
+  search->run(pool);
+  return answer(from, *search);
+}
+
+std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const PlaceSearch& search) const {
   State& state = *state_;
   Client& client = state.client(from);
-  if (state.options.share == Sharing::none || !state.view) return std::nullopt;
-  std::optional<fusion::FoundPlace> best;
-  const TeamView::Component* component = nullptr;
-  for (const TeamView::Component& one : state.view->components()) {
-    auto found = one.places.find(request.features, state.fusion_options, pool);
-    if (!found || (best && found->probability <= best->probability)) continue;
-    best = std::move(found), component = &one;
-  }
+  const auto& [request, view, fusion_options, best, component] = *search.state_;
   if (!best) return std::nullopt;
-  const auto answer_in = [&](const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
+  const auto answer_in = [&, &request = request, &best = best, &component = component](
+                             const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
     PlaceAnswer answer;
     answer.stamp = request.stamp, answer.map = told;
@@ -319,7 +362,7 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
   };
   // In a map of its own where one lies there, else in that of who saw the place.
   for (const auto& [told, part] : client.parts) {
-    const TeamView::Member* member = state.view->member(part.name);
+    const TeamView::Member* member = view->member(part.name);
     if (member == nullptr || member->component != component) continue;
     const Node* near = State::nearest(part, *member, best->map_from_robot.t, State::Frame::team);
     if (near != nullptr) return answer_in(told, *near, *member);
@@ -327,7 +370,7 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
   const auto owner = state.clients.find(best->keyframe.session);
   if (owner == state.clients.end()) return std::nullopt;
   for (const auto& [told, part] : owner->second.parts) {
-    const TeamView::Member* member = state.view->member(part.name);
+    const TeamView::Member* member = view->member(part.name);
     const Node* near = part.inbox.map().nodes.find(best->keyframe);
     if (member != nullptr && member->component == component && near != nullptr) return answer_in(part.name, *near, *member);
   }
@@ -348,7 +391,7 @@ std::vector<std::pair<SessionId, std::string>> VisualServer::snapshot() const {
   return result;
 }
 
-std::vector<Map> VisualServer::maps() const { return state_->maps(); }
+std::vector<Map> VisualServer::maps() const { return State::copies(state_->snapshots()); }
 
 const fusion::FusionResult& VisualServer::joined() const {
   static const fusion::FusionResult nothing;
@@ -356,7 +399,12 @@ const fusion::FusionResult& VisualServer::joined() const {
 }
 
 fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
-  return fusion::fuse(state_->input(state_->maps()), state_->fusion_options, state_->memo, pool, progress);
+  fusion::FusionInput input = state_->input();
+  input.maps = maps();
+  auto known = std::make_shared<fusion::Memo>(*state_->memo);
+  auto result = fusion::fuse(input, state_->fusion_options, *known, pool, progress);
+  state_->memo = std::move(known);
+  return result;
 }
 
 }  // namespace mapweave::tiers

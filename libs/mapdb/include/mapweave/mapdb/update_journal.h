@@ -25,6 +25,8 @@ class UpdateJournal {
   // kBadInput while another process has it open.
   explicit UpdateJournal(const std::filesystem::path& path);
   ~UpdateJournal();
+  UpdateJournal(UpdateJournal&&) noexcept;
+  UpdateJournal& operator=(UpdateJournal&&) noexcept;
 
   // All or nothing, and on the disk when it returns. Throws Error(kCannotWrite), with the free space when the disk is full.
   void append(const std::vector<JournalEntry>& entries);

@@ -4,6 +4,7 @@
 #include <mapweave/maps/map_update.h>
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -28,13 +29,15 @@ class UpdateInbox {
   // `bytes`: of the update as it came.
   std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where);
 
-  const Map& map() const { return map_; }
+  const Map& map() const { return *map_; }
+  // The map as it is now; what comes later changes another one.
+  std::shared_ptr<const Map> snapshot() const { return map_; }
   Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
 
  private:
   void store(const MapUpdate& update);
   Origin origin_;
-  Map map_;
+  std::shared_ptr<const Map> map_;
   std::uint64_t stored_ = 0;
   struct Waiting {
     MapUpdate update;

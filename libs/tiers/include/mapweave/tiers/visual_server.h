@@ -66,6 +66,8 @@ class VisualServer {
   // notice: kMissing for who has not greeted, kCorrupt or kUnsupported for what cannot be decoded, kBadInput for what does not fit, and for
   // maps, nodes and landmarks of others.
   Received receive(const SessionId& from, std::string_view bytes);
+  // Of bytes that were decoded elsewhere.
+  Received receive(const SessionId& from, MapUpdate update, std::string_view bytes);
   // After what came at one moment: begins to join the maps where enough is new, and takes over what was begun long enough ago. The pool
   // outlives the server.
   void advance(Stamp now, WorkerPool& pool);
@@ -77,6 +79,10 @@ class VisualServer {
   std::optional<Share> share(const SessionId& to, const ClientView& view);
   // Where the picture was taken; nullopt where that is not known, or sharing is off.
   std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
+  // The same in two steps: the search, to be run on any thread while the server goes on, and the answer, after it. null: as nullopt.
+  class PlaceSearch;
+  std::shared_ptr<PlaceSearch> place_search(const SessionId& from, PlaceRequest request) const;
+  std::optional<PlaceAnswer> answer(const SessionId& from, const PlaceSearch& search) const;
 
   // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
   void veto(const Hash& judgement);
@@ -94,6 +100,18 @@ class VisualServer {
   struct Client;
   struct Joining;
   struct State;
+  std::unique_ptr<State> state_;
+};
+
+class VisualServer::PlaceSearch {
+ public:
+  ~PlaceSearch();
+  void run(WorkerPool& pool);
+
+ private:
+  friend class VisualServer;
+  struct State;
+  explicit PlaceSearch(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

@@ -1,0 +1,111 @@
+#pragma once
+// An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client, handlers that take from
+// them in turn, and maps that are joined aside. What it says it has stored is in its journal.
+
+#include <mapweave/maps/exchange.h>
+#include <mapweave/tiers/visual_server.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct LiveServerOptions {
+  int handlers = 2;
+  int joining_threads = 1;
+  int queue_kb = 4096;
+  int answers_kb = 1024;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
+    v.integer("joining_threads", joining_threads, 1, 64, "that join maps, with less of a claim on the processors than the others");
+    v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
+    v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; it is lent nothing meanwhile");
+  }
+};
+
+// bytes: an encoded Hello, MapUpdate, ClientView or PlaceRequest.
+struct ClientMessage {
+  enum class Kind { hello, update, view, place_request } kind = Kind::hello;
+  std::string bytes;
+};
+
+// welcome: answers hello, with what is stored of all its maps; receipts: of those that were updated since; share, place: encoded Share or
+// PlaceAnswer; refused: why, in words.
+struct ServerMessage {
+  enum class Kind { welcome, receipts, share, place, refused } kind = Kind::receipts;
+  std::string bytes;
+  std::vector<tiers::Receipt> receipts;
+};
+
+// What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time, but for waiting.
+struct ClientCounts {
+  SessionId session;  // empty for who never said hello
+  std::uint64_t heard_bytes = 0, sent_bytes = 0;
+  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: told to repeat later
+  double update_s = 0.0;                                                                   // decoding them and adding them to its maps
+  double retrieval_s = 0.0;                                                                // what to tell it at its views
+  double sending_s = 0.0;                                                                  // encoding that
+  double place_s = 0.0;                                                                    // finding places
+  double waited_s = 0.0, longest_wait_s = 0.0;                                             // updates, from coming to being handled
+  double longest_place_s = 0.0;                                                            // from coming to the answer
+};
+struct ServerCounts {
+  std::vector<ClientCounts> clients;  // by session
+  int joinings = 0;
+  double joining_s = 0.0, longest_joining_s = 0.0;  // processor time of the joining thread; longest: from begin to end
+  double saving_s = 0.0;                            // processor time
+  double longest_hold_s = 0.0;                      // of the maps by one who changed or read them
+  std::string trouble;                              // why it saves or joins nothing any more; empty: it does
+};
+
+// All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a joining counts when
+// it is done.
+class LiveMapServer {
+ public:
+  // Goes on where the journal ends; without one, what it has is gone when it ends. Throws Error as UpdateJournal, and kCorrupt where the
+  // journal holds what no server has stored.
+  LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
+                const std::optional<std::filesystem::path>& journal);
+  ~LiveMapServer();  // as finish()
+
+  // One client's end of the wire, from its hello on. Where the same run says hello on another link, this one is closed: a wire that broke.
+  // May outlive the server. Letting go of it closes it.
+  class Link;
+  // Throws Error(kBadInput) where there are too many.
+  std::shared_ptr<Link> connect();
+
+  ServerCounts counts() const;
+  // What has been handled is saved, what waits in queues is dropped (no client was told that it is stored), threads end. Links are closed.
+  // What it knows may be read from then on.
+  tiers::VisualServer& finish();
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+class LiveMapServer::Link {
+ public:
+  ~Link();
+  // taken: it will be handled in the order it came, and answered. later: too much waits already. never: it is too large to wait, or the
+  // link is closed. Never waits.
+  enum class Sent { taken, later, never };
+  Sent send(ClientMessage message);
+  // What there is to hear, as soon as there is something; empty when nothing came for so long, or the link is closed.
+  std::vector<ServerMessage> take(std::chrono::milliseconds patience);
+  bool is_closed() const;
+
+ private:
+  friend class LiveMapServer;
+  struct Wire;
+  explicit Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server);
+  std::shared_ptr<Wire> wire_;
+  std::weak_ptr<State> server_;
+};
+
+}  // namespace mapweave::runtime

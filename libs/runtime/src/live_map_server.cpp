@@ -1,0 +1,396 @@
+#include "client_wire.h"
+#include "journal_saver.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
+#include <mapweave/matching/binary_vocabulary.h>
+#include <mapweave/runtime/live_map_server.h>
+#include <mapweave/runtime/metrics.h>
+
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <thread>
+
+namespace mapweave::runtime {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kMostLinks = 1000;
+constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
+constexpr int kNice = 10;                                    // of threads that join
+
+double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
+
+// Of this thread and those that it starts; one that may not ask for it goes on as it is.
+void give_way() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kNice); }
+
+// Adds the thread's processor time until its end.
+class Spending {
+ public:
+  explicit Spending(double& sum_s) : sum_s_(sum_s), begin_s_(thread_cpu_seconds()) {}
+  ~Spending() { sum_s_ += thread_cpu_seconds() - begin_s_; }
+  Spending(const Spending&) = delete;
+  Spending& operator=(const Spending&) = delete;
+
+ private:
+  double& sum_s_;
+  const double begin_s_;
+};
+
+}  // namespace
+
+struct LiveMapServer::State {
+  using Wire = Link::Wire;
+  const LiveServerOptions options;
+  WorkerPool alone{1};
+  std::optional<WorkerPool> joining_pool;
+
+  std::mutex maps_mutex;  // taken before `mutex` by who takes both
+  std::condition_variable maps_changed;
+  tiers::VisualServer maps;
+  double longest_hold_s = 0.0;
+
+  std::mutex mutex;
+  std::condition_variable has_work;
+  std::vector<std::shared_ptr<Wire>> wires;
+  double turn_s = 0.0;  // of who was handled last
+  std::map<SessionId, ClientCounts> gone;
+  ServerCounts counts;
+  bool handling_ends = false, joining_ends = false;
+  std::optional<JournalSaver> saver;  // told under maps_mutex: what is in the journal has the order in which maps took it
+  std::vector<std::thread> handlers;
+  std::thread joiner;
+
+  class Hold {
+   public:
+    explicit Hold(State& state) : state_(state), lock_(state.maps_mutex), begin_(Clock::now()) {}
+    ~Hold() { state_.longest_hold_s = std::max(state_.longest_hold_s, seconds_since(begin_)); }
+    Hold(const Hold&) = delete;
+    Hold& operator=(const Hold&) = delete;
+
+   private:
+    State& state_;
+    const std::lock_guard<std::mutex> lock_;
+    const Clock::time_point begin_;
+  };
+
+  State(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions live,
+        const std::optional<std::filesystem::path>& path)
+      : options(live), maps(edge, immediate(std::move(server)), std::move(fusion)) {
+    saver.emplace(path ? std::optional(restored(*path)) : std::nullopt, [this] {
+      const std::lock_guard lock(mutex);
+      has_work.notify_all();
+    });
+    std::thread([this] {
+      give_way();
+      joining_pool.emplace(options.joining_threads);
+    }).join();
+    advance();
+    joiner = std::thread([this] { join_maps(); });
+    for (int i = 0; i < options.handlers; ++i) handlers.emplace_back([this] { handle(); });
+  }
+
+  static tiers::ServerOptions immediate(tiers::ServerOptions options) {
+    options.wait = false;
+    return options;
+  }
+
+  mapdb::UpdateJournal restored(const std::filesystem::path& path) {
+    mapdb::UpdateJournal journal(path);
+    std::size_t count = 0;
+    journal.replay([&](const mapdb::JournalEntry& entry) {
+      ++count;
+      try {
+        maps.greet({entry.from, matching::shipped_vocabulary().hash()});
+        maps.receive(entry.from, entry.update);
+      } catch (const Error& error) {
+        throw Error(ErrorCode::kCorrupt, std::string("an update of it does not fit: ") + error.what(), path.string(),
+                    "begin another journal; clients that are still there tell all again");
+      }
+    });
+    std::vector<mapdb::JournalEntry> all;
+    for (auto& [from, update] : maps.snapshot()) all.push_back({from, std::move(update)});
+    if (all.size() < count) journal.replace(all);
+    return journal;
+  }
+
+  // --- Handlers. Who waits and has had the least of their time so far is next: a flood, or what is costly to refuse, costs others a turn.
+  std::shared_ptr<Wire> next() {
+    std::shared_ptr<Wire> best;
+    for (const auto& wire : wires) {
+      if (wire->is_handled || wire->waiting.empty() || (best && best->spent_s <= wire->spent_s)) continue;
+      if (wire->waiting.front().message.kind == ClientMessage::Kind::update && saver->unsaved_bytes() >= kMostUnsaved) continue;
+      best = wire;
+    }
+    return best;
+  }
+
+  void handle() {
+    std::unique_lock lock(mutex);
+    while (true) {
+      std::shared_ptr<Wire> wire;
+      has_work.wait(lock, [&] { return handling_ends || (wire = next()) != nullptr; });
+      if (handling_ends) return;
+      const Wire::Waiting taken = std::move(wire->waiting.front());
+      wire->waiting.pop_front(), wire->waiting_bytes -= taken.message.bytes.size();
+      wire->is_handled = true;
+      turn_s = wire->spent_s;
+      ClientCounts more;
+      more.session = wire->counts.session;
+      lock.unlock();
+      double spent_s = 0.0;
+      {
+        const Spending spending(spent_s);
+        handle(wire, taken, more);
+      }
+      lock.lock();
+      wire->is_handled = false, wire->spent_s += spent_s;
+      add(wire->counts, more);
+    }
+  }
+
+  void handle(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more) {
+    const std::string& bytes = taken.message.bytes;
+    more.heard_bytes += bytes.size();
+    const SessionId from = more.session;
+    const auto post = [&](ServerMessage::Kind kind, std::string answer) {
+      more.sent_bytes += answer.size();
+      wire->post({kind, std::move(answer), {}});
+    };
+    try {
+      switch (taken.message.kind) {
+        case ClientMessage::Kind::hello: return greet(wire, from, bytes);
+        case ClientMessage::Kind::update: return update(wire, from, taken, more);
+        case ClientMessage::Kind::view: {
+          ++more.views;
+          if (!wire->has_room(most_answer_bytes())) return;
+          std::optional<Share> share;
+          {
+            const Spending spending(more.retrieval_s);
+            const ClientView view = decode_client_view(bytes, to_string(from));
+            const Hold hold(*this);
+            share = maps.share(from, view);
+          }
+          if (!share) return;
+          ++more.shares;
+          const Spending spending(more.sending_s);
+          return post(ServerMessage::Kind::share, encode(*share));
+        }
+        case ClientMessage::Kind::place_request: {
+          ++more.places;
+          if (!wire->has_room(most_answer_bytes())) return;
+          const Spending spending(more.place_s);
+          if (auto answer = place(from, decode_place_request(bytes, to_string(from)))) post(ServerMessage::Kind::place, encode(*answer));
+          more.longest_place_s = seconds_since(taken.since);
+        }
+      }
+    } catch (const std::exception& error) {
+      ++more.refused;
+      post(ServerMessage::Kind::refused, error.what());
+    }
+  }
+
+  std::size_t most_answer_bytes() const { return static_cast<std::size_t>(options.answers_kb) << 10; }
+
+  void greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes) {
+    const Hello hello = decode_hello(bytes, "a client's hello");
+    if (before != SessionId{} && before != hello.session)
+      throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before", to_string(hello.session),
+                  "each run of a client has a link of its own");
+    const Hold hold(*this);
+    ServerMessage welcome{ServerMessage::Kind::welcome, {}, maps.greet(hello)};
+    const std::lock_guard lock(mutex);
+    for (const auto& other : wires)
+      if (other != wire && other->counts.session == hello.session) close(*other);
+    prune();
+    wire->counts.session = hello.session;
+    saver->save({}, [wire, welcome = std::move(welcome)] { wire->post(welcome); });
+  }
+
+  void update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken, ClientCounts& more) {
+    const double waited_s = seconds_since(taken.since);
+    ++more.updates, more.waited_s += waited_s, more.longest_wait_s = waited_s;
+    const Spending spending(more.update_s);
+    MapUpdate decoded = decode_map_update(taken.message.bytes, to_string(from));
+    const Hold hold(*this);
+    auto received = maps.receive(from, std::move(decoded), taken.message.bytes);
+    advance();
+    std::vector<mapdb::JournalEntry> entries;
+    for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
+    saver->save(std::move(entries), [wire, receipt = received.receipt] { wire->post({ServerMessage::Kind::receipts, {}, {receipt}}); });
+  }
+
+  std::optional<PlaceAnswer> place(const SessionId& from, PlaceRequest request) {
+    std::shared_ptr<tiers::VisualServer::PlaceSearch> search;
+    {
+      const Hold hold(*this);
+      search = maps.place_search(from, std::move(request));
+    }
+    if (!search) return std::nullopt;
+    search->run(alone);
+    const Hold hold(*this);
+    return maps.answer(from, *search);
+  }
+
+  // --- Joining. The maps are held only while a joining begins and while its result is taken over.
+  void advance() {
+    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *joining_pool);
+    if (maps.pending()) maps_changed.notify_one();
+  }
+
+  void join_maps() {
+    give_way();
+    std::unique_lock lock(maps_mutex);
+    while (true) {
+      maps_changed.wait(lock, [&] { return joining_ends || maps.pending(); });
+      if (joining_ends) return;
+      std::shared_ptr<BackgroundWork> work = maps.pending();
+      lock.unlock();
+      const Clock::time_point begin = Clock::now();
+      double spent_s = 0.0;
+      try {
+        const Spending spending(spent_s);
+        work->run();
+      } catch (const std::exception& error) {
+        log(LogLevel::error, std::string("maps are joined no more: ") + error.what());
+        const std::lock_guard counting(mutex);
+        counts.trouble = error.what();
+        return;
+      }
+      {
+        const Hold hold(*this);
+        advance();
+      }
+      work.reset();  // with what the maps were before
+      {
+        const std::lock_guard counting(mutex);
+        ++counts.joinings, counts.joining_s += spent_s;
+        counts.longest_joining_s = std::max(counts.longest_joining_s, seconds_since(begin));
+      }
+      lock.lock();
+    }
+  }
+
+  // --- Links, under `mutex`.
+  void close(Wire& wire) {
+    if (wire.is_closed) return;
+    wire.is_closed = true;
+    wire.waiting.clear(), wire.waiting_bytes = 0;
+    wire.end();
+  }
+
+  void prune() {
+    for (const auto& wire : wires) {
+      if (!wire->is_closed || wire->is_handled) continue;
+      ClientCounts& sum = gone[wire->counts.session];
+      sum.session = wire->counts.session;
+      add(sum, wire->counts);
+    }
+    wires.erase(std::remove_if(wires.begin(), wires.end(), [](const auto& wire) { return wire->is_closed && !wire->is_handled; }),
+                wires.end());
+  }
+
+  void finish() {
+    {
+      const std::lock_guard lock(mutex);
+      if (handling_ends) return;
+      handling_ends = true;
+      has_work.notify_all();
+    }
+    for (std::thread& handler : handlers) handler.join();
+    saver->finish();
+    {
+      const std::lock_guard lock(maps_mutex);
+      joining_ends = true;
+      maps_changed.notify_all();
+    }
+    joiner.join();
+    const std::lock_guard lock(mutex);
+    for (const auto& wire : wires) close(*wire);
+    prune();
+  }
+};
+
+LiveMapServer::LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
+                             const std::optional<std::filesystem::path>& journal)
+    : state_(std::make_shared<State>(edge, std::move(server), std::move(fusion), options, journal)) {}
+
+LiveMapServer::~LiveMapServer() { state_->finish(); }
+
+std::shared_ptr<LiveMapServer::Link> LiveMapServer::connect() {
+  auto wire = std::make_shared<Link::Wire>();
+  const std::lock_guard lock(state_->mutex);
+  state_->prune();
+  if (state_->wires.size() >= kMostLinks)
+    throw Error(ErrorCode::kBadInput, "this server has " + std::to_string(kMostLinks) + " clients on the wire already");
+  if (state_->handling_ends)
+    wire->is_closed = true, wire->end();
+  else
+    state_->wires.push_back(wire);
+  return std::shared_ptr<Link>(new Link(std::move(wire), state_));
+}
+
+ServerCounts LiveMapServer::counts() const {
+  double longest_hold_s = 0.0;
+  {
+    const std::lock_guard lock(state_->maps_mutex);
+    longest_hold_s = state_->longest_hold_s;
+  }
+  const std::lock_guard lock(state_->mutex);
+  std::map<SessionId, ClientCounts> clients = state_->gone;
+  for (const auto& wire : state_->wires) {
+    ClientCounts& sum = clients[wire->counts.session];
+    sum.session = wire->counts.session;
+    add(sum, wire->counts);
+  }
+  ServerCounts counts = state_->counts;
+  counts.longest_hold_s = longest_hold_s, counts.saving_s = state_->saver->cpu_seconds();
+  if (counts.trouble.empty()) counts.trouble = state_->saver->trouble();
+  for (const auto& [session, client] : clients) counts.clients.push_back(client);
+  return counts;
+}
+
+tiers::VisualServer& LiveMapServer::finish() {
+  state_->finish();
+  return state_->maps;
+}
+
+LiveMapServer::Link::Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server) : wire_(std::move(wire)), server_(std::move(server)) {}
+
+LiveMapServer::Link::~Link() {
+  if (const auto server = server_.lock()) {
+    const std::lock_guard lock(server->mutex);
+    server->close(*wire_);
+    server->prune();
+  }
+}
+
+LiveMapServer::Link::Sent LiveMapServer::Link::send(ClientMessage message) {
+  const auto server = server_.lock();
+  if (!server) return Sent::never;
+  const std::size_t bytes = message.bytes.size(), most = static_cast<std::size_t>(server->options.queue_kb) << 10;
+  const std::lock_guard lock(server->mutex);
+  if (wire_->is_closed || bytes > most) return Sent::never;
+  if (wire_->waiting_bytes + bytes > most || wire_->waiting.size() >= most >> 10) {
+    ++wire_->counts.put_off;
+    return Sent::later;
+  }
+  if (wire_->waiting.empty() && !wire_->is_handled) wire_->spent_s = std::max(wire_->spent_s, server->turn_s);
+  wire_->waiting_bytes += bytes;
+  wire_->waiting.push_back({std::move(message), Clock::now()});
+  server->has_work.notify_one();
+  return Sent::taken;
+}
+
+std::vector<ServerMessage> LiveMapServer::Link::take(std::chrono::milliseconds patience) { return wire_->take(patience); }
+
+bool LiveMapServer::Link::is_closed() const { return wire_->is_over(); }
+
+}  // namespace mapweave::runtime
