@@ -169,7 +169,7 @@ TEST(LiveClient, follows_and_drops_what_comes_too_fast) {
   std::vector<Frame> frames;
   for (int i = 0; i < 20; ++i) frames.push_back(room.frame(at(i), walk(i)));
   std::atomic<int> reported{0};
-  LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](Stamp, const Tracked&) { ++reported; });
+  LiveClient client(room.camera, 0.0, {}, std::nullopt, [&](VisualClient&, Stamp, const Tracked&) { ++reported; });
   for (int round = 0; round < 2; ++round) client.add(frames[0]);  // may replace one another
   for (int i = 1; i < 20; ++i) {
     client.add(frames[static_cast<std::size_t>(i)]);

@@ -27,7 +27,10 @@ LiveClient::~LiveClient() {
   stop();
 }
 
-void LiveClient::add(Frame frame) {
+void LiveClient::add(Frame frame) { wait_with(std::move(frame)); }
+void LiveClient::add(FeatureFrame frame) { wait_with(std::move(frame)); }
+
+void LiveClient::wait_with(AnyFrame frame) {
   const std::lock_guard lock(mutex_);
   if (ending_ || error_) return;
   if (waiting_) ++dropped_;
@@ -35,7 +38,7 @@ void LiveClient::add(Frame frame) {
   changed_.notify_all();
 }
 
-const VisualClient& LiveClient::finish() {
+VisualClient& LiveClient::finish() {
   stop();
   if (error_) std::rethrow_exception(error_);
   client_.finish();
@@ -64,7 +67,7 @@ void LiveClient::stop() {
 
 void LiveClient::track() try {
   while (true) {
-    Frame frame;
+    AnyFrame frame;
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [this] { return waiting_ || ending_; });
@@ -72,8 +75,12 @@ void LiveClient::track() try {
       frame = std::move(*waiting_);
       waiting_.reset();
     }
-    const Tracked tracked = client_.add(frame);
-    if (report_) report_(frame.stamp, tracked);
+    std::visit(
+        [this](const auto& one) {
+          const Tracked tracked = client_.add(one);
+          if (report_) report_(client_, one.stamp, tracked);
+        },
+        frame);
     const std::lock_guard lock(mutex_);
     work_ = client_.pending();
     if (work_) changed_.notify_all();

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <exception>
 #include <thread>
+#include <variant>
 
 namespace mapweave::visual {
 
@@ -13,7 +14,8 @@ namespace mapweave::visual {
 // All calls are thread-safe.
 class LiveClient {
  public:
-  using Report = std::function<void(Stamp, const Tracked&)>;  // called on the tracking thread
+  // Called on the tracking thread after each frame, which may talk to the client then; the next frame waits meanwhile.
+  using Report = std::function<void(VisualClient&, Stamp, const Tracked&)>;
   LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options,
              std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt, Report report = {});
   ~LiveClient();  // what waits is dropped
@@ -22,12 +24,15 @@ class LiveClient {
 
   // Never waits. A frame that waits already is dropped for this one. Contract as VisualClient::add.
   void add(Frame frame);
-  // Until the last frame was tracked and what was pending is applied. Throws what a thread threw. The client may be read from then on; no
-  // more frames come.
-  const VisualClient& finish();
+  void add(FeatureFrame frame);
+  // Until the last frame was tracked and what was pending is applied. Throws what a thread threw. The client is the caller's from then on;
+  // no more frames come.
+  VisualClient& finish();
   int dropped() const;
 
  private:
+  using AnyFrame = std::variant<Frame, FeatureFrame>;
+  void wait_with(AnyFrame frame);
   void track();
   void straighten();
   void stop();
@@ -36,7 +41,7 @@ class LiveClient {
   Report report_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<Frame> waiting_;
+  std::optional<AnyFrame> waiting_;
   std::shared_ptr<BackgroundWork> work_;
   bool ending_ = false, stopped_ = false;
   int dropped_ = 0;

@@ -1,0 +1,48 @@
+#pragma once
+// A camera that does not wait, with a client of its own, on the wire to its edge's map server.
+
+#include <mapweave/runtime/live_map_server.h>
+#include <mapweave/tiers/camera_agent.h>
+#include <mapweave/visual/live_client.h>
+
+namespace mapweave::runtime {
+
+struct LiveCameraOptions {
+  visual::ClientOptions client;
+  tiers::UplinkOptions uplink;
+  double share_rate_hz = 2.0;  // of data: how often it tells and hears
+};
+
+// Goes on whether or not anybody listens. All calls are thread-safe.
+class LiveCamera {
+ public:
+  LiveCamera(visual::ClientPlace place, const visual::PinholeCamera& camera, double baseline_m, LiveCameraOptions options,
+             std::shared_ptr<LiveMapServer::Link> link);
+
+  // As LiveClient's: never waits, a frame that waits already is dropped.
+  void add(visual::Frame frame) { client_.add(std::move(frame)); }
+  void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
+  int dropped() const { return client_.dropped(); }
+  // No more frames come. Tells the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
+  visual::VisualClient& finish(std::chrono::milliseconds patience);
+
+  // To be read after finish().
+  const tiers::CameraAgent& agent() const { return agent_; }
+  const std::string& refusal() const { return refusal_; }  // the last one
+
+ private:
+  void exchange(visual::VisualClient& client, Stamp now);
+  void hear(visual::VisualClient& client, std::chrono::milliseconds patience);
+  bool send(ClientMessage::Kind kind, std::string bytes);
+
+  // Of the tracking thread, until it has ended.
+  visual::ClientPlace place_;
+  std::shared_ptr<LiveMapServer::Link> link_;
+  tiers::CameraAgent agent_;
+  std::optional<Stamp> last_;
+  bool greeted_ = false;
+  std::string refusal_;
+  visual::LiveClient client_;
+};
+
+}  // namespace mapweave::runtime

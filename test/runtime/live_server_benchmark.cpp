@@ -1,0 +1,290 @@
+// What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand over features.
+// live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with its times
+// live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
+// live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real time: dropped frames
+#include <mapweave/core/error.h>
+#include <mapweave/runtime/live_camera.h>
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/simulation/feature_sensor.h>
+
+#include <nlohmann/json.hpp>
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <deque>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+using namespace mapweave;
+using runtime::ClientMessage;
+using runtime::LiveMapServer;
+using Clock = std::chrono::steady_clock;
+
+namespace {
+
+constexpr double kFramesPerSecond = 10.0, kShareRate_hz = 2.0, kMetresPerSecond = 0.65;
+
+class Building {
+ public:
+  Building(std::size_t robots, double seconds, WorkerPool& pool) : options_(options(robots, seconds)), world_(options_, pool) {
+    field_.emplace(world_.scene(0), world_.buildings()[0], features_);
+    for (std::size_t i = 0; i < robots; ++i) recordings_.emplace_back(world_, *field_, features_, i, 0);
+  }
+  visual::ClientPlace place(std::size_t robot) const {
+    return {{RobotId(options_.robots[robot].id), SensorId("camera")},
+            compose(inverse(world_.world_from_robot(robot, 0.0)), recordings_[robot].frame(0).world_from_camera)};
+  }
+  visual::PinholeCamera camera() const {
+    const auto& model = options_.cameras[0].intrinsics();
+    return {model.width, model.height, model.fx, model.fy, model.cx, model.cy};
+  }
+  std::vector<visual::FeatureFrame> frames(std::size_t robot, double seconds) const {
+    const auto count = std::min(recordings_[robot].frame_count(), static_cast<std::size_t>(seconds * kFramesPerSecond));
+    std::vector<visual::FeatureFrame> frames;
+    for (std::size_t i = 0; i < count; ++i) {
+      const simulation::FeatureFrame seen = recordings_[robot].frame(i);
+      visual::FeatureFrame& frame = frames.emplace_back();
+      frame.stamp = seen.stamp;
+      for (const simulation::Feature& feature : seen.features) {
+        frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
+        frame.features.descriptors.push_back(feature.descriptor);
+        frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
+      }
+    }
+    return frames;
+  }
+
+ private:
+  static simulation::WorldOptions options(std::size_t robots, double seconds) {
+    simulation::WorldOptions options;
+    options.seed = 7;
+    options.buildings.resize(1);
+    options.buildings[0].kind = simulation::PlanKind::apartment, options.buildings[0].seed = 7;
+    options.cameras.resize(1);
+    options.cameras[0].kind = simulation::CameraKind::rgbd, options.cameras[0].frames_per_second = kFramesPerSecond;
+    options.robots.resize(robots);
+    for (std::size_t i = 0; i < robots; ++i) {
+      auto& robot = options.robots[i];
+      robot.id = "robot-" + std::to_string(100 + i);
+      robot.first_room = static_cast<int>(i % 4), robot.last_room = robot.first_room + 3;
+      robot.order = i % 8 < 4 ? simulation::TourOrder::along : simulation::TourOrder::back;
+      robot.length_m = kMetresPerSecond * seconds;
+    }
+    return options;
+  }
+
+  simulation::WorldOptions options_;
+  simulation::FeatureOptions features_;
+  simulation::World world_;
+  std::optional<simulation::LandmarkField> field_;
+  std::vector<simulation::FeatureRecording> recordings_;
+};
+
+struct Told {
+  double after_s = 0.0;
+  std::uint32_t client = 0;
+  ClientMessage message;
+};
+
+// What a client tells that nobody answers but with receipts.
+std::vector<Told> told_by(const Building& building, std::uint32_t client, double seconds) {
+  std::vector<Told> told;
+  const visual::ClientPlace place = building.place(client);
+  visual::VisualClient camera(building.camera(), 0.0, {}, matching::shipped_vocabulary());
+  tiers::CameraAgent agent(place);
+  bool greeted = false;
+  const double offset_s = static_cast<double>(client * 37 % 50) / 100.0;
+  const auto frames = building.frames(client, seconds);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    camera.add(frames[i]);
+    const double after_s = offset_s + static_cast<double>(i + 1) / kFramesPerSecond;
+    const auto tell = [&](ClientMessage::Kind kind, std::string bytes) { told.push_back({after_s, client, {kind, std::move(bytes)}}); };
+    if ((i + 1) % static_cast<std::size_t>(kFramesPerSecond / kShareRate_hz) != 0 || !camera.run(place)) continue;
+    if (!std::exchange(greeted, true))
+      tell(ClientMessage::Kind::hello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
+    for (std::string& bytes : agent.updates(camera, frames[i].stamp)) {
+      const MapUpdate update = decode_map_update(bytes, "a client");
+      agent.stored({update.origin, update.sequence, 0});
+      tell(ClientMessage::Kind::update, std::move(bytes));
+    }
+    if (auto view = agent.view(camera))
+      tell(ClientMessage::Kind::view, std::move(*view));
+    else if (auto request = agent.place_request(camera))
+      tell(ClientMessage::Kind::place_request, std::move(*request));
+  }
+  return told;
+}
+
+void record(const std::string& path, std::size_t clients, double seconds) {
+  WorkerPool pool(available_processors());
+  const Building building(clients, seconds, pool);
+  std::vector<Told> all;
+  for (auto& told : pool.map(clients, [&](std::size_t i) { return told_by(building, static_cast<std::uint32_t>(i), seconds); }))
+    std::move(told.begin(), told.end(), std::back_inserter(all));
+  std::stable_sort(all.begin(), all.end(), [](const Told& a, const Told& b) { return a.after_s < b.after_s; });
+  std::ofstream file(path, std::ios::binary);
+  for (const Told& one : all) {
+    file << one.after_s << ' ' << one.client << ' ' << static_cast<int>(one.message.kind) << ' ' << one.message.bytes.size() << '\n';
+    file.write(one.message.bytes.data(), static_cast<std::streamsize>(one.message.bytes.size()));
+  }
+  std::printf("%zu messages of %zu clients\n", all.size(), clients);
+}
+
+std::vector<Told> read(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::vector<Told> all;
+  int kind = 0;
+  std::size_t bytes = 0;
+  for (Told one; file >> one.after_s >> one.client >> kind >> bytes && file.get() == '\n';) {
+    one.message.kind = static_cast<ClientMessage::Kind>(kind), one.message.bytes.resize(bytes);
+    file.read(one.message.bytes.data(), static_cast<std::streamsize>(bytes));
+    all.push_back(one);
+  }
+  if (all.empty()) throw Error(ErrorCode::kMissing, "no messages there", path, "record some first");
+  return all;
+}
+
+double process_cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+tiers::ServerOptions sharing(tiers::Sharing share) {
+  tiers::ServerOptions options;
+  options.share = share, options.share_rate_hz = kShareRate_hz;
+  return options;
+}
+
+struct Journal {
+  std::filesystem::path path = std::filesystem::temp_directory_path() / ("live_server_benchmark." + std::to_string(getpid()) + ".mwj");
+  ~Journal() {
+    for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + end);
+  }
+};
+
+nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t clients, double seconds) {
+  runtime::ClientCounts sum;
+  for (const runtime::ClientCounts& client : counts.clients) {
+    sum.heard_bytes += client.heard_bytes, sum.sent_bytes += client.sent_bytes;
+    sum.updates += client.updates, sum.views += client.views, sum.shares += client.shares, sum.places += client.places;
+    sum.refused += client.refused, sum.put_off += client.put_off;
+    sum.update_s += client.update_s, sum.retrieval_s += client.retrieval_s, sum.sending_s += client.sending_s;
+    sum.place_s += client.place_s, sum.waited_s += client.waited_s;
+    sum.longest_wait_s = std::max(sum.longest_wait_s, client.longest_wait_s);
+    sum.longest_place_s = std::max(sum.longest_place_s, client.longest_place_s);
+  }
+  const auto each_ms = [](double s, std::uint64_t count) { return count == 0 ? 0.0 : 1e3 * s / static_cast<double>(count); };
+  const double minutes = static_cast<double>(clients) * seconds / 60.0;
+  return {{"update_ms", each_ms(sum.update_s, sum.updates)},
+          {"retrieval_ms", each_ms(sum.retrieval_s, sum.views)},
+          {"sending_ms", each_ms(sum.sending_s, sum.shares)},
+          {"place_ms", each_ms(sum.place_s, sum.places)},
+          {"updates", sum.updates},
+          {"views", sum.views},
+          {"shares", sum.shares},
+          {"places", sum.places},
+          {"refused", sum.refused},
+          {"put_off", sum.put_off},
+          {"mean_wait_ms", each_ms(sum.waited_s, sum.updates)},
+          {"longest_wait_ms", 1e3 * sum.longest_wait_s},
+          {"longest_place_ms", 1e3 * sum.longest_place_s},
+          {"longest_hold_ms", 1e3 * counts.longest_hold_s},
+          {"heard_kB_per_client_s", 1e-3 * static_cast<double>(sum.heard_bytes) / (60.0 * minutes)},
+          {"sent_kB_per_client_s", 1e-3 * static_cast<double>(sum.sent_bytes) / (60.0 * minutes)},
+          {"handling_s_per_client_minute", (sum.update_s + sum.retrieval_s + sum.sending_s + sum.place_s) / minutes},
+          {"saving_s_per_client_minute", counts.saving_s / minutes},
+          {"joining_s_per_client_minute", counts.joining_s / minutes},
+          {"joinings", counts.joinings},
+          {"longest_joining_s", counts.longest_joining_s},
+          {"trouble", counts.trouble}};
+}
+
+nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients) {
+  const Journal journal;
+  const double before_s = process_cpu_seconds(), mine_before_s = runtime::thread_cpu_seconds();
+  LiveMapServer server(TierId("edge"), sharing(tiers::Sharing::view), {}, {}, journal.path);
+  std::vector<std::shared_ptr<LiveMapServer::Link>> links;
+  for (std::size_t i = 0; i < clients; ++i) links.push_back(server.connect());
+  const Clock::time_point begin = Clock::now();
+  double seconds = 0.0;
+  for (const Told& one : all) {
+    if (one.client >= clients) continue;
+    std::this_thread::sleep_until(begin + std::chrono::duration<double>(one.after_s));
+    links[one.client]->take(std::chrono::milliseconds(0));
+    links[one.client]->send(one.message);
+    seconds = one.after_s;
+  }
+  const double cpu_s = process_cpu_seconds() - before_s - (runtime::thread_cpu_seconds() - mine_before_s);
+  const double minutes = static_cast<double>(clients) * seconds / 60.0;
+  nlohmann::ordered_json row{
+      {"clients", clients}, {"seconds", seconds}, {"cpu_s_per_client_minute", cpu_s / minutes}, {"cores", cpu_s / seconds}};
+  row.update(costs(server.counts(), clients, seconds));
+  row["components"] = server.finish().joined().components.size();
+  return row;
+}
+
+nlohmann::ordered_json team(std::size_t clients, double seconds) {
+  WorkerPool pool(available_processors());
+  const Building building(clients, seconds, pool);
+  const auto frames = pool.map(clients, [&](std::size_t i) { return building.frames(i, seconds); });
+  const Journal journal;
+  const double before_s = process_cpu_seconds();
+  LiveMapServer server(TierId("edge"), sharing(tiers::Sharing::full), {}, {}, journal.path);
+  std::deque<runtime::LiveCamera> cameras;
+  for (std::size_t i = 0; i < clients; ++i)
+    cameras.emplace_back(building.place(i), building.camera(), 0.0, runtime::LiveCameraOptions{}, server.connect());
+  const Clock::time_point begin = Clock::now();
+  std::size_t count = 0;
+  for (std::size_t frame = 0; frame < static_cast<std::size_t>(seconds * kFramesPerSecond); ++frame)
+    for (std::size_t i = 0; i < clients; ++i) {
+      if (frame >= frames[i].size()) continue;
+      std::this_thread::sleep_until(
+          begin + std::chrono::duration<double>((static_cast<double>(frame) + static_cast<double>(i) / static_cast<double>(clients)) /
+                                                kFramesPerSecond));
+      cameras[i].add(frames[i][frame]);
+      ++count;
+    }
+  const double lasted_s = std::chrono::duration<double>(Clock::now() - begin).count();
+  const double cpu_s = process_cpu_seconds() - before_s;
+  nlohmann::ordered_json row{{"clients", clients}, {"seconds", lasted_s}, {"frames", count}, {"cores", cpu_s / lasted_s}};
+  row.update(costs(server.counts(), clients, lasted_s));
+  int dropped = 0;
+  std::size_t borrowed = 0;
+  for (auto& camera : cameras) {
+    borrowed += camera.finish(std::chrono::seconds(10)).borrowed_seen();
+    dropped += camera.dropped();
+  }
+  row["dropped"] = dropped, row["borrowed_seen"] = borrowed;
+  row["components"] = server.finish().joined().components.size();
+  return row;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const std::string what = argc > 1 ? argv[1] : "";
+  const auto number = [&](int i, double otherwise) { return argc > i ? std::atof(argv[i]) : otherwise; };
+  if (what == "record" && argc > 2) {
+    record(argv[2], static_cast<std::size_t>(number(3, 16)), number(4, 60));
+  } else if (what == "replay" && argc > 3) {
+    const std::vector<Told> all = read(argv[2]);
+    auto rows = nlohmann::ordered_json::array();
+    std::istringstream counts(argv[3]);
+    for (std::string count; std::getline(counts, count, ',');) {
+      rows.push_back(replay(all, static_cast<std::size_t>(std::atoi(count.c_str()))));
+      std::fprintf(stderr, "%s\n", rows.back().dump().c_str());
+    }
+    std::printf("%s\n", rows.dump(2).c_str());
+  } else if (what == "team") {
+    std::printf("%s\n", team(static_cast<std::size_t>(number(2, 8)), number(3, 60)).dump(2).c_str());
+  } else {
+    std::fprintf(stderr, "live_server_benchmark record FILE [CLIENTS [SECONDS]] | replay FILE CLIENTS,... | team [CLIENTS [SECONDS]]\n");
+    return 2;
+  }
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}
