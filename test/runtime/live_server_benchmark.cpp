@@ -221,7 +221,9 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   nlohmann::ordered_json row{
       {"clients", clients}, {"seconds", seconds}, {"cpu_s_per_client_minute", cpu_s / minutes}, {"cores", cpu_s / seconds}};
   row.update(costs(server.counts(), clients, seconds));
-  row["components"] = server.finish().joined().components.size();
+  const fusion::FusionResult& joined = server.finish().joined();
+  row["components"] = joined.components.size();
+  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
   return row;
 }
 
@@ -257,7 +259,9 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
     dropped += camera.dropped();
   }
   row["dropped"] = dropped, row["borrowed_seen"] = borrowed;
-  row["components"] = server.finish().joined().components.size();
+  const fusion::FusionResult& joined = server.finish().joined();
+  row["components"] = joined.components.size();
+  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
   return row;
 }
 

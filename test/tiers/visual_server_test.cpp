@@ -284,5 +284,27 @@ TEST(CameraAgent, keeps_within_its_wire_by_telling_less) {
   EXPECT_LT(sent[15.0], sent[0.0] / 2);
 }
 
+TEST(VisualServer, keeps_within_a_clients_wire_by_lending_less) {
+  auto options = two_in_an_apartment();
+  for (auto& robot : options.robots) robot.length_m = 15.0;
+  std::map<double, std::uint64_t> heard;
+  for (const double cap : {0.0, 1.0}) {
+    ServerOptions narrow = sharing(Sharing::view);
+    narrow.most_bytes_per_s = 1e3 * cap;
+    FeatureTeam team(options, narrow);
+    team.run();
+    for (const auto& robot : team.robots) {
+      heard[cap] += robot.agent->heard_bytes();
+      const double kB_per_s = 1e-3 * static_cast<double>(robot.agent->heard_bytes()) * 12.0 / static_cast<double>(robot.next);
+      std::printf("bound %.0f kB/s: %.2f kB/s, %zu borrowed landmarks seen\n", cap, kB_per_s, robot.borrowed_seen);
+      if (cap > 0.0) {
+        EXPECT_LT(kB_per_s, 1.1 * cap);
+      }
+    }
+    EXPECT_GT(team.robots[0].borrowed_seen + team.robots[1].borrowed_seen, 20U);
+  }
+  EXPECT_LT(heard[1.0], heard[0.0] / 2);
+}
+
 }  // namespace
 }  // namespace mapweave::tiers

@@ -17,6 +17,9 @@ constexpr std::uint64_t kHeldFor = 20;       // shares out of view: clients forg
 constexpr std::size_t kMostHeld = 2500;      // clients hold 3000
 constexpr double kResent_m = 0.01;           // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;        // a client whose keyframes moved by more since the joining began knows better
+constexpr double kLandmarkBytes = 70.0;      // on the wire, about
+constexpr std::size_t kLeastTold = 60;       // landmarks with a place, however narrow the wire
+constexpr double kBurst_s = 2.0;             // of the wire, that may be saved up
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
@@ -49,6 +52,32 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
                 "cameras tell keyframes and landmarks");
 }
 
+// What a client may still be told.
+class Downlink {
+ public:
+  void wait_until(Stamp now, double bytes_per_s) {
+    if (last_)
+      allowance_bytes_ = std::min(allowance_bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
+    if (!last_ || *last_ < now) last_ = now;
+  }
+  bool is_open() const { return allowance_bytes_ > 0.0 || !last_; }
+  std::size_t landmarks() const { return static_cast<std::size_t>(std::max(0.0, allowance_bytes_) / kLandmarkBytes); }
+  void tell(std::size_t bytes) { allowance_bytes_ -= static_cast<double>(bytes); }
+
+ private:
+  double allowance_bytes_ = 0.0;  // below zero: in debt
+  std::optional<Stamp> last_;
+};
+
+// So many of them, from all over.
+std::vector<DescribedLandmark> thinned(std::vector<DescribedLandmark> all, std::size_t count) {
+  if (all.size() <= count) return all;
+  for (std::size_t i = 0; i < count; ++i)
+    if (const std::size_t from = i * all.size() / count; from != i) all[i] = std::move(all[from]);
+  all.resize(count);
+  return all;
+}
+
 }  // namespace
 
 struct VisualServer::Client {
@@ -65,6 +94,7 @@ struct VisualServer::Client {
     std::uint64_t corrected_by = 0;  // the view
   };
   std::map<MapId, Part> parts;  // by what the client calls them
+  mutable Downlink downlink;
 };
 
 // Owned by the work too, which may outlive the server.
@@ -181,7 +211,7 @@ struct VisualServer::State {
   }
 
   void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
-            Share& share) const {
+            std::size_t most, Share& share) const {
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
     ++part.shares;
     for (const DescribedLandmark& one : member.component->landmarks.retrieve(
@@ -189,12 +219,14 @@ struct VisualServer::State {
       if (one.id.session == to) continue;
       DescribedLandmark here = matching::transformed(one, map_from_team);
       if (!matching::flaw(here).empty()) continue;
-      const auto [held, is_new] = part.lent.try_emplace(here.id);
-      held->second.wanted = part.shares;
-      if (!is_new && (held->second.point_in_map - here.point_in_map).norm() < std::max(kResent_m, here.sigma_m)) continue;
-      held->second.point_in_map = here.point_in_map;
+      if (const auto held = part.lent.find(here.id); held != part.lent.end()) {
+        held->second.wanted = part.shares;
+        if ((held->second.point_in_map - here.point_in_map).norm() < std::max(kResent_m, here.sigma_m)) continue;
+      }
       share.landmarks.push_back(std::move(here));
     }
+    share.landmarks = thinned(std::move(share.landmarks), most);
+    for (const DescribedLandmark& here : share.landmarks) part.lent[here.id] = {here.point_in_map, part.shares};
     const auto is_old = [&](const Client::Lent& lent, std::uint64_t shares) { return lent.wanted + shares < part.shares; };
     for (std::uint64_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
       for (auto one = part.lent.begin(); one != part.lent.end();)
@@ -307,10 +339,14 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   if (near == nullptr) return std::nullopt;
   Share share;
   share.map = told.map;
-  if (state.options.share == Sharing::full) state.correct(part, *member, share);
+  const bool is_bound = state.options.most_bytes_per_s > 0.0;
+  client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
+  if (state.options.share == Sharing::full && (!is_bound || client.downlink.is_open())) state.correct(part, *member, share);
   // What is lent is lent for the map as it is: after a correction the client forgets it.
-  if (share.corrected.empty()) state.lend(part, to, told, *member, *near, share);
+  if (share.corrected.empty())
+    state.lend(part, to, told, *member, *near, is_bound ? client.downlink.landmarks() : std::numeric_limits<std::size_t>::max(), share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
+  if (is_bound) client.downlink.tell(encode(share).size());
   return share;
 }
 
@@ -358,6 +394,11 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
       if (here.id.session != from && matching::flaw(here).empty()) answer.landmarks.push_back(std::move(here));
     }
     if (answer.landmarks.empty()) return std::nullopt;
+    if (state.options.most_bytes_per_s > 0.0) {
+      client.downlink.wait_until(answer.stamp, state.options.most_bytes_per_s);
+      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastTold, client.downlink.landmarks()));
+      client.downlink.tell(encode(answer).size());
+    }
     return answer;
   };
   // In a map of its own where one lies there, else in that of who saw the place.

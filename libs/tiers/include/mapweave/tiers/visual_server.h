@@ -28,6 +28,7 @@ struct ServerOptions {
   bool wait = true;
   double far_m = 10.0;
   double correct_m = 0.05;
+  double most_bytes_per_s = 0.0;
   matching::LandmarkIndexOptions index;
   matching::RetrievalOptions retrieval;
   matching::DescriptionOptions description;
@@ -43,6 +44,10 @@ struct ServerOptions {
     v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
     v.positive("far_m", far_m, "landmarks farther from a camera are not lent");
     v.positive("correct_m", correct_m, "clients hear where the team has their keyframes when those are off by more (root mean square)");
+    v.non_negative(
+        "most_bytes_per_s", most_bytes_per_s,
+        "of data, that a client hears on the mean; 0: no bound. It is lent fewer landmarks first, then corrected later; where it "
+        "is when it asks, it hears always");
     v.section("index", index, "where landmarks are looked up");
     v.section("retrieval", retrieval, "which landmarks a camera may see");
     v.section("description", description, "how landmarks are known again");
