@@ -92,7 +92,8 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map), is_metric_(
   const matching::BinaryVocabulary& vocabulary = matching::shipped_vocabulary();
   pool.for_each(keyframes_.size(), [&](std::size_t i) {
     tie_to_features(keyframes_[i], std::move(shown[i]));
-    keyframes_[i].bag = vocabulary.describe_picture(keyframes_[i].content->descriptors).bag;
+    auto described = vocabulary.describe_picture(keyframes_[i].content->descriptors);
+    keyframes_[i].bag = std::move(described.bag), keyframes_[i].node_of_feature = std::move(described.node_of_feature);
   });
   index_.emplace(vocabulary.words());
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
@@ -149,7 +150,7 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions) const
     view.id = from.id;
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
-    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), nullptr};
+    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), from.node_of_feature.data()};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);

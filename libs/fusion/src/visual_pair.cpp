@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <set>
 
 namespace mapweave::fusion {
@@ -173,6 +174,81 @@ std::vector<VisualWitness> judge(const VisualMap& a, const VisualMap& b, const s
   return witnesses;
 }
 
+namespace {
+
+// What the judgements so far make of two maps.
+struct Commitment {
+  std::vector<const VisualWitness*> clique, others;  // the heaviest set that holds together; those that hold, and agree with none of it
+  double weight = 0.0, rival_weight = 0.0;           // of the clique, and of the heaviest set of the others
+};
+
+Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const FusionInput& input,
+                      const FusionOptions& options) {
+  const auto clique_of = [&](const std::vector<const VisualWitness*>& from, double& weight) {
+    std::vector<bool> consistent(from.size() * from.size());
+    std::vector<double> weights;
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      weights.push_back(log_odds(from[i]->judgement.probability));
+      for (std::size_t j = 0; j < from.size(); ++j) consistent[i * from.size() + j] = i != j && agree(*from[i], *from[j], b, options);
+    }
+    std::vector<const VisualWitness*> members;
+    for (const auto i : graph::consistent_set(consistent, weights)) members.push_back(from[i]), weight += weights[i];
+    return members;
+  };
+  std::vector<const VisualWitness*> good;
+  for (const VisualWitness& w : witnesses)
+    if (holds(w, input, options)) good.push_back(&w);
+  Commitment result;
+  if (good.empty()) return result;
+  result.clique = clique_of(good, result.weight);
+  for (const VisualWitness* w : good)
+    if (std::none_of(result.clique.begin(), result.clique.end(),
+                     [&](const VisualWitness* c) { return c == w || agree(*c, *w, b, options); }))
+      result.others.push_back(w);
+  if (!result.others.empty()) clique_of(result.others, result.rival_weight);
+  return result;
+}
+
+bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
+  const auto& companions = map.keyframes()[keyframe].companions;
+  return keyframe == other ||
+         std::any_of(companions.begin(), companions.end(), [&](const auto& companion) { return companion.second == other; });
+}
+
+// Judged in rounds, those most alike first, so that maps that clearly lie on each other cost little. Once enough witnesses agree and nothing
+// speaks against them, pairs beside one of theirs are left out: they see the same again. What could be a rival, or widen the overlap, is
+// still judged, until rounds bring nothing new. Where anything contradicts, all are judged.
+std::deque<VisualWitness> judged_in_rounds(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options,
+                                           Memo& memo, WorkerPool& pool) {
+  constexpr std::size_t kRound = 8;
+  constexpr int kBarren = 2;  // rounds
+  std::vector<VisualQuestion> open = questions_of(a, b, options.visual);
+  std::deque<VisualWitness> witnesses;
+  for (int barren = 0; !open.empty();) {
+    const std::vector<VisualQuestion> round(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open.size())));
+    open.erase(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(round.size()));
+    bool told_something = false;
+    for (VisualWitness& w : judge(a, b, round, options.visual, memo, pool)) {
+      told_something = told_something || holds(w, input, options);
+      witnesses.push_back(std::move(w));
+    }
+    const Commitment now = commitment(witnesses, b, input, options);
+    barren = told_something ? 0 : barren + 1;
+    if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options.visual.enough_witnesses)) continue;
+    if (barren >= kBarren) break;
+    open.erase(std::remove_if(open.begin(), open.end(),
+                              [&](const VisualQuestion& question) {
+                                return std::any_of(now.clique.begin(), now.clique.end(), [&](const VisualWitness* w) {
+                                  return beside(a, w->keyframe_a, question.keyframe_a) && beside(b, w->keyframe_b, question.keyframe_b);
+                                });
+                              }),
+               open.end());
+  }
+  return witnesses;
+}
+
+}  // namespace
+
 VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options, Memo& memo,
                         WorkerPool& pool) {
   VisualPairResult result;
@@ -181,18 +257,17 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInpu
   verdict.kind = "vision", verdict.proposer = "words";
   verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
 
-  const auto witnesses = judge(a, b, questions_of(a, b, options.visual), options.visual, memo, pool);
-  std::vector<const VisualWitness*> good;
+  const auto witnesses = judged_in_rounds(a, b, input, options, memo, pool);
   const VisualWitness* likeliest = nullptr;
   std::size_t vetoed = 0;
   for (const VisualWitness& w : witnesses) {
     result.judged.push_back(w.judgement.id);
     vetoed += input.vetoed.count(w.judgement.id);
-    if (holds(w, input, options)) good.push_back(&w);
     if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
       likeliest = &w;
   }
-  if (good.empty()) {
+  const auto [clique, others, weight, rival_weight] = commitment(witnesses, b, input, options);
+  if (clique.empty()) {
     if (likeliest != nullptr) {
       const Judgement& judgement = likeliest->judgement;
       verdict.probability = judgement.probability, verdict.overlap = judgement.evidence.inliers;
@@ -204,25 +279,6 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInpu
     return result;
   }
 
-  const auto clique_of = [&](const std::vector<const VisualWitness*>& from, double& weight) {
-    std::vector<bool> consistent(from.size() * from.size());
-    std::vector<double> weights;
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      weights.push_back(log_odds(from[i]->judgement.probability));
-      for (std::size_t j = 0; j < from.size(); ++j) consistent[i * from.size() + j] = i != j && agree(*from[i], *from[j], b, options);
-    }
-    std::vector<const VisualWitness*> members;
-    weight = 0.0;
-    for (const auto i : graph::consistent_set(consistent, weights)) members.push_back(from[i]), weight += weights[i];
-    return members;
-  };
-  double weight = 0.0, rival_weight = 0.0;
-  const auto clique = clique_of(good, weight);
-  std::vector<const VisualWitness*> others;
-  for (const VisualWitness* w : good)
-    if (std::none_of(clique.begin(), clique.end(), [&](const VisualWitness* c) { return c == w || agree(*c, *w, b, options); }))
-      others.push_back(w);
-  if (!others.empty()) clique_of(others, rival_weight);
   for (const VisualWitness* w : others) verdict.contradicted.push_back(w->judgement.id);
   std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
   verdict.second_best = rival_weight / weight;

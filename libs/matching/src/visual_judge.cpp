@@ -111,10 +111,9 @@ class Judge {
     judgement.a = a_.place.id, judgement.b = b_.place.id;
     judgement.content_a = a_.place.content, judgement.content_b = b_.place.content;
     judgement.doubt = Reason::little_overlap;
-    const Pairs candidates = candidates_by_descriptor();
-    const auto found = search_alignment(candidates.problem, options_.alignment);
-    if (!found) return result;
-    const auto best = grown(*found, candidates);
+    auto best = aligned(0);
+    if ((!best || doubt_of(evidence_of(*best), static_cast<int>(best->matches.size())) != Reason::none) && options_.neighbours > 0)
+      if (auto wider = aligned(static_cast<std::uint32_t>(options_.neighbours))) best = std::move(wider);
     if (!best) return result;
     result.matches = best->matches;
     const auto inliers = static_cast<int>(best->matches.size());
@@ -136,7 +135,14 @@ class Judge {
   }
 
  private:
-  Pairs candidates_by_descriptor() const {
+  // By the features of the first keyframes, and of as many neighbours of each.
+  std::optional<Grown> aligned(std::uint32_t neighbours) const {
+    const Pairs candidates = candidates_by_descriptor(neighbours);
+    const auto found = search_alignment(candidates.problem, options_.alignment);
+    return found ? grown(*found, candidates) : std::nullopt;
+  }
+
+  Pairs candidates_by_descriptor(std::uint32_t neighbours) const {
     Pairs pairs(a_, b_, options_.sigma_px);
     const auto match = [&](std::uint32_t of_a, std::uint32_t of_b) {
       for (const FeatureMatch& found :
@@ -144,9 +150,8 @@ class Judge {
         pairs.add({of_a, found.a}, {of_b, found.b});
     };
     match(0, 0);
-    const auto most = static_cast<std::uint32_t>(options_.neighbours);
-    for (std::uint32_t i = 1; i < a_.place.keyframes.size() && i <= most; ++i) match(i, 0);
-    for (std::uint32_t i = 1; i < b_.place.keyframes.size() && i <= most; ++i) match(0, i);
+    for (std::uint32_t i = 1; i < a_.place.keyframes.size() && i <= neighbours; ++i) match(i, 0);
+    for (std::uint32_t i = 1; i < b_.place.keyframes.size() && i <= neighbours; ++i) match(0, i);
     return pairs;
   }
 
@@ -350,7 +355,7 @@ class Judge {
 }  // namespace
 
 Hash visual_judgement_id(const Hash& content_a, const Hash& content_b, const VisualJudgeOptions& options) {
-  return Hasher().add("visual judge 1").add(content_a).add(content_b).add(to_yaml(options)).finish();
+  return Hasher().add("visual judge 2").add(content_a).add(content_b).add(to_yaml(options)).finish();
 }
 
 VisualJudgement judge_places(const PlaceView& a, const PlaceView& b, const VisualJudgeOptions& options) {

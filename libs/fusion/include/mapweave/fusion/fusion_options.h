@@ -12,6 +12,7 @@ namespace mapweave::fusion {
 struct VisualFusionOptions {
   int candidates = 4;
   int most_pairs = 120;
+  int enough_witnesses = 4;
   int companions = 3;
   double least_alike = 0.3;
   int adjustments = 2;
@@ -22,6 +23,8 @@ struct VisualFusionOptions {
   void describe(Visitor& v) {
     v.integer("candidates", candidates, 1, 1000, "keyframes of another map, most alike first, that each keyframe is compared with");
     v.integer("most_pairs", most_pairs, 1, 1000000, "pairs of keyframes compared for one pair of maps");
+    v.integer("enough_witnesses", enough_witnesses, 1, 1000000,
+              "of different keyframes, that agree and that nothing contradicts: then pairs beside theirs are not judged");
     v.integer("companions", companions, 0, 100, "keyframes that see most of the same landmarks and speak with each");
     v.fraction("least_alike", least_alike, "share of the likeness of two keyframes in a row, below which two places are not compared");
     v.integer("adjustments", adjustments, 0, 100, "rounds of finding landmarks that two maps share and adjusting the bundle of all");
