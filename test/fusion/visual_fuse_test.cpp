@@ -140,6 +140,118 @@ TEST(VisualFuse, comes_apart_again_when_its_witnesses_are_vetoed) {
   EXPECT_EQ(content_hash(apart.components[1].map), content_hash(robots.b));
 }
 
+FusionResult answer_to(const FusionInput& input, const FusionOptions& options = {}) {
+  WorkerPool pool(1);
+  Memo memo;
+  const auto progress = make_silent_progress();
+  return fuse(input, options, memo, pool, *progress);
+}
+
+TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
+  const TwoRobots robots;
+  Map younger = robots.b;
+  const NodeId last = younger.nodes.back().first;
+  younger.nodes.erase(last);
+  for (auto& [id, landmark] : younger.landmarks)
+    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), [&](const auto& s) { return s.node == last; }), landmark.seen.end());
+  for (auto landmark = younger.landmarks.begin(); landmark != younger.landmarks.end();)
+    if (landmark->second.seen.empty() || landmark->second.anchor == last) {
+      const LandmarkId id = landmark->first;
+      younger.landmarks.erase(id);
+      landmark = younger.landmarks.begin();
+    } else {
+      ++landmark;
+    }
+  const auto before = fused({robots.a, younger});
+  ASSERT_EQ(before.components.size(), 1U);
+  FusionInput grown{{robots.a, robots.b}, {}, TierId("edge")};
+  const auto cold = answer_to(grown);
+  grown.judged = before.judgements;
+  const auto warm = answer_to(grown);
+  ASSERT_EQ(warm.components.size(), 1U);
+  std::map<std::pair<SubmapId, SubmapId>, Hash> known;
+  for (const Judgement& judgement : before.judgements) known.emplace(std::make_pair(judgement.a, judgement.b), judgement.id);
+  std::size_t again = 0;
+  for (const Judgement& judgement : warm.judgements) {
+    const auto found = known.find({judgement.a, judgement.b});
+    if (found != known.end()) EXPECT_EQ(found->second, judgement.id), ++again;
+  }
+  EXPECT_GT(again, 0U);
+  const Pose3 apart = between(*warm.components[0].team_from_map.find(MapId("beta")), *cold.components[0].team_from_map.find(MapId("beta")));
+  EXPECT_LT(apart.t.norm(), 0.005);
+}
+
+// What keyframes of b would tell of landmarks that a lent them: where they saw their own landmarks at those places.
+std::vector<LandmarkChange> told_of(const Map& a, const Map& b, const Pose3& a_from_b) {
+  std::map<LandmarkId, LandmarkChange> changes;
+  for (const auto& [id_b, own] : b.landmarks) {
+    const Eigen::Vector3d point = transformed(transformed(own.point_in_anchor(), b.nodes.find(own.anchor)->map_from_node), a_from_b);
+    const Landmark* nearest = nullptr;
+    double least = 0.03;
+    for (const auto& [id_a, other] : a.landmarks) {
+      const double apart = (transformed(other.point_in_anchor(), a.nodes.find(other.anchor)->map_from_node) - point).norm();
+      if (apart < least) least = apart, nearest = &other;
+    }
+    if (nearest == nullptr) continue;
+    LandmarkChange& change = changes[nearest->id];
+    change.id = nearest->id;
+    for (const LandmarkSighting& sighting : own.seen)
+      if (change.seen.empty() || change.seen.back().node < sighting.node) change.seen.push_back(sighting);
+  }
+  std::vector<LandmarkChange> result;
+  for (auto& entry : changes) result.push_back(std::move(entry.second));
+  return result;
+}
+
+TEST(VisualFuse, joins_by_what_clients_told_where_words_find_nothing) {
+  const TwoRobots robots;
+  FusionOptions blind;
+  blind.visual.least_alike = 1.0;  // nothing is alike
+  FusionInput input{{robots.a, robots.b}, {}, TierId("edge")};
+  const std::size_t by_words = answer_to(input, blind).components.size();
+  EXPECT_EQ(by_words, 2U);
+  input.borrowed = told_of(robots.a, robots.b, spatial(robots.a_from_b));
+  ASSERT_GT(input.borrowed.size(), 50U);
+  const auto told = answer_to(input, blind);
+  ASSERT_EQ(told.components.size(), 1U) << to_text(told.verdicts[0].reason);
+  EXPECT_GE(told.verdicts[0].witnesses.size(), 2U);
+  EXPECT_LE(told.verdicts[0].witnesses.size(), told.judgements.size());
+  expect_at(told.components[0], "beta", robots.a_from_b, 0.02, 0.005);
+}
+
+TEST(VisualFuse, does_not_believe_a_client_that_lies_about_what_it_saw) {
+  const test::StarryBuilding building({1, 2, 3});
+  const Map a = building.keyframe_map("alpha", test::look_around(-1.0, 0.0, 0.0, 3.0, 12)),
+            b = building.keyframe_map("beta", test::look_around(23.0, 0.0, 0.0, 3.0, 12));
+  FusionInput input{{a, b}, {}, TierId("edge")};
+  // Every keyframe of b claims what a's of the same number sees, exactly there.
+  for (const auto& [id, landmark] : a.landmarks) {
+    LandmarkChange change{id, std::nullopt, {}};
+    for (LandmarkSighting sighting : landmark.seen) {
+      sighting.node.session = b.nodes.front().first.session;
+      if (b.nodes.find(sighting.node) != nullptr) change.seen.push_back(sighting);
+    }
+    input.borrowed.push_back(change);
+  }
+  const auto result = answer_to(input);
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_NE(result.verdicts[0].decision, Decision::accepted);
+  EXPECT_GT(result.judgements.size(), 0U) << "it was looked into";
+}
+
+TEST(VisualFuse, hardly_moves_for_lies_within_a_team) {
+  const TwoRobots robots;
+  FusionInput input{{robots.a, robots.b}, {}, TierId("edge")};
+  const auto honest = answer_to(input);
+  input.borrowed = told_of(robots.a, robots.b, spatial(robots.a_from_b));
+  for (LandmarkChange& change : input.borrowed)
+    for (LandmarkSighting& sighting : change.seen) sighting.u = static_cast<std::uint16_t>(std::min(639 * 16, sighting.u + 16 * 30));
+  const auto lied = answer_to(input);
+  ASSERT_EQ(lied.components.size(), 1U);
+  expect_at(lied.components[0], "beta", robots.a_from_b, 0.02, 0.005);
+  EXPECT_LT((lied.components[0].team_from_map.find(MapId("beta"))->t - honest.components[0].team_from_map.find(MapId("beta"))->t).norm(), 0.005);
+}
+
 // The map of a camera that looks the other way: of the same robot, of another sensor.
 Map facing_back(const Map& map) {
   const Pose3 turned{{0, 0, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()))};

@@ -147,6 +147,65 @@ TEST(KeyframeCodec, spends_forty_bytes_on_a_feature_and_little_on_a_light_keyfra
   EXPECT_LE(45 * size_of(1, false), size_of(1, true)) << "also when it travels alone";
 }
 
+// As clients tell them: from above to below, in eighths of a pixel, 0.001 / m and 64ths of a turn.
+MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
+  RandomMaps random(seed);
+  MapUpdate update;
+  update.origin = {TierId("alpha"), MapId("alpha")};
+  auto payload = random.keyframe(random.camera(), features);
+  KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*payload);
+  for (KeyframePoint& point : keyframe.points) {
+    point.u &= 0xfffe, point.v &= 0xfffe, point.angle &= 0xfc;
+    point.inverse_depth = static_cast<std::uint16_t>(point.inverse_depth / 8 & 0xfffc);
+  }
+  std::sort(keyframe.points.begin(), keyframe.points.end(), [](const auto& a, const auto& b) { return a.v < b.v; });
+  update.nodes = {{{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), std::make_shared<const Payload>(keyframe)}};
+  return update;
+}
+
+bool same_points(const MapUpdate& a, const MapUpdate& b) {
+  const auto& one = std::get<KeyframeFeatures>(*a.nodes[0].payload);
+  const auto& other = std::get<KeyframeFeatures>(*b.nodes[0].payload);
+  return one.points.size() == other.points.size() && one.descriptors == other.descriptors &&
+         std::memcmp(one.points.data(), other.points.data(), 8 * one.points.size()) == 0;
+}
+
+TEST(KeyframeCodec, spends_thirty_seven_bytes_on_a_feature_that_a_client_tells) {
+  const MapUpdate update = of_a_client(1, 1000);
+  EXPECT_EQ(version_of(update), 4U);
+  const std::string bytes = encode(update);
+  EXPECT_LT(bytes.size(), 37U * 1000U + 300U);
+  const MapUpdate again = decode_map_update(bytes, "here");
+  EXPECT_TRUE(same_points(again, update));
+  EXPECT_EQ(encode(again), bytes);
+}
+
+TEST(KeyframeCodec, gives_back_any_points_that_rise) {
+  for (std::uint64_t seed = 1; seed < 30; ++seed) {
+    MapUpdate update = of_a_client(seed, 16 + static_cast<std::uint32_t>(seed));
+    KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*update.nodes[0].payload);
+    if (seed % 3 == 0) keyframe.points.back().v = 16 * 479, keyframe.points.back().u = 1, keyframe.points.back().inverse_depth = 65535;
+    if (seed % 3 == 1)
+      for (KeyframePoint& point : keyframe.points) point = {};
+    if (seed % 5 == 0) keyframe.points.back().angle = 255;
+    update.nodes[0].payload = std::make_shared<const Payload>(keyframe);
+    EXPECT_TRUE(same_points(decode_map_update(encode(update), "here"), update)) << seed;
+  }
+}
+
+TEST(KeyframeCodec, refuses_dense_points_that_are_cut_changed_or_too_long) {
+  const std::string bytes = encode(of_a_client(3, 40));
+  for (std::size_t length = 0; length < bytes.size(); ++length) EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
+  std::size_t refused = 0;
+  for (std::size_t i = 0; i < bytes.size(); ++i)
+    for (const int bit : {0, 3, 7}) {
+      std::string changed = bytes;
+      changed[i] = static_cast<char>(changed[i] ^ 1 << bit);
+      refused += is_refused(changed);  // what is read is sound, or it is refused
+    }
+  EXPECT_GT(refused, 100U);
+}
+
 TEST(KeyframeCodec, spends_little_on_a_landmark) {
   RandomMaps random(2);
   const SessionId session{{RobotId("alpha"), SensorId("camera")}, 976052857217000000};

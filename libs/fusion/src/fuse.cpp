@@ -1,3 +1,4 @@
+#include "hearsay.h"
 #include "joint_transforms.h"
 #include "map_pair.h"
 #include "visual_team.h"
@@ -157,6 +158,7 @@ class Fusing {
         progress_(progress),
         cache_(static_cast<std::size_t>(options.cache_mb) << 20),
         judge_(options_, cache_, memo, pool),
+        visual_judge_(options_.visual, input.judged, memo, pool),
         memo_(memo) {}
 
   FusionResult run() {
@@ -165,6 +167,7 @@ class Fusing {
       maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
       seen_.emplace_back(*map, pool_);
     }
+    hearsay_.emplace(input_.borrowed, seen_);
     result_.stages.push_back({"features", watch.lap()});
     compare();
     result_.stages.push_back({"pairwise matching", watch.lap()});
@@ -207,7 +210,7 @@ class Fusing {
     const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
     if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
     if (!cameras) return join;
-    VisualPairResult seen = decide(seen_[a], seen_[b], input_, options_, memo_, pool_);
+    VisualPairResult seen = decide(seen_[a], seen_[b], hearsay_->pairs(a, b), input_, options_, visual_judge_);
     join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
     join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
     if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
@@ -235,7 +238,7 @@ class Fusing {
       return verdict;
     }
     Verdict verdict = laser;
-    if (by_laser && contradict(seen_[a], seen_[b], laser.alignment->a_from_b, options_, memo_, pool_, judged))
+    if (by_laser && contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged))
       verdict.decision = Decision::refused, verdict.reason = Reason::contradiction, verdict.kind = "laser and vision";
     return verdict;
   }
@@ -343,7 +346,15 @@ class Fusing {
       if (pair.is_accepted() && a != members.end() && *a == pair.a)
         joins.push_back({static_cast<std::size_t>(a - members.begin()), static_cast<std::size_t>(b - members.begin()), &pair.seen});
     }
-    VisualTeam team = join(seen, joins, placement.team_from_map, options_.visual);
+    std::vector<ToldSighting> told;
+    for (ToldSighting sighting : hearsay_->sightings()) {
+      const auto by = std::lower_bound(members.begin(), members.end(), sighting.map),
+                 of = std::lower_bound(members.begin(), members.end(), sighting.map_of_landmark);
+      if (by == members.end() || *by != sighting.map || of == members.end() || *of != sighting.map_of_landmark) continue;
+      sighting.map = static_cast<std::size_t>(by - members.begin()), sighting.map_of_landmark = static_cast<std::size_t>(of - members.begin());
+      told.push_back(sighting);
+    }
+    VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual);
     component.map.nodes = std::move(team.nodes), component.map.landmarks = std::move(team.landmarks);
     component.map.constraints = std::move(team.constraints), component.same_as = std::move(team.same_as);
   }
@@ -461,9 +472,11 @@ class Fusing {
   Progress& progress_;
   matching::ModelCache cache_;
   Judge judge_;
+  VisualJudge visual_judge_;
   Memo& memo_;
   std::vector<PreparedMap> maps_;
   std::deque<VisualMap> seen_;  // of each map; empty without keyframes
+  std::optional<Hearsay> hearsay_;
   std::vector<PairJoin> pairs_;
   std::vector<Hash> judged_;
   FusionResult result_;

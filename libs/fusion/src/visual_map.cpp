@@ -116,6 +116,11 @@ std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords&
   return groups;
 }
 
+std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) const {
+  const auto found = std::lower_bound(landmarks_.begin(), landmarks_.end(), id, [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
+  return found != landmarks_.end() && found->id == id ? std::optional(static_cast<std::size_t>(found - landmarks_.begin())) : std::nullopt;
+}
+
 VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions) const {
   VisualPlace place;
   std::vector<std::size_t> members{keyframe};

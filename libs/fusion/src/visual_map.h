@@ -49,6 +49,7 @@ class VisualMap {
   // Keyframes that look like this picture, each the best of its surroundings, best first.
   std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const;
   std::size_t number_of(const NodeId& id) const { return seen_.number_of(id); }  // a keyframe's
+  std::optional<std::size_t> landmark_number(const LandmarkId& id) const;
   VisualPlace place(std::size_t keyframe, std::size_t companions) const;
 
  private:

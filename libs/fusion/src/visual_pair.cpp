@@ -95,8 +95,7 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
 
 }  // namespace
 
-bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, const FusionOptions& options, Memo& memo, WorkerPool& pool,
-                std::vector<Hash>& judged) {
+bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge, std::vector<Hash>& judged) {
   constexpr double kNear_m = 1.0, kAlike_rad = 0.35;
   constexpr std::size_t kMostLooks = 12, kLeastLooks = 4, kLeastFeatures = 150;
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
@@ -118,7 +117,7 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, co
   std::vector<VisualQuestion> questions;
   for (const auto& [apart, i, j] : near) questions.push_back({i, j});
   std::size_t known = 0;
-  for (const VisualWitness& w : judge(a, b, questions, options.visual, memo, pool)) {
+  for (const VisualWitness& w : judge.ask(a, b, questions)) {
     judged.push_back(w.judgement.id);
     if (w.judgement.hypotheses.empty() || w.judgement.doubt != Reason::none) continue;
     const Vector3d& p = b.keyframes()[w.keyframe_b].map_from_node.t;
@@ -138,28 +137,49 @@ Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
 
 Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
 
-std::vector<VisualWitness> judge(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
-                                 const VisualFusionOptions& options, Memo& memo, WorkerPool& pool) {
+VisualJudge::VisualJudge(const VisualFusionOptions& options, const std::vector<Judgement>& before, Memo& memo, WorkerPool& pool)
+    : options_(options), memo_(memo), pool_(pool) {
+  for (const Judgement& judgement : before) before_.emplace(std::make_pair(judgement.a, judgement.b), &judgement);
+}
+
+std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions) {
+  const auto place_id = [](const VisualMap& map, std::size_t keyframe) {
+    const NodeId& id = map.keyframes()[keyframe].id;
+    return SubmapId{id.session, id.index};
+  };
+  // Lengths of a single camera may have changed since.
+  const bool may_be_old = a.is_metric() && b.is_metric();
+  std::vector<const Judgement*> old(questions.size(), nullptr);
   std::set<std::size_t> of_a, of_b;
-  for (const VisualQuestion& question : questions) of_a.insert(question.keyframe_a), of_b.insert(question.keyframe_b);
+  for (std::size_t i = 0; i < questions.size(); ++i) {
+    const auto [in_a, in_b] = questions[i];
+    const std::pair<SubmapId, SubmapId> ids = std::minmax(place_id(a, in_a), place_id(b, in_b));
+    if (const auto found = before_.find(ids); may_be_old && found != before_.end())
+      old[i] = found->second;
+    else
+      of_a.insert(in_a), of_b.insert(in_b);
+  }
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
-    auto made = pool.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options.companions)); });
+    auto made = pool_.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions)); });
     std::map<std::size_t, VisualPlace> places;
     for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
     return places;
   };
   const auto places_a = places_of(a, of_a), places_b = places_of(b, of_b);
-  auto witnesses = pool.map(questions.size(), [&](std::size_t i) {
+  const auto judged = [&](const VisualQuestion& question, bool swapped) {
+    const matching::PlaceView &one = places_a.at(question.keyframe_a).view, &other = places_b.at(question.keyframe_b).view;
+    const matching::PlaceView &first = swapped ? other : one, &second = swapped ? one : other;
+    const auto known = memo_.find(matching::visual_judgement_id(first.content, second.content, options_.judge));
+    return known != memo_.end() ? known->second : matching::judge_places(first, second, options_.judge).judgement;
+  };
+  auto witnesses = pool_.map(questions.size(), [&](std::size_t i) {
     throw_if_interrupted();
     const auto [in_a, in_b] = questions[i];
-    const matching::PlaceView &one = places_a.at(in_a).view, &other = places_b.at(in_b).view;
-    const bool swapped = other.id < one.id;
-    const matching::PlaceView &first = swapped ? other : one, &second = swapped ? one : other;
+    const bool swapped = place_id(b, in_b) < place_id(a, in_a);
     VisualWitness witness;
     witness.keyframe_a = in_a, witness.keyframe_b = in_b;
-    const auto known = memo.find(matching::visual_judgement_id(first.content, second.content, options.judge));
-    witness.judgement = known != memo.end() ? known->second : matching::judge_places(first, second, options.judge).judgement;
+    witness.judgement = old[i] != nullptr ? *old[i] : judged(questions[i], swapped);
     if (witness.judgement.hypotheses.empty()) return witness;
     const Alignment& best = witness.judgement.hypotheses.front();
     witness.node_a_from_node_b = swapped ? matching::inverse(best.a_from_b) : best.a_from_b;
@@ -170,7 +190,7 @@ std::vector<VisualWitness> judge(const VisualMap& a, const VisualMap& b, const s
                                 {inverse(b.keyframes()[in_b].map_from_node), 1.0});
     return witness;
   });
-  for (const VisualWitness& witness : witnesses) memo.emplace(witness.judgement.id, witness.judgement);
+  for (const VisualWitness& witness : witnesses) memo_.emplace(witness.judgement.id, witness.judgement);
   return witnesses;
 }
 
@@ -218,17 +238,22 @@ bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
 // Judged in rounds, those most alike first, so that maps that clearly lie on each other cost little. Once enough witnesses agree and nothing
 // speaks against them, pairs beside one of theirs are left out: they see the same again. What could be a rival, or widen the overlap, is
 // still judged, until rounds bring nothing new. Where anything contradicts, all are judged.
-std::deque<VisualWitness> judged_in_rounds(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options,
-                                           Memo& memo, WorkerPool& pool) {
-  constexpr std::size_t kRound = 8;
-  constexpr int kBarren = 2;  // rounds
-  std::vector<VisualQuestion> open = questions_of(a, b, options.visual);
+std::deque<VisualWitness> judged_in_rounds(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told,
+                                           const FusionInput& input, const FusionOptions& options, VisualJudge& judge) {
+  constexpr std::size_t kRound = 4;
+  constexpr int kBarren = 3;  // rounds
+  std::vector<VisualQuestion> open = told;
+  for (const VisualQuestion& question : questions_of(a, b, options.visual))
+    if (std::none_of(told.begin(), told.end(), [&](const VisualQuestion& other) {
+          return other.keyframe_a == question.keyframe_a && other.keyframe_b == question.keyframe_b;
+        }))
+      open.push_back(question);
   std::deque<VisualWitness> witnesses;
   for (int barren = 0; !open.empty();) {
     const std::vector<VisualQuestion> round(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open.size())));
     open.erase(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(round.size()));
     bool told_something = false;
-    for (VisualWitness& w : judge(a, b, round, options.visual, memo, pool)) {
+    for (VisualWitness& w : judge.ask(a, b, round)) {
       told_something = told_something || holds(w, input, options);
       witnesses.push_back(std::move(w));
     }
@@ -249,15 +274,15 @@ std::deque<VisualWitness> judged_in_rounds(const VisualMap& a, const VisualMap& 
 
 }  // namespace
 
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options, Memo& memo,
-                        WorkerPool& pool) {
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told, const FusionInput& input,
+                        const FusionOptions& options, VisualJudge& judge) {
   VisualPairResult result;
   Verdict& verdict = result.verdict;
   verdict.a = a.map().id, verdict.b = b.map().id, verdict.by = input.by;
   verdict.kind = "vision", verdict.proposer = "words";
   verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
 
-  const auto witnesses = judged_in_rounds(a, b, input, options, memo, pool);
+  const auto witnesses = judged_in_rounds(a, b, told, input, options, judge);
   const VisualWitness* likeliest = nullptr;
   std::size_t vetoed = 0;
   for (const VisualWitness& w : witnesses) {

@@ -6,6 +6,8 @@
 
 #include <mapweave/fusion/fuse.h>
 
+#include <map>
+
 namespace mapweave::fusion {
 
 // One judgement seen as a statement about two maps.
@@ -20,9 +22,20 @@ struct VisualQuestion {
   std::size_t keyframe_a, keyframe_b;
 };
 
-// In the order of the questions; answered from the memo where it was judged before. Not thread-safe; works in parallel within.
-std::vector<VisualWitness> judge(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
-                                 const VisualFusionOptions& options, Memo& memo, WorkerPool& pool);
+// Asks the matching library's judge once for every pair of places, or finds the answer in the memo, or among those of before.
+class VisualJudge {
+ public:
+  // before: FusionInput::judged. All outlive it.
+  VisualJudge(const VisualFusionOptions& options, const std::vector<Judgement>& before, Memo& memo, WorkerPool& pool);
+  // In the order of the questions. Not thread-safe; works in parallel within.
+  std::vector<VisualWitness> ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions);
+
+ private:
+  const VisualFusionOptions& options_;
+  std::map<std::pair<SubmapId, SubmapId>, const Judgement*> before_;
+  Memo& memo_;
+  WorkerPool& pool_;
+};
 
 struct VisualPairResult {
   Verdict verdict;
@@ -30,12 +43,12 @@ struct VisualPairResult {
   std::vector<Hash> judged;
 };
 
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const FusionInput& input, const FusionOptions& options, Memo& memo,
-                        WorkerPool& pool);
+// told: pairs to judge first.
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told, const FusionInput& input,
+                        const FusionOptions& options, VisualJudge& judge);
 
 // Whether keyframes that see the same once b lies so do not know each other again.
-bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, const FusionOptions& options, Memo& memo, WorkerPool& pool,
-                std::vector<Hash>& judged);
+bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge, std::vector<Hash>& judged);
 
 Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c);
 // Where a pose of b's frame is in a's.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 namespace mapweave::fusion {
 namespace {
@@ -24,7 +25,7 @@ constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr int kMostDifferent = 50;       // bits
 constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
 constexpr double kSameDepth = 0.1;       // of the distance
-constexpr double kLeastGain = 1e-3;      // of an iteration of the bundle of all
+constexpr double kLeastGain = 1e-3, kRoughGain = 1e-2;  // of an iteration of the bundle of all, in the last round and before
 constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
@@ -35,6 +36,10 @@ struct TeamKeyframe {
   double depth_m = 1.0;            // middle one of what it sees
   Pose3 team_from_node;
   Pose3 team_from_camera() const { return compose(team_from_node, content->content->geometry->robot_from_camera); }
+};
+
+struct Look {
+  Vector3d from, along;  // of a camera, in the team's frame; along: of length 1
 };
 
 struct Found {
@@ -63,8 +68,8 @@ class Classes {
 class Team {
  public:
   Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-       const VisualFusionOptions& options)
-      : members_(members), joins_(joins), team_from_map_(team_from_map), options_(options) {
+       const std::vector<ToldSighting>& told, const VisualFusionOptions& options)
+      : members_(members), joins_(joins), team_from_map_(team_from_map), told_(told), options_(options) {
     for (std::size_t m = 0; m < members.size(); ++m) {
       first_keyframe_.push_back(keyframes_.size());
       const std::size_t first_landmark = landmark_ids_.size();
@@ -85,8 +90,9 @@ class Team {
     straightened_ = ties(kStiff);
     place_landmarks();
     for (int round = 0; round < options_.adjustments; ++round) {
-      find_shared(round == 0 ? kWide_px : kNarrow_px);
-      adjust_all();
+      const double radius_px = round == 0 ? kWide_px : kNarrow_px;
+      find_shared(radius_px);
+      adjust_all(radius_px, round + 1 == options_.adjustments ? kLeastGain : kRoughGain);
     }
     return told();
   }
@@ -192,16 +198,15 @@ class Team {
   }
 
   // Of other members, those that look at the same things, the nearest first.
-  std::vector<std::size_t> neighbours(std::size_t number) const {
+  std::vector<std::size_t> neighbours(std::size_t number, const std::vector<Look>& looks) const {
     const TeamKeyframe& here = keyframes_[number];
-    const Pose3 camera = here.team_from_camera();
     std::vector<std::pair<double, std::size_t>> near;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       if (keyframes_[i].member == here.member) continue;
-      const Pose3 other = keyframes_[i].team_from_camera();
-      const double turn = std::acos(std::clamp((camera.q * Vector3d::UnitZ()).dot(other.q * Vector3d::UnitZ()), -1.0, 1.0));
-      const double apart = (camera.t - other.t).norm() / std::min(here.depth_m, keyframes_[i].depth_m);
-      if (turn < kSameView_rad && apart < 1.0) near.emplace_back(apart + turn, i);
+      const double reach = std::min(here.depth_m, keyframes_[i].depth_m), square = (looks[number].from - looks[i].from).squaredNorm();
+      if (!(square < reach * reach)) continue;
+      const double turn = std::acos(std::clamp(looks[number].along.dot(looks[i].along), -1.0, 1.0));
+      if (turn < kSameView_rad) near.emplace_back(std::sqrt(square) / reach + turn, i);
     }
     std::sort(near.begin(), near.end());
     if (near.size() > kLookedAt) near.resize(kLookedAt);
@@ -212,9 +217,14 @@ class Team {
 
   void find_shared(double radius_px) {
     found_.clear();
+    std::vector<Look> looks;
+    for (const TeamKeyframe& keyframe : keyframes_) {
+      const Pose3 camera = keyframe.team_from_camera();
+      looks.push_back({camera.t, camera.q * Vector3d::UnitZ()});
+    }
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
       std::map<std::size_t, const BinaryDescriptor*> looked_for;  // landmarks, and how one of their features looks
-      for (const std::size_t other : neighbours(number)) {
+      for (const std::size_t other : neighbours(number, looks)) {
         const TeamKeyframe& from = keyframes_[other];
         for (std::size_t f = 0; f < from.content->points.size(); ++f)
           if (const std::int32_t landmark = from.content->landmark_of_feature[f]; landmark >= 0)
@@ -275,7 +285,32 @@ class Team {
     return result;
   }
 
-  void adjust_all() {
+  // Of what was told, the new: by keyframes whose features were found to see the same, and where it is expected.
+  std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle, const Classes& same,
+                                                                                      double radius_px) const {
+    std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
+    if (told_.empty()) return result;
+    std::set<std::size_t> known;
+    for (const Found& found : found_) known.insert(found.keyframe);
+    std::set<std::pair<std::size_t, std::size_t>> seen;
+    for (const graph::BundleSighting& sighting : bundle.sightings)
+      if (known.count(sighting.view) != 0) seen.emplace(sighting.view, sighting.point);
+    for (const ToldSighting& told : told_) {
+      const std::size_t keyframe = first_keyframe_[told.map] + told.keyframe;
+      const std::size_t landmark = keyframes_[first_keyframe_[told.map_of_landmark]].first_landmark + told.landmark;
+      if (known.count(keyframe) == 0) continue;
+      const TeamKeyframe& here = keyframes_[keyframe];
+      const Vector3d p = transformed(points_[landmark], inverse(here.team_from_camera()));
+      if (!(p.z() > 0.1)) continue;
+      if (!((here.content->camera.project(p) - Vector2d(pixels_of(told.seen.u), pixels_of(told.seen.v))).norm() < radius_px)) continue;
+      const double depth_m = scale_of(here.member) * depth_m_of(told.seen.inverse_depth);
+      if (depth_m > 0.0 && std::abs(depth_m - p.z()) > kSameDepth * p.z()) continue;
+      if (seen.emplace(keyframe, same.find(landmark)).second) result.emplace_back(keyframe, landmark, &told.seen);
+    }
+    return result;
+  }
+
+  void adjust_all(double radius_px, double least_gain) {
     const Classes same = classes();
     graph::Bundle bundle;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
@@ -312,9 +347,11 @@ class Team {
       see(found.keyframe, found.landmark, {point.u_px, point.v_px},
           2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level), 0);
     }
+    for (const auto& [keyframe, landmark, sighting] : borne_out(bundle, same, radius_px))
+      see(keyframe, landmark, {pixels_of(sighting->u), pixels_of(sighting->v)}, 2.0 * options_.sigma_px * (1 << sighting->level), 0);
     std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
     graph::BundleOptions adjusting;
-    adjusting.least_gain = kLeastGain;
+    adjusting.least_gain = least_gain;
     graph::adjust(bundle, adjusting);
     for (std::size_t i = 0; i < keyframes_.size(); ++i)
       keyframes_[i].team_from_node =
@@ -385,6 +422,7 @@ class Team {
   const std::vector<const VisualMap*>& members_;
   const std::vector<VisualJoin>& joins_;
   const std::vector<Sim3>& team_from_map_;
+  const std::vector<ToldSighting>& told_;
   VisualFusionOptions options_;
   std::vector<std::size_t> first_keyframe_;  // of each member
   std::vector<TeamKeyframe> keyframes_;
@@ -399,8 +437,8 @@ class Team {
 }  // namespace
 
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const VisualFusionOptions& options) {
-  return Team(members, joins, team_from_map, options).run();
+                const std::vector<ToldSighting>& told, const VisualFusionOptions& options) {
+  return Team(members, joins, team_from_map, told, options).run();
 }
 
 }  // namespace mapweave::fusion

@@ -2,7 +2,7 @@
 // Stage 4 of fuse() for maps of keyframes: one graph of all of them (the essential graph of CORB-SLAM 2.2), landmarks that two maps share
 // found and made one, then the bundle of all adjusted.
 
-#include "visual_pair.h"
+#include "hearsay.h"
 
 namespace mapweave::fusion {
 
@@ -18,8 +18,8 @@ struct VisualTeam {
   Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
 };
 
-// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes.
+// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. told: by numbers of the members.
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const VisualFusionOptions& options);
+                const std::vector<ToldSighting>& told, const VisualFusionOptions& options);
 
 }  // namespace mapweave::fusion

@@ -7,7 +7,7 @@
 namespace mapweave {
 namespace {
 
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;  // 1 knows no dense points
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
@@ -51,7 +51,7 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
 }
 
 std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  form.set_version(kVersion);
+  form.set_version(form.place_request().features().dense().empty() ? 1 : kVersion);
   for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
   return form.SerializeAsString();
 }

@@ -1,4 +1,5 @@
 #include "bulk.h"
+#include "dense_points.h"
 #include "form.h"
 #include "soundness.h"
 
@@ -155,7 +156,14 @@ OccupancyGrid FormReader::grid(const form::Grid& form) const {
 KeyframeFeatures FormReader::keyframe(const form::Keyframe& form) const {
   if (form.geometry() >= cameras_.size())
     corrupt("camera " + std::to_string(form.geometry()) + " of a table of " + std::to_string(cameras_.size()));
-  const std::size_t count = form.points().size() / kPointBytes;
+  const std::size_t count = form.descriptors().size() / kDescriptorBytes;
+  if (!form.dense().empty()) {
+    auto points = form.points().empty() && count <= kMostFeatures && form.descriptors().size() == count * kDescriptorBytes
+                      ? from_dense(form.dense(), count)
+                      : std::nullopt;
+    if (!points) corrupt("a keyframe's dense points are not those of its descriptors");
+    return {cameras_[form.geometry()], std::move(*points), unpacked_descriptors(form.descriptors())};
+  }
   if (count > kMostFeatures || form.points().size() != count * kPointBytes || form.descriptors().size() != count * kDescriptorBytes)
     corrupt("a keyframe of " + std::to_string(form.points().size()) + " bytes of points and " + std::to_string(form.descriptors().size()) +
             " of descriptors; " + std::to_string(kPointBytes) + " and " + std::to_string(kDescriptorBytes) +

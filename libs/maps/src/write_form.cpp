@@ -1,4 +1,5 @@
 #include "bulk.h"
+#include "dense_points.h"
 #include "form.h"
 #include "sameness.h"
 
@@ -88,7 +89,10 @@ void fill(form::Grid& form, const OccupancyGrid& grid) {
 
 void fill(form::Keyframe& form, const KeyframeFeatures& keyframe, const Geometries& geometries) {
   form.set_geometry(geometries.cameras.place(keyframe.geometry));
-  form.set_points(packed(keyframe.points));
+  if (can_be_dense(keyframe.points))
+    form.set_dense(dense(keyframe.points));
+  else
+    form.set_points(packed(keyframe.points));
   form.set_descriptors(packed(keyframe.descriptors));
 }
 

@@ -20,6 +20,7 @@ constexpr double kUnchanged_m = 0.05;        // a client whose keyframes moved b
 constexpr double kLandmarkBytes = 70.0;      // on the wire, about
 constexpr std::size_t kLeastTold = 60;       // landmarks with a place, however narrow the wire
 constexpr double kBurst_s = 2.0;             // of the wire, that may be saved up
+constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
@@ -92,6 +93,27 @@ struct VisualServer::Client {
     std::uint32_t forgotten = 0;
     std::uint64_t shares = 0;
     std::uint64_t corrected_by = 0;  // the view
+    std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
+
+    void note(const MapUpdate& update) {
+      for (const NodeId& id : update.removed_nodes) borrowed.erase(id);
+      for (const LandmarkChange& change : update.borrowed)
+        for (const LandmarkSighting& sighting : change.seen) {
+          auto& of_keyframe = borrowed[sighting.node];
+          if (of_keyframe.size() < kMostBorrowed) of_keyframe.insert_or_assign(change.id, sighting);
+        }
+    }
+    std::vector<LandmarkChange> all_borrowed() const {  // by landmark, then keyframe
+      std::map<LandmarkId, LandmarkChange> changes;
+      for (const auto& [node, of_keyframe] : borrowed)
+        for (const auto& [id, sighting] : of_keyframe) {
+          LandmarkChange& change = changes[id];
+          change.id = id, change.seen.push_back(sighting);
+        }
+      std::vector<LandmarkChange> result;
+      for (auto& entry : changes) result.push_back(std::move(entry.second));
+      return result;
+    }
   };
   std::map<MapId, Part> parts;  // by what the client calls them
   mutable Downlink downlink;
@@ -159,12 +181,16 @@ struct VisualServer::State {
   fusion::FusionInput input() const {
     fusion::FusionInput input;
     input.vetoed = vetoed, input.by = edge;
+    for (const auto& [session, client] : clients)
+      for (const auto& [told, part] : client.parts)
+        for (LandmarkChange& change : part.all_borrowed()) input.borrowed.push_back(std::move(change));
     return input;
   }
 
   void begin(Stamp now, WorkerPool& pool) {
     joining = std::make_shared<Joining>();
     joining->input = input();
+    if (view) joining->input.judged = view->result().judgements;
     joining->memo = memo;
     joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
     joined_keyframes = keyframes, vetoed_since = false;
@@ -301,6 +327,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
   const std::uint64_t sequence = update.sequence;
   for (const MapUpdate& stored : part.inbox.receive(std::move(update), bytes.size(), name_of(from))) {
     received.stored.push_back(stored.sequence == sequence ? std::string(bytes) : encode(stored));
+    part.note(stored);
     state_->keyframes += stored.nodes.size();
   }
   received.receipt = part.inbox.receipt();
@@ -427,6 +454,7 @@ std::vector<std::pair<SessionId, std::string>> VisualServer::snapshot() const {
     if (inbox.receipt().stored == 0) continue;
     MapUpdate all = difference(Map{}, inbox.map());
     all.origin = inbox.receipt().origin, all.sequence = inbox.receipt().stored;
+    all.borrowed = state_->clients.at(session).parts.at(told).all_borrowed();
     result.emplace_back(session, encode(all));
   }
   return result;

@@ -12,6 +12,14 @@ constexpr double kMoved_m = 0.002, kMoved_rad = 0.001;
 constexpr double kLandmarkMoved = 0.003;  // of its distance
 constexpr double kLevelScale = 1.2;       // of the features' pyramid
 
+// What is told of a feature, well below what it is off by: an eighth of a pixel, 0.001 / m of inverse depth, a 64th of a turn. The form on
+// a wire is short where all are multiples, and rise from the upper edge of the picture.
+constexpr std::uint16_t kPixelSteps = 2, kDepthSteps = 4, kAngleSteps = 4;
+
+std::uint16_t coarse(std::uint16_t units, std::uint16_t steps) {
+  return static_cast<std::uint16_t>(std::min((units + steps / 2) / steps, 65535 / steps) * steps);
+}
+
 bool has_moved(const Pose3& before, const Pose3& now, PublishedDetail detail) {
   if (detail == PublishedDetail::exact) return before.t != now.t || before.q.coeffs() != now.q.coeffs();
   const Pose3 motion = between(before, now);
@@ -48,16 +56,23 @@ std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const 
 
 KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector<float>& depths,
                         std::shared_ptr<const CameraGeometry> geometry) {
-  KeyframeFeatures result{std::move(geometry), {}, features.descriptors};
+  KeyframeFeatures result{std::move(geometry), {}, {}};
   const double right = result.geometry->width - 1.0, bottom = result.geometry->height - 1.0;
-  result.points.reserve(features.points.size());
+  std::vector<std::pair<KeyframePoint, std::size_t>> points;
+  points.reserve(features.points.size());
   for (std::size_t i = 0; i < features.points.size(); ++i) {
     const matching::FeaturePoint& point = features.points[i];
-    result.points.push_back({pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)),
-                             pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)),
-                             inverse_depth_units(static_cast<double>(depths[i])), point.level,
-                             angle_units(static_cast<double>(point.angle_deg))});
+    const std::uint16_t inverse_depth = inverse_depth_units(static_cast<double>(depths[i]));
+    points.emplace_back(KeyframePoint{coarse(pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)), kPixelSteps),
+                                      coarse(pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)), kPixelSteps),
+                                      inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)),
+                                      point.level, static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
+                        i);
   }
+  std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
+    return std::tie(a.first.v, a.first.u, a.second) < std::tie(b.first.v, b.first.u, b.second);
+  });
+  for (const auto& [point, i] : points) result.points.push_back(point), result.descriptors.push_back(features.descriptors[i]);
   return result;
 }
 

@@ -19,6 +19,12 @@ struct FusionInput {
   std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
   std::set<Hash> vetoed;  // judgements not to be believed
   TierId by;              // who asks; stands in the verdicts
+  // Judgements made when the maps were smaller: keyframes that know their lengths are not judged again where one of these names both. For
+  // previews of maps that grow; who wants a sealed result gives none.
+  std::vector<Judgement> judged = {};
+  // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged first, as all others
+  // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.
+  std::vector<LandmarkChange> borrowed = {};
 };
 
 struct Component {

@@ -1,0 +1,30 @@
+#pragma once
+// What keyframes say of landmarks that were lent to them (FusionInput::borrowed). Nobody vouches for it: it tells where to look first, and
+// counts where features bear it out.
+
+#include "visual_pair.h"
+
+#include <deque>
+
+namespace mapweave::fusion {
+
+struct ToldSighting {
+  std::size_t map, keyframe;               // who says so: numbers of the map, and in it
+  std::size_t map_of_landmark, landmark;   // of another map
+  LandmarkSighting seen;
+};
+
+class Hearsay {
+ public:
+  Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<VisualMap>& maps);
+
+  // Keyframes of the two maps that would see the same, those that share most first; a few.
+  std::vector<VisualQuestion> pairs(std::size_t a, std::size_t b) const;
+  const std::vector<ToldSighting>& sightings() const { return sightings_; }  // by map, keyframe, map of the landmark, landmark
+
+ private:
+  const std::deque<VisualMap>& maps_;
+  std::vector<ToldSighting> sightings_;
+};
+
+}  // namespace mapweave::fusion
