@@ -1,7 +1,6 @@
 #include "covisibility.h"
 
 #include <algorithm>
-#include <map>
 
 namespace mapweave::fusion {
 
@@ -14,19 +13,22 @@ Covisibility covisibility(const Map& map) {
   Covisibility result;
   for (const auto& [id, node] : map.nodes)
     if (keyframe_of(node) != nullptr) result.keyframes.push_back(&node);
-  std::vector<std::map<std::size_t, std::size_t>> counts(result.keyframes.size());
-  std::vector<std::size_t> seen;
+  const std::size_t count = result.keyframes.size();
+  std::vector<std::vector<std::size_t>> seen_by, landmarks_of(count);  // keyframes of each landmark, and the other way round
   for (const auto& [id, landmark] : map.landmarks) {
-    seen.clear();
+    auto& seen = seen_by.emplace_back();
     for (const LandmarkSighting& sighting : landmark.seen)
-      if (const std::size_t number = result.number_of(sighting.node); number < counts.size()) seen.push_back(number);
-    for (const std::size_t one : seen)
-      for (const std::size_t other : seen)
-        if (one != other) ++counts[one][other];
+      if (const std::size_t number = result.number_of(sighting.node); number < count) seen.push_back(number);
+    for (const std::size_t number : seen) landmarks_of[number].push_back(seen_by.size() - 1);
   }
-  for (const auto& shared : counts) {
+  std::vector<std::size_t> shared(count, 0);
+  for (std::size_t number = 0; number < count; ++number) {
+    std::fill(shared.begin(), shared.end(), 0);
+    for (const std::size_t landmark : landmarks_of[number])
+      for (const std::size_t other : seen_by[landmark]) ++shared[other];
     auto& sorted = result.shared.emplace_back();
-    for (const auto& [other, count] : shared) sorted.emplace_back(count, other);
+    for (std::size_t other = 0; other < count; ++other)
+      if (other != number && shared[other] > 0) sorted.emplace_back(shared[other], other);
     std::sort(sorted.begin(), sorted.end(),
               [](const auto& a, const auto& b) { return a.first > b.first || (a.first == b.first && a.second < b.second); });
   }

@@ -49,6 +49,7 @@ void tie_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
 Hash content_of(const matching::PlaceView& view) {
   Hasher hasher;
   hasher.add("place").add(static_cast<std::int64_t>(view.metric));
+  for (const matching::KeyframeView& keyframe : view.keyframes) hasher.add(static_cast<std::int64_t>(keyframe.features.nodes != nullptr));
   const auto add_pose = [&](const Pose3& pose) {
     for (int i = 0; i < 3; ++i) hasher.add(pose.t[i]);
     for (int i = 0; i < 4; ++i) hasher.add(pose.q.coeffs()[i]);
@@ -121,7 +122,7 @@ std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) cons
   return found != landmarks_.end() && found->id == id ? std::optional(static_cast<std::size_t>(found - landmarks_.begin())) : std::nullopt;
 }
 
-VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions) const {
+VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions, bool with_words) const {
   VisualPlace place;
   std::vector<std::size_t> members{keyframe};
   for (const auto& companion : keyframes_[keyframe].companions)
@@ -155,7 +156,7 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions) const
     view.id = from.id;
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
-    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), from.node_of_feature.data()};
+    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), with_words ? from.node_of_feature.data() : nullptr};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);

@@ -50,7 +50,8 @@ class VisualMap {
   std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const;
   std::size_t number_of(const NodeId& id) const { return seen_.number_of(id); }  // a keyframe's
   std::optional<std::size_t> landmark_number(const LandmarkId& id) const;
-  VisualPlace place(std::size_t keyframe, std::size_t companions) const;
+  // With words only features of like words are compared; without, each with each.
+  VisualPlace place(std::size_t keyframe, std::size_t companions, bool with_words = true) const;
 
  private:
   const Map* map_;

@@ -41,9 +41,9 @@ bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap
 
 double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
 
-bool holds(const VisualWitness& w, const FusionInput& input, const FusionOptions& options) {
+bool holds(const VisualWitness& w, const std::set<Hash>& vetoed, const FusionOptions& options) {
   return !w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options.min_probability &&
-         input.vetoed.count(w.judgement.id) == 0;
+         vetoed.count(w.judgement.id) == 0;
 }
 
 // Witnesses of which no two share a keyframe.
@@ -84,7 +84,7 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
     const MappedKeyframe& keyframe = b.keyframes()[j];
     const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
     for (const matching::SimilarPlace& place : a.alike(keyframe.bag, least, static_cast<std::size_t>(options.candidates)))
-      ranked.emplace_back(-matching::normalised_score(place.score, keyframe.likeness), a.number_of(place.id), j);
+      ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id), j);  // groups' sums: above 1
   }
   std::sort(ranked.begin(), ranked.end());
   if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
@@ -139,10 +139,14 @@ Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_f
 
 VisualJudge::VisualJudge(const VisualFusionOptions& options, const std::vector<Judgement>& before, Memo& memo, WorkerPool& pool)
     : options_(options), memo_(memo), pool_(pool) {
-  for (const Judgement& judgement : before) before_.emplace(std::make_pair(judgement.a, judgement.b), &judgement);
+  for (const Judgement& judgement : before) {
+    const auto [known, is_new] = before_.emplace(std::make_pair(judgement.a, judgement.b), &judgement);
+    if (!is_new && known->second->probability < judgement.probability) known->second = &judgement;
+  }
 }
 
-std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions) {
+std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
+                                            bool by_words) {
   const auto place_id = [](const VisualMap& map, std::size_t keyframe) {
     const NodeId& id = map.keyframes()[keyframe].id;
     return SubmapId{id.session, id.index};
@@ -161,7 +165,7 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
   }
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
-    auto made = pool_.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions)); });
+    auto made = pool_.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions), by_words); });
     std::map<std::size_t, VisualPlace> places;
     for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
     return places;
@@ -202,7 +206,7 @@ struct Commitment {
   double weight = 0.0, rival_weight = 0.0;           // of the clique, and of the heaviest set of the others
 };
 
-Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const FusionInput& input,
+Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const std::set<Hash>& vetoed,
                       const FusionOptions& options) {
   const auto clique_of = [&](const std::vector<const VisualWitness*>& from, double& weight) {
     std::vector<bool> consistent(from.size() * from.size());
@@ -217,7 +221,7 @@ Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMa
   };
   std::vector<const VisualWitness*> good;
   for (const VisualWitness& w : witnesses)
-    if (holds(w, input, options)) good.push_back(&w);
+    if (holds(w, vetoed, options)) good.push_back(&w);
   Commitment result;
   if (good.empty()) return result;
   result.clique = clique_of(good, result.weight);
@@ -230,47 +234,95 @@ Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMa
 }
 
 bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
+  constexpr std::size_t kBeside = 6;
   const auto& companions = map.keyframes()[keyframe].companions;
-  return keyframe == other ||
-         std::any_of(companions.begin(), companions.end(), [&](const auto& companion) { return companion.second == other; });
+  const auto end = companions.begin() + static_cast<std::ptrdiff_t>(std::min(kBeside, companions.size()));
+  return keyframe == other || std::any_of(companions.begin(), end, [&](const auto& companion) { return companion.second == other; });
 }
 
-// Judged in rounds, those most alike first, so that maps that clearly lie on each other cost little. Once enough witnesses agree and nothing
-// speaks against them, pairs beside one of theirs are left out: they see the same again. What could be a rival, or widen the overlap, is
-// still judged, until rounds bring nothing new. Where anything contradicts, all are judged.
-std::deque<VisualWitness> judged_in_rounds(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told,
-                                           const FusionInput& input, const FusionOptions& options, VisualJudge& judge) {
-  constexpr std::size_t kRound = 4;
-  constexpr int kBarren = 3;  // rounds
-  std::vector<VisualQuestion> open = told;
-  for (const VisualQuestion& question : questions_of(a, b, options.visual))
-    if (std::none_of(told.begin(), told.end(), [&](const VisualQuestion& other) {
-          return other.keyframe_a == question.keyframe_a && other.keyframe_b == question.keyframe_b;
-        }))
-      open.push_back(question);
-  std::deque<VisualWitness> witnesses;
-  for (int barren = 0; !open.empty();) {
-    const std::vector<VisualQuestion> round(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open.size())));
-    open.erase(open.begin(), open.begin() + static_cast<std::ptrdiff_t>(round.size()));
-    bool told_something = false;
-    for (VisualWitness& w : judge.ask(a, b, round)) {
-      told_something = told_something || holds(w, input, options);
-      witnesses.push_back(std::move(w));
-    }
-    const Commitment now = commitment(witnesses, b, input, options);
-    barren = told_something ? 0 : barren + 1;
-    if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options.visual.enough_witnesses)) continue;
-    if (barren >= kBarren) break;
-    open.erase(std::remove_if(open.begin(), open.end(),
-                              [&](const VisualQuestion& question) {
-                                return std::any_of(now.clique.begin(), now.clique.end(), [&](const VisualWitness* w) {
-                                  return beside(a, w->keyframe_a, question.keyframe_a) && beside(b, w->keyframe_b, question.keyframe_b);
-                                });
-                              }),
-               open.end());
-  }
-  return witnesses;
+// Whether they would look at the same things from near, if b lay so.
+bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQuestion& question, const Sim3& a_from_b) {
+  constexpr double kNear_m = 3.0, kAlike_rad = 0.9;
+  const Pose3 &here = a.keyframes()[question.keyframe_a].map_from_camera,
+              there = carried(a_from_b, b.keyframes()[question.keyframe_b].map_from_camera);
+  const bool is_near = !a.is_metric() || (here.t - there.t).norm() < kNear_m;
+  return is_near && std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0)) < kAlike_rad;
 }
+
+// Judged in rounds, those told first, then those most alike, so that maps that clearly lie on each other cost little. Once enough witnesses
+// agree and nothing speaks against them, pairs beside one of theirs are left out (they see the same again), and of those that could only
+// be rivals all but the first. Rounds that bring nothing new are then the last. Where anything contradicts, all are judged. Vetoes change
+// nothing here: what they take away, no other judgement takes the place of.
+class Rounds {
+ public:
+  Rounds(const VisualMap& a, const VisualMap& b, const FusionOptions& options, VisualJudge& judge)
+      : a_(a), b_(b), options_(options), judge_(judge) {}
+
+  std::deque<VisualWitness> run(const std::vector<VisualQuestion>& told) {
+    open_ = told;
+    while (!open_.empty() && !is_over_) round(true);
+    for (const VisualQuestion& question : questions_of(a_, b_, options_.visual))
+      if (std::none_of(witnesses_.begin(), witnesses_.end(), [&](const VisualWitness& w) {
+            return w.keyframe_a == question.keyframe_a && w.keyframe_b == question.keyframe_b;
+          }))
+        open_.push_back(question);
+    is_over_ = false, barren_ = 0;
+    leave_out();
+    while (!open_.empty() && !is_over_) round(false);
+    return std::move(witnesses_);
+  }
+
+ private:
+  void round(bool are_told) {
+    constexpr std::size_t kRound = 4;
+    constexpr int kBarren = 3;
+    const auto end = open_.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open_.size()));
+    const std::vector<VisualQuestion> asked(open_.begin(), end);
+    open_.erase(open_.begin(), end);
+    const bool found = take(judge_.ask(a_, b_, asked)) || (are_told && take(judge_.ask(a_, b_, asked, false)));
+    barren_ = found ? 0 : barren_ + 1;
+    is_over_ = leave_out() && barren_ >= kBarren;
+  }
+
+  bool take(std::vector<VisualWitness> answers) {
+    bool any = false;
+    for (VisualWitness& w : answers) {
+      any = any || holds(w, {}, options_);
+      witnesses_.push_back(std::move(w));
+    }
+    return any;
+  }
+
+  // What need not be asked; false where all must.
+  bool leave_out() {
+    constexpr std::size_t kMostRivals = 12;
+    const Commitment now = commitment(witnesses_, b_, {}, options_);
+    if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses)) return false;
+    const Sim3 a_from_b = mean_transform(now.clique, b_);
+    std::size_t rivals = 0;
+    for (const VisualWitness& w : witnesses_)
+      rivals += !would_see_the_same(a_, b_, {w.keyframe_a, w.keyframe_b}, a_from_b);
+    const auto is_idle = [&](const VisualQuestion& question) {
+      if (!would_see_the_same(a_, b_, question, a_from_b)) return ++rivals > kMostRivals;
+      return std::any_of(now.clique.begin(), now.clique.end(), [&](const VisualWitness* w) {
+        return beside(a_, w->keyframe_a, question.keyframe_a) && beside(b_, w->keyframe_b, question.keyframe_b);
+      });
+    };
+    std::vector<VisualQuestion> left;
+    for (const VisualQuestion& question : open_)
+      if (!is_idle(question)) left.push_back(question);
+    open_ = std::move(left);
+    return true;
+  }
+
+  const VisualMap &a_, &b_;
+  const FusionOptions& options_;
+  VisualJudge& judge_;
+  std::vector<VisualQuestion> open_;
+  std::deque<VisualWitness> witnesses_;
+  int barren_ = 0;  // rounds
+  bool is_over_ = false;
+};
 
 }  // namespace
 
@@ -282,7 +334,7 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
   verdict.kind = "vision", verdict.proposer = "words";
   verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
 
-  const auto witnesses = judged_in_rounds(a, b, told, input, options, judge);
+  const auto witnesses = Rounds(a, b, options, judge).run(told);
   const VisualWitness* likeliest = nullptr;
   std::size_t vetoed = 0;
   for (const VisualWitness& w : witnesses) {
@@ -291,7 +343,7 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
     if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
       likeliest = &w;
   }
-  const auto [clique, others, weight, rival_weight] = commitment(witnesses, b, input, options);
+  const auto [clique, others, weight, rival_weight] = commitment(witnesses, b, input.vetoed, options);
   if (clique.empty()) {
     if (likeliest != nullptr) {
       const Judgement& judgement = likeliest->judgement;

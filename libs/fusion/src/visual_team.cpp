@@ -25,7 +25,7 @@ constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr int kMostDifferent = 50;       // bits
 constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
 constexpr double kSameDepth = 0.1;       // of the distance
-constexpr double kLeastGain = 1e-3, kRoughGain = 1e-2;  // of an iteration of the bundle of all, in the last round and before
+constexpr double kLeastGain = 1.5e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
 constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
