@@ -194,14 +194,14 @@ TEST(Codec, survives_bytes_of_nothing_in_particular) {
 TEST(Codec, refuses_a_newer_form_and_says_so) {
   std::string bytes = encode(some_update(4, 3));
   ASSERT_EQ(bytes.substr(3 - (bytes[1] & 0x80 ? 0 : 1), 2), std::string("\x08\x01")) << "the header begins with its version";
-  bytes[bytes.find('\x08') + 1] = 4;
+  bytes[bytes.find('\x08') + 1] = 9;
   try {
     decode_map_update(bytes, "team.mwdb");
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
     EXPECT_THAT(error.what(),
-                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 4"), HasSubstr("up to 3"), HasSubstr("newer mapweave")));
+                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 4"), HasSubstr("newer mapweave")));
   }
 }
 

@@ -118,7 +118,7 @@ TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   update.moved.push_back({unknown, {}});
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody told of";
   std::string newer = heard().front().bytes;
-  const std::size_t version = newer.find(std::string("\x08\x02", 2));
+  const std::size_t version = newer.find('\x08');  // the header begins with it
   ASSERT_NE(version, std::string::npos);
   newer[version + 1] = 9;
   EXPECT_EQ(code_of(alpha, newer), ErrorCode::kUnsupported);
