@@ -234,10 +234,9 @@ Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMa
 }
 
 bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
-  constexpr std::size_t kBeside = 6;
   const auto& companions = map.keyframes()[keyframe].companions;
-  const auto end = companions.begin() + static_cast<std::ptrdiff_t>(std::min(kBeside, companions.size()));
-  return keyframe == other || std::any_of(companions.begin(), end, [&](const auto& companion) { return companion.second == other; });
+  return keyframe == other ||
+         std::any_of(companions.begin(), companions.end(), [&](const auto& companion) { return companion.second == other; });
 }
 
 // Whether they would look at the same things from near, if b lay so.

@@ -25,7 +25,7 @@ constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr int kMostDifferent = 50;       // bits
 constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
 constexpr double kSameDepth = 0.1;       // of the distance
-constexpr double kLeastGain = 1.5e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
+constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
 constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
@@ -92,7 +92,7 @@ class Team {
     for (int round = 0; round < options_.adjustments; ++round) {
       const double radius_px = round == 0 ? kWide_px : kNarrow_px;
       find_shared(radius_px);
-      adjust_all(radius_px, round + 1 == options_.adjustments ? kLeastGain : kRoughGain);
+      adjust_all(radius_px, round + 1 == options_.adjustments ? Extent::all : Extent::shared);
     }
     return told();
   }
@@ -310,8 +310,12 @@ class Team {
     return result;
   }
 
-  void adjust_all(double radius_px, double least_gain) {
+  // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their keyframes.
+  enum class Extent { shared, all };
+  void adjust_all(double radius_px, Extent extent) {
     const Classes same = classes();
+    std::vector<char> counts(landmark_ids_.size(), extent == Extent::all);
+    for (const Found& found : found_) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const matching::Pinhole& camera = keyframes_[i].content->camera;
@@ -321,6 +325,7 @@ class Team {
     bundle.points = points_;
     for (const graph::BundleTie& tie : straightened_) bundle.ties.push_back(of_cameras(tie));
     const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
+      if (counts[same.find(landmark)] == 0) return;
       graph::BundleSighting sighting;
       sighting.view = static_cast<std::uint32_t>(keyframe), sighting.point = static_cast<std::uint32_t>(same.find(landmark));
       sighting.pixel = pixel, sighting.sigma_px = sigma_px;
@@ -351,11 +356,12 @@ class Team {
       see(keyframe, landmark, {pixels_of(sighting->u), pixels_of(sighting->v)}, 2.0 * options_.sigma_px * (1 << sighting->level), 0);
     std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
     graph::BundleOptions adjusting;
-    adjusting.least_gain = least_gain;
+    adjusting.least_gain = extent == Extent::all ? kLeastGain : kRoughGain;
     graph::adjust(bundle, adjusting);
     for (std::size_t i = 0; i < keyframes_.size(); ++i)
       keyframes_[i].team_from_node =
           compose(bundle.views[i].map_from_camera, inverse(keyframes_[i].content->content->geometry->robot_from_camera));
+    if (extent == Extent::shared) return place_landmarks();
     for (std::size_t i = 0; i < points_.size(); ++i) points_[i] = bundle.points[same.find(i)];
   }
 

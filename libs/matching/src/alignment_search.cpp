@@ -233,9 +233,9 @@ Search::Normal Search::normal_at(const Sim3& a_from_b, const std::vector<std::ui
     normal.cost += robust_cost(square);
     if (!std::isfinite(square)) return;
     if (square < kGate) normal.square += square, ++normal.sightings;
-    const double weight = robust_weight(square);
-    normal.information.noalias() += weight * slope.transpose() * slope;
-    normal.gradient.noalias() += weight * slope.transpose() * error;
+    const Eigen::Matrix<double, 2, 7> weighted = robust_weight(square) * slope;
+    normal.information.noalias() += weighted.transpose().lazyProduct(slope);
+    normal.gradient.noalias() += weighted.transpose().lazyProduct(error);
   };
   for (const std::uint32_t i : chosen) {
     const FeaturePair& pair = problem_.pairs[i];
