@@ -1,5 +1,5 @@
 #include <mapweave/core/error.h>
-#include <mapweave/runtime/live_map_server.h>
+#include <mapweave/runtime/live_camera.h>
 #include <support/heard_updates.h>
 #include <support/temporary_folder.h>
 
@@ -262,6 +262,31 @@ TEST(LiveMapServer, goes_on_after_it_was_killed_with_all_that_it_said_it_has) {
       }
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
+}
+
+TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
+  auto options = test::two_in_an_apartment();
+  options.robots.resize(1), options.robots[0].length_m = 4.0;
+  test::FeatureTeam team(options, tiers::ServerOptions{});
+  const auto& robot = team.robots[0];
+  for (const bool listens : {true, false}) {
+    LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
+    LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
+    if (!listens) server.finish();
+    for (std::size_t i = 0; i < robot.count; ++i) {
+      camera.add(robot.shoot(i).frame);
+      std::this_thread::sleep_for(5ms);
+    }
+    const visual::VisualClient& client = camera.finish(10s);
+    EXPECT_GT(client.keyframes().size(), 2U);
+    EXPECT_EQ(camera.refusal(), "");
+    EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
+    const auto maps = server.finish().maps();
+    ASSERT_EQ(maps.size(), listens ? 1U : 0U);
+    if (listens) {
+      EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
+    }
+  }
 }
 
 }  // namespace

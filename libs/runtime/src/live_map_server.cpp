@@ -29,7 +29,10 @@ constexpr int kNice = 10;                                    // of threads that 
 double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
 
 // Of this thread and those that it starts; one that may not ask for it goes on as it is.
-void give_way() { setpriority(PRIO_PROCESS, static_cast<id_t>(syscall(SYS_gettid)), kNice); }
+void give_way() {
+  const auto thread = static_cast<id_t>(syscall(SYS_gettid));
+  setpriority(PRIO_PROCESS, thread, getpriority(PRIO_PROCESS, thread) + kNice);
+}
 
 // Adds the thread's processor time until its end.
 class Spending {
@@ -56,6 +59,7 @@ struct LiveMapServer::State {
   std::condition_variable maps_changed;
   tiers::VisualServer maps;
   double longest_hold_s = 0.0;
+  bool joiner_is_busy = false;  // or rests
 
   std::mutex mutex;
   std::condition_variable has_work;
@@ -241,7 +245,8 @@ struct LiveMapServer::State {
 
   // --- Joining. The maps are held only while a joining begins and while its result is taken over.
   void advance() {
-    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *joining_pool);
+    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *joining_pool,
+                 !joiner_is_busy);
     if (maps.pending()) maps_changed.notify_one();
   }
 
@@ -252,6 +257,7 @@ struct LiveMapServer::State {
       maps_changed.wait(lock, [&] { return joining_ends || maps.pending(); });
       if (joining_ends) return;
       std::shared_ptr<BackgroundWork> work = maps.pending();
+      joiner_is_busy = true;
       lock.unlock();
       const Clock::time_point begin = Clock::now();
       double spent_s = 0.0;
@@ -264,17 +270,22 @@ struct LiveMapServer::State {
         counts.trouble = error.what();
         return;
       }
+      const double lasted_s = seconds_since(begin);
       {
         const Hold hold(*this);
         advance();
       }
-      work.reset();  // with what the maps were before
+      work.reset();  // with what is no longer known
       {
         const std::lock_guard counting(mutex);
         ++counts.joinings, counts.joining_s += spent_s;
-        counts.longest_joining_s = std::max(counts.longest_joining_s, seconds_since(begin));
+        counts.longest_joining_s = std::max(counts.longest_joining_s, lasted_s);
       }
       lock.lock();
+      maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.joining_share) - 1.0)),
+                            [&] { return joining_ends; });
+      joiner_is_busy = false;
+      advance();
     }
   }
 

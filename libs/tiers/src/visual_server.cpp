@@ -21,6 +21,8 @@ constexpr double kLandmarkBytes = 70.0;      // on the wire, about
 constexpr std::size_t kLeastTold = 60;       // landmarks with a place, however narrow the wire
 constexpr double kBurst_s = 2.0;             // of the wire, that may be saved up
 constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
+constexpr int kLeastPairs = 12;              // of keyframes, compared for a pair of maps
+constexpr std::size_t kSettled = 5;          // later keyframes of its map: one's companions hardly change any more
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
@@ -123,7 +125,9 @@ struct VisualServer::Client {
 struct VisualServer::Joining {
   fusion::FusionInput input;
   Stamp due;
-  std::shared_ptr<const fusion::Memo> memo;
+  fusion::FusionOptions options;
+  fusion::Memo memo;                // of what was judged
+  std::vector<Judgement> standing;  // of that, what stands in the next joining
   std::shared_ptr<const TeamView> view;
 };
 
@@ -143,7 +147,7 @@ struct VisualServer::State {
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
-  std::shared_ptr<const fusion::Memo> memo = std::make_shared<const fusion::Memo>();
+  std::shared_ptr<Joining> last;  // that was taken over
   std::shared_ptr<Joining> joining;
   std::shared_ptr<BackgroundWork> work;  // of the joining
   std::shared_ptr<const TeamView> view;
@@ -190,26 +194,43 @@ struct VisualServer::State {
   void begin(Stamp now, WorkerPool& pool) {
     joining = std::make_shared<Joining>();
     joining->input = input();
-    if (view) joining->input.judged = view->result().judgements;
-    joining->memo = memo;
+    joining->options = fusion_options;
+    auto current = snapshots();
+    int& most_pairs = joining->options.visual.most_pairs;
+    most_pairs = std::min(most_pairs, std::max(kLeastPairs, options.judged_pairs / std::max(1, static_cast<int>(current.size()) - 1)));
     joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
     joined_keyframes = keyframes, vetoed_since = false;
-    work = std::make_shared<BackgroundWork>([joining = joining, snapshots = snapshots(), options = options, fusion_options = fusion_options,
-                                             &pool] {
-      joining->input.maps = copies(snapshots);
-      auto known = std::make_shared<fusion::Memo>(*joining->memo);
-      const auto silent = make_silent_progress();
-      auto result = fusion::fuse(joining->input, fusion_options, *known, pool, *silent);
-      joining->memo = std::move(known);
-      joining->view = std::make_shared<const TeamView>(std::move(result), joining->input.maps, options.index, options.description, pool);
+    work = std::make_shared<BackgroundWork>([joining = joining, last = last, current = std::move(current), options = options, &pool] {
+      join(*joining, last.get(), current, options, pool);
     });
+  }
+
+  static void join(Joining& joining, const Joining* last, const Snapshots& current, const ServerOptions& options, WorkerPool& pool) {
+    joining.input.maps = copies(current);
+    if (last != nullptr) joining.input.judged = last->standing;
+    const auto silent = make_silent_progress();
+    fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();
+    auto result = fusion::fuse(joining.input, joining.options, known, pool, *silent);
+    std::set<SubmapId> settled;
+    for (const Map& map : joining.input.maps)
+      for (std::size_t i = 0; i + kSettled < map.nodes.size(); ++i) {
+        const NodeId& id = map.nodes.begin()[static_cast<std::ptrdiff_t>(i)].first;
+        settled.insert({id.session, id.index});
+      }
+    for (const Judgement& judgement : result.judgements) {
+      joining.memo.emplace(judgement.id, judgement);
+      if (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0)
+        joining.standing.push_back(judgement);
+    }
+    joining.view = std::make_shared<const TeamView>(std::move(result), joining.input.maps, options.index, options.description, pool);
+    joining.input = {};
   }
 
   // What is let go of is left to whoever holds the work.
   void take_over() {
     work->run();
-    view.swap(joining->view), memo.swap(joining->memo);
-    ++views;
+    view = joining->view, ++views;
+    last.swap(joining);
     joining.reset(), work.reset();
   }
 
@@ -339,10 +360,10 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
   return received;
 }
 
-void VisualServer::advance(Stamp now, WorkerPool& pool) {
+void VisualServer::advance(Stamp now, WorkerPool& pool, bool may_begin) {
   State& state = *state_;
   if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.work->is_done())) state.take_over();
-  if (state.joining) return;
+  if (state.joining || !may_begin) return;
   const auto due =
       std::max(static_cast<double>(state.options.fuse_after), state.options.fuse_share * static_cast<double>(state.joined_keyframes));
   if (static_cast<double>(state.keyframes - state.joined_keyframes) >= due || state.vetoed_since) state.begin(now, pool);
@@ -470,10 +491,8 @@ const fusion::FusionResult& VisualServer::joined() const {
 fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input = state_->input();
   input.maps = maps();
-  auto known = std::make_shared<fusion::Memo>(*state_->memo);
-  auto result = fusion::fuse(input, state_->fusion_options, *known, pool, progress);
-  state_->memo = std::move(known);
-  return result;
+  fusion::Memo known = state_->last ? state_->last->memo : fusion::Memo();
+  return fusion::fuse(input, state_->fusion_options, known, pool, progress);
 }
 
 }  // namespace mapweave::tiers

@@ -17,12 +17,14 @@ namespace mapweave::runtime {
 struct LiveServerOptions {
   int handlers = 2;
   int joining_threads = 1;
+  double joining_share = 0.5;
   int queue_kb = 4096;
   int answers_kb = 1024;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
     v.integer("joining_threads", joining_threads, 1, 64, "that join maps, with less of a claim on the processors than the others");
+    v.fraction("joining_share", joining_share, "of the time that maps are joined at most: the next joining waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
     v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; it is lent nothing meanwhile");
   }

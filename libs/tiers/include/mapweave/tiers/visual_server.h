@@ -26,6 +26,7 @@ struct ServerOptions {
   double fuse_share = 0.1;
   double fuse_delay_s = 1.0;
   bool wait = true;
+  int judged_pairs = 240;
   double far_m = 10.0;
   double correct_m = 0.05;
   double most_bytes_per_s = 0.0;
@@ -42,6 +43,10 @@ struct ServerOptions {
     v.non_negative("fuse_share", fuse_share, "and this share of those that are there");
     v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0, "of data, from beginning to join until the result counts");
     v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
+    v.integer(
+        "judged_pairs", judged_pairs, 1, 1000000,
+        "of one map's keyframes with those of all others that a joining compares, shared out evenly; at most fusion.visual.most_pairs, at "
+        "least 12 for each other map");
     v.positive("far_m", far_m, "landmarks farther from a camera are not lent");
     v.positive("correct_m", correct_m, "clients hear where the team has their keyframes when those are off by more (root mean square)");
     v.non_negative(
@@ -75,7 +80,7 @@ class VisualServer {
   Received receive(const SessionId& from, MapUpdate update, std::string_view bytes);
   // After what came at one moment: begins to join the maps where enough is new, and takes over what was begun long enough ago. The pool
   // outlives the server.
-  void advance(Stamp now, WorkerPool& pool);
+  void advance(Stamp now, WorkerPool& pool, bool may_begin = true);
   // The joining under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
   std::shared_ptr<BackgroundWork> pending() const;
 
