@@ -289,5 +289,55 @@ TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
   }
 }
 
+// Its server ends while it drives, and another one goes on from the same journal.
+TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "server.mwj";
+  auto options = test::two_in_an_apartment();
+  options.robots.resize(1), options.robots[0].length_m = 6.0;
+  test::FeatureTeam team(options, tiers::ServerOptions{});
+  const auto& robot = team.robots[0];
+  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, LiveServerOptions{}, path);
+  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
+  const auto drive = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      camera.add(robot.shoot(i).frame);
+      std::this_thread::sleep_for(15ms);
+    }
+  };
+  drive(0, robot.count / 3);
+  first.reset();
+  drive(robot.count / 3, 2 * robot.count / 3);
+  LiveMapServer second(TierId("edge"), {}, {}, {}, path);
+  camera.reconnect(second.connect());
+  drive(2 * robot.count / 3, robot.count);
+  const visual::VisualClient& client = camera.finish(20s);
+  EXPECT_EQ(camera.refusal(), "");
+  EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
+  const auto maps = second.finish().maps();
+  ASSERT_EQ(maps.size(), 1U);
+  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
+}
+
+// Within a bound that it cannot keep: what is left at the end is told all the same.
+TEST(LiveCamera, tells_the_rest_whatever_its_wire_was) {
+  auto options = test::two_in_an_apartment();
+  options.robots.resize(1), options.robots[0].length_m = 4.0;
+  test::FeatureTeam team(options, tiers::ServerOptions{});
+  const auto& robot = team.robots[0];
+  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
+  LiveCameraOptions narrow;
+  narrow.uplink.most_bytes_per_s = 2000.0;
+  LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
+  for (std::size_t i = 0; i < robot.count; ++i) {
+    camera.add(robot.shoot(i).frame);
+    std::this_thread::sleep_for(5ms);
+  }
+  const visual::VisualClient& client = camera.finish(10s);
+  const auto maps = server.finish().maps();
+  ASSERT_EQ(maps.size(), 1U);
+  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
+}
+
 }  // namespace
 }  // namespace mapweave::runtime

@@ -114,6 +114,12 @@ TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   update.origin.map = visual::map_of(beta.client, 0);
   EXPECT_EQ(code_of(beta, encode(update)), ErrorCode::kBadInput) << "another client's keyframes in its own map";
   update = decode_map_update(heard().front().bytes, "test");
+  update.nodes = {update.nodes.front()}, update.nodes.front().payload = nullptr, update.landmarks.clear();
+  EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a node that is no keyframe";
+  update = decode_map_update(heard().front().bytes, "test");
+  update.nodes.front().map_from_node.t.x() = 1e300;
+  EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a pose beyond the Earth";
+  update = decode_map_update(heard().front().bytes, "test");
   const NodeId unknown{alpha, 4000};
   update.moved.push_back({unknown, {}});
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody told of";
@@ -221,7 +227,6 @@ TEST(VisualServer, tells_a_single_camera_where_it_is_at_true_scale) {
 TEST(VisualServer, loses_nothing_of_a_client_that_was_cut_off) {
   auto options = two_in_an_apartment();
   for (auto& robot : options.robots) robot.length_m = 15.0;
-  std::map<bool, std::string> maps;
   FeatureTeam team(options, sharing(Sharing::none));
   auto& alpha = team.robots[0];
   for (int round = 0; team.round(); ++round) {

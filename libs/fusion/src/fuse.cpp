@@ -374,10 +374,9 @@ class Fusing {
     }
     for (std::size_t i = 0; i < members.size(); ++i) {
       const Map& map = *maps_[members[i]].map;
-      const NodeId& first = map.nodes.front().first;
+      const auto& [first, node] = first_within(map, team);
       const double scale = placement.team_from_map[i].scale;
-      const Pose3 first_from_map = inverse(map.nodes.front().second.map_from_node);
-      component.team_from_map.set(map.id, carried({team.nodes.find(first)->map_from_node, scale}, first_from_map));
+      component.team_from_map.set(map.id, carried({team.nodes.find(first)->map_from_node, scale}, inverse(node.map_from_node)));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;
@@ -419,9 +418,17 @@ class Fusing {
     back_to_lowest(*maps_[members.front()].map, team);
   }
 
+  // In space a team has no nodes but keyframes.
+  static const std::pair<NodeId, Node>& first_within(const Map& map, const Map& team) {
+    const auto first =
+        std::find_if(map.nodes.begin(), map.nodes.end(), [&](const auto& entry) { return team.nodes.find(entry.first) != nullptr; });
+    MAPWEAVE_EXPECT(first != map.nodes.end(), "a team has nodes of each member");
+    return *first;
+  }
+
   // The team's frame is the map frame of its lowest member: its first node stays where that map has it.
   static void back_to_lowest(const Map& lowest, Map& team) {
-    const auto& [first, node] = lowest.nodes.front();
+    const auto& [first, node] = first_within(lowest, team);
     const Pose3 shift = compose(node.map_from_node, inverse(team.nodes.find(first)->map_from_node));
     for (auto& entry : team.nodes) entry.second.map_from_node = compose(shift, entry.second.map_from_node);
   }

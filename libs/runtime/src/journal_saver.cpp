@@ -58,7 +58,7 @@ void JournalSaver::run() {
     const double begin_s = thread_cpu_seconds();
     std::string trouble = append(batch);
     std::size_t bytes = 0;
-    if (trouble.empty())
+    if (trouble.empty())  // `then` posts to a wire and throws nothing but for want of memory, which ends the program everywhere
       for (const Waiting& saved : batch) {
         saved.then();
         for (const mapdb::JournalEntry& entry : saved.entries) bytes += entry.update.size();
@@ -77,11 +77,11 @@ void JournalSaver::run() {
 }
 
 std::string JournalSaver::append(const std::deque<Waiting>& batch) {
-  std::vector<mapdb::JournalEntry> entries;
-  for (const Waiting& saved : batch) entries.insert(entries.end(), saved.entries.begin(), saved.entries.end());
   try {
+    std::vector<mapdb::JournalEntry> entries;
+    for (const Waiting& saved : batch) entries.insert(entries.end(), saved.entries.begin(), saved.entries.end());
     journal_->append(entries);
-  } catch (const Error& error) {
+  } catch (const std::exception& error) {
     return error.what();
   }
   return {};

@@ -17,29 +17,50 @@ LiveCamera::LiveCamera(visual::ClientPlace place, const visual::PinholeCamera& c
                 if (last_ && seconds_between(*last_, now) < period_s) return;
                 last_ = now;
                 hear(client, std::chrono::milliseconds(0));
-                exchange(client, now);
+                tell(client, now);
+                ask(client);
               }) {}
+
+void LiveCamera::reconnect(std::shared_ptr<LiveMapServer::Link> link) {
+  const std::lock_guard lock(mutex_);
+  next_link_ = std::move(link);
+}
 
 visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
   visual::VisualClient& client = client_.finish();
   const auto end = std::chrono::steady_clock::now() + patience;
-  do {
-    if (last_) exchange(client, *last_);
-    hear(client, std::chrono::milliseconds(50));
-  } while (agent_.waiting_bytes() > 0 && std::chrono::steady_clock::now() < end && !link_->is_closed());
+  agent_.lift_bound();
+  bool more = client.run(place_).has_value();
+  while (more && std::chrono::steady_clock::now() < end) {
+    more = (last_ && tell(client, *last_)) || !welcome_ || agent_.waiting_bytes() > 0;
+    if (link_->is_closed()) break;
+    if (more) hear(client, std::chrono::milliseconds(50));
+  }
   return client;
 }
 
 bool LiveCamera::send(Kind kind, std::string bytes) { return link_->send({kind, std::move(bytes)}) == LiveMapServer::Link::Sent::taken; }
 
-void LiveCamera::exchange(visual::VisualClient& client, Stamp now) {
+bool LiveCamera::tell(visual::VisualClient& client, Stamp now) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = false;
+  }
   const auto run = client.run(place_);
-  if (!run) return;
+  if (!run) return false;
   if (!greeted_) greeted_ = send(Kind::hello, encode(Hello{*run, matching::shipped_vocabulary().hash()}));
-  if (!greeted_) return;
+  if (!welcome_) return true;  // what the server has already is not told again
   bool is_taken = true;
-  for (std::string& update : agent_.updates(client, now)) is_taken = is_taken && send(Kind::update, std::move(update));
-  if (!is_taken) agent_.reconnected({});  // repeats next time
+  const std::vector<std::string> updates = agent_.updates(client, now);
+  for (const std::string& update : updates) {
+    is_taken = is_taken && send(Kind::update, update);
+    if (!is_taken) agent_.put_back(update);
+  }
+  return !updates.empty();
+}
+
+void LiveCamera::ask(visual::VisualClient& client) {
+  if (!welcome_) return;
   if (auto view = agent_.view(client))
     send(Kind::view, std::move(*view));
   else if (auto request = agent_.place_request(client))
@@ -49,7 +70,10 @@ void LiveCamera::exchange(visual::VisualClient& client, Stamp now) {
 void LiveCamera::hear(visual::VisualClient& client, std::chrono::milliseconds patience) {
   for (const ServerMessage& message : link_->take(patience)) try {
       switch (message.kind) {
-        case ServerMessage::Kind::welcome: agent_.reconnected(message.receipts); break;
+        case ServerMessage::Kind::welcome:
+          agent_.reconnected(message.receipts);
+          welcome_ = true;
+          break;
         case ServerMessage::Kind::receipts:
           for (const tiers::Receipt& receipt : message.receipts) agent_.stored(receipt);
           break;

@@ -71,6 +71,7 @@ struct LiveMapServer::State {
   std::optional<JournalSaver> saver;  // told under maps_mutex: what is in the journal has the order in which maps took it
   std::vector<std::thread> handlers;
   std::thread joiner;
+  std::once_flag finished;
 
   class Hold {
    public:
@@ -205,9 +206,9 @@ struct LiveMapServer::State {
 
   void greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes) {
     const Hello hello = decode_hello(bytes, "a client's hello");
-    if (before != SessionId{} && before != hello.session)
+    if (before != SessionId{})
       throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before", to_string(hello.session),
-                  "each run of a client has a link of its own");
+                  "each run of a client has a link of its own, and one hello on it");
     const Hold hold(*this);
     ServerMessage welcome{ServerMessage::Kind::welcome, {}, maps.greet(hello)};
     const std::lock_guard lock(mutex);
@@ -225,10 +226,10 @@ struct LiveMapServer::State {
     MapUpdate decoded = decode_map_update(taken.message.bytes, to_string(from));
     const Hold hold(*this);
     auto received = maps.receive(from, std::move(decoded), taken.message.bytes);
-    advance();
     std::vector<mapdb::JournalEntry> entries;
     for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
     saver->save(std::move(entries), [wire, receipt = received.receipt] { wire->post({ServerMessage::Kind::receipts, {}, {receipt}}); });
+    advance();
   }
 
   std::optional<PlaceAnswer> place(const SessionId& from, PlaceRequest request) {
@@ -261,32 +262,46 @@ struct LiveMapServer::State {
       lock.unlock();
       const Clock::time_point begin = Clock::now();
       double spent_s = 0.0;
-      try {
+      const std::string trouble = trouble_of([&] {
         const Spending spending(spent_s);
         work->run();
-      } catch (const std::exception& error) {
-        log(LogLevel::error, std::string("maps are joined no more: ") + error.what());
-        const std::lock_guard counting(mutex);
-        counts.trouble = error.what();
-        return;
-      }
+      });
       const double lasted_s = seconds_since(begin);
-      {
+      const std::string later = trouble_of([&] {
         const Hold hold(*this);
-        advance();
-      }
+        if (trouble.empty())
+          advance();
+        else
+          maps.abandon();
+      });
       work.reset();  // with what is no longer known
-      {
-        const std::lock_guard counting(mutex);
-        ++counts.joinings, counts.joining_s += spent_s;
-        counts.longest_joining_s = std::max(counts.longest_joining_s, lasted_s);
-      }
+      note_joining(spent_s, lasted_s, trouble.empty() ? later : trouble);
       lock.lock();
       maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.joining_share) - 1.0)),
                             [&] { return joining_ends; });
       joiner_is_busy = false;
-      advance();
+      if (const std::string last = trouble_of([&] { advance(); }); !last.empty()) maps.abandon();
     }
+  }
+
+  // Why it failed; empty: it did not.
+  template <class Work>
+  static std::string trouble_of(const Work& work) {
+    try {
+      work();
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return {};
+  }
+
+  // What could not be joined now may be once there is more: clients go on, and what was joined before stays.
+  void note_joining(double spent_s, double lasted_s, const std::string& trouble) {
+    if (!trouble.empty()) log(LogLevel::error, "the maps could not be joined: " + trouble);
+    const std::lock_guard counting(mutex);
+    if (trouble.empty()) ++counts.joinings;
+    counts.joining_s += spent_s, counts.trouble = trouble;
+    counts.longest_joining_s = std::max(counts.longest_joining_s, lasted_s);
   }
 
   // --- Links, under `mutex`.
@@ -308,10 +323,11 @@ struct LiveMapServer::State {
                 wires.end());
   }
 
-  void finish() {
+  void finish() { std::call_once(finished, [this] { end(); }); }
+
+  void end() {
     {
       const std::lock_guard lock(mutex);
-      if (handling_ends) return;
       handling_ends = true;
       has_work.notify_all();
     }

@@ -78,6 +78,16 @@ std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stam
   return sent;
 }
 
+void CameraAgent::put_back(const std::string& update) {
+  for (Message& message : outbox_) {
+    if (!message.on_its_way || message.bytes != update) continue;
+    message.on_its_way = false;
+    sent_bytes_ -= update.size();
+    allowance_bytes_ += static_cast<double>(update.size());
+    return;
+  }
+}
+
 void CameraAgent::stored(const Receipt& receipt) {
   outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
                                [&](const Message& m) { return m.map == receipt.origin.map && m.sequence <= receipt.stored; }),

@@ -23,6 +23,7 @@ constexpr double kBurst_s = 2.0;             // of the wire, that may be saved u
 constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
 constexpr int kLeastPairs = 12;              // of keyframes, compared for a pair of maps
 constexpr std::size_t kSettled = 5;          // later keyframes of its map: one's companions hardly change any more
+constexpr double kFarthest_m = 1e6;          // from a map's origin
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
@@ -33,7 +34,7 @@ Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
   return compose(team_from_map.pose, Pose3{team_from_map.scale * pose_in_map.t, pose_in_map.q});
 }
 
-// Everything that an update says must be of its own client's run; what it borrowed alone is of others.
+// Everything that an update says must be of its own client's run, and of a camera somewhere on Earth; what it borrowed alone is of others.
 void expect_owned(const MapUpdate& update, const SessionId& owner, const std::string& where) {
   const auto expect = [&](const SessionId& session, const std::string& what) {
     if (session != owner)
@@ -42,8 +43,16 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
   const auto expect_seen = [&](const std::vector<LandmarkSighting>& seen) {
     for (const LandmarkSighting& sighting : seen) expect(sighting.node.session, to_string(sighting.node));
   };
-  for (const Node& node : update.nodes) expect(node.id.session, to_string(node.id));
-  for (const MovedNode& moved : update.moved) expect(moved.id.session, to_string(moved.id));
+  const auto expect_near = [&](const Pose3& pose, const NodeId& id) {
+    if (!(pose.t.norm() < kFarthest_m))
+      throw Error(ErrorCode::kBadInput, to_string(id) + " is farther than any robot goes", where, "a client begins near its origin");
+  };
+  for (const Node& node : update.nodes) {
+    expect(node.id.session, to_string(node.id)), expect_near(node.map_from_node, node.id);
+    if (keyframe_of(node) == nullptr)
+      throw Error(ErrorCode::kBadInput, to_string(node.id) + " is no keyframe", where, "cameras tell keyframes and landmarks");
+  }
+  for (const MovedNode& moved : update.moved) expect(moved.id.session, to_string(moved.id)), expect_near(moved.map_from_node, moved.id);
   for (const NodeId& id : update.removed_nodes) expect(id.session, to_string(id));
   for (const Landmark& landmark : update.landmarks) expect(landmark.id.session, to_string(landmark.id)), expect_seen(landmark.seen);
   for (const LandmarkChange& change : update.changed_landmarks) expect(change.id.session, to_string(change.id)), expect_seen(change.seen);
@@ -227,6 +236,7 @@ struct VisualServer::State {
   }
 
   // What is let go of is left to whoever holds the work.
+  void abandon() { joining.reset(), work.reset(); }
   void take_over() {
     work->run();
     view = joining->view, ++views;
@@ -368,6 +378,8 @@ void VisualServer::advance(Stamp now, WorkerPool& pool, bool may_begin) {
       std::max(static_cast<double>(state.options.fuse_after), state.options.fuse_share * static_cast<double>(state.joined_keyframes));
   if (static_cast<double>(state.keyframes - state.joined_keyframes) >= due || state.vetoed_since) state.begin(now, pool);
 }
+
+void VisualServer::abandon() { state_->abandon(); }
 
 std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->work; }
 

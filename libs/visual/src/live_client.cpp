@@ -51,6 +51,10 @@ int LiveClient::dropped() const {
 }
 
 void LiveClient::stop() {
+  std::call_once(stopping_, [this] { end(); });
+}
+
+void LiveClient::end() {
   {
     const std::lock_guard lock(mutex_);
     ending_ = true;

@@ -5,6 +5,8 @@
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/visual/live_client.h>
 
+#include <mutex>
+
 namespace mapweave::runtime {
 
 struct LiveCameraOptions {
@@ -23,6 +25,8 @@ class LiveCamera {
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
   void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
   int dropped() const { return client_.dropped(); }
+  // To a server that is there again, or another one: says hello, and repeats what that has not stored.
+  void reconnect(std::shared_ptr<LiveMapServer::Link> link);
   // No more frames come. Tells the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
 
@@ -31,16 +35,21 @@ class LiveCamera {
   const std::string& refusal() const { return refusal_; }  // the last one
 
  private:
-  void exchange(visual::VisualClient& client, Stamp now);
+  // Whether it had anything to tell.
+  bool tell(visual::VisualClient& client, Stamp now);
+  void ask(visual::VisualClient& client);
   void hear(visual::VisualClient& client, std::chrono::milliseconds patience);
   bool send(ClientMessage::Kind kind, std::string bytes);
+
+  std::mutex mutex_;
+  std::shared_ptr<LiveMapServer::Link> next_link_;  // in place of the other
 
   // Of the tracking thread, until it has ended.
   visual::ClientPlace place_;
   std::shared_ptr<LiveMapServer::Link> link_;
   tiers::CameraAgent agent_;
   std::optional<Stamp> last_;
-  bool greeted_ = false;
+  bool greeted_ = false, welcome_ = false;
   std::string refusal_;
   visual::LiveClient client_;
 };

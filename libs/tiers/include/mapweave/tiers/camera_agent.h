@@ -34,6 +34,10 @@ class CameraAgent {
   // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. None while too much
   // is under way that nobody has confirmed: the client keeps it together meanwhile. `now`: of data.
   std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
+  // Of those, one that did not get onto the wire: it is told again.
+  void put_back(const std::string& update);
+  // The client has ended: what it still has to tell is bounded by nothing.
+  void lift_bound() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
   void stored(const Receipt& receipt);
   void reconnected(const std::vector<Receipt>& receipts);

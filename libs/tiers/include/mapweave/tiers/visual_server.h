@@ -83,6 +83,8 @@ class VisualServer {
   void advance(Stamp now, WorkerPool& pool, bool may_begin = true);
   // The joining under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
   std::shared_ptr<BackgroundWork> pending() const;
+  // Of a joining that threw: what was joined before it stays, and the next one begins once there is enough new.
+  void abandon();
 
   // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
   // receive.

@@ -36,6 +36,7 @@ class LiveClient {
   void track();
   void straighten();
   void stop();
+  void end();
 
   VisualClient client_;  // of the tracking thread, until it has ended
   Report report_;
@@ -47,6 +48,7 @@ class LiveClient {
   int dropped_ = 0;
   std::exception_ptr error_;
   std::thread tracking_, straightening_;
+  std::once_flag stopping_;
 };
 
 }  // namespace mapweave::visual
