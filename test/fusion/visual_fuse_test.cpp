@@ -109,14 +109,16 @@ TEST(VisualFuse, leaves_strangers_apart_and_says_why) {
 }
 
 TEST(VisualFuse, defers_where_a_robot_has_seen_two_rooms_that_look_alike) {
-  const test::StarryBuilding building({1, 1, 1});
-  std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
-  for (const Pose2& pose : test::look_around(11.0, 0.0, 0.0, 3.0, 12)) both.push_back(pose);
-  const auto result =
-      fused({building.keyframe_map("alpha", both), building.keyframe_map("beta", test::look_around(23.0, 0.3, 0.0, 3.0, 12))});
-  EXPECT_EQ(result.components.size(), 2U);
-  EXPECT_EQ(result.verdicts[0].decision, Decision::deferred);
-  EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous);
+  for (int look = 1; look <= 8; ++look) {
+    const test::StarryBuilding building({look, look, look});
+    std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
+    for (const Pose2& pose : test::look_around(11.0, 0.0, 0.1 * look, 3.0, 12)) both.push_back(pose);
+    const auto result =
+        fused({building.keyframe_map("alpha", both), building.keyframe_map("beta", test::look_around(23.0, 0.3, 0.0, 3.0, 12))});
+    EXPECT_EQ(result.components.size(), 2U) << look;
+    EXPECT_EQ(result.verdicts[0].decision, Decision::deferred) << look;
+    EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous) << look;
+  }
 }
 
 TEST(VisualFuse, gives_the_same_bytes_for_any_order_threads_and_memo) {

@@ -12,7 +12,7 @@ namespace mapweave::fusion {
 struct VisualFusionOptions {
   int candidates = 4;
   int most_pairs = 120;
-  int enough_witnesses = 4;
+  int enough_witnesses = 6;
   int companions = 3;
   double least_alike = 0.3;
   int adjustments = 2;
