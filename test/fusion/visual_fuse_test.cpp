@@ -155,7 +155,8 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   const NodeId last = younger.nodes.back().first;
   younger.nodes.erase(last);
   for (auto& [id, landmark] : younger.landmarks)
-    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), [&](const auto& s) { return s.node == last; }), landmark.seen.end());
+    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), [&](const auto& s) { return s.node == last; }),
+                        landmark.seen.end());
   for (auto landmark = younger.landmarks.begin(); landmark != younger.landmarks.end();)
     if (landmark->second.seen.empty() || landmark->second.anchor == last) {
       const LandmarkId id = landmark->first;
@@ -268,7 +269,8 @@ TEST(VisualFuse, hardly_moves_for_lies_within_a_team) {
   const auto lied = answer_to(input);
   ASSERT_EQ(lied.components.size(), 1U);
   expect_at(lied.components[0], "beta", robots.a_from_b, 0.02, 0.005);
-  EXPECT_LT((lied.components[0].team_from_map.find(MapId("beta"))->t - honest.components[0].team_from_map.find(MapId("beta"))->t).norm(), 0.005);
+  EXPECT_LT((lied.components[0].team_from_map.find(MapId("beta"))->t - honest.components[0].team_from_map.find(MapId("beta"))->t).norm(),
+            0.005);
 }
 
 // The map of a camera that looks the other way: of the same robot, of another sensor.

@@ -351,7 +351,8 @@ class Fusing {
       const auto by = std::lower_bound(members.begin(), members.end(), sighting.map),
                  of = std::lower_bound(members.begin(), members.end(), sighting.map_of_landmark);
       if (by == members.end() || *by != sighting.map || of == members.end() || *of != sighting.map_of_landmark) continue;
-      sighting.map = static_cast<std::size_t>(by - members.begin()), sighting.map_of_landmark = static_cast<std::size_t>(of - members.begin());
+      sighting.map = static_cast<std::size_t>(by - members.begin()),
+      sighting.map_of_landmark = static_cast<std::size_t>(of - members.begin());
       told.push_back(sighting);
     }
     VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual);

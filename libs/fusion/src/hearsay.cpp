@@ -8,8 +8,8 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kLeastTold = 10;   // landmarks of one keyframe's, for a pair to be judged
-constexpr std::size_t kMostPairs = 16;   // of two maps
+constexpr std::size_t kLeastTold = 10;  // landmarks of one keyframe's, for a pair to be judged
+constexpr std::size_t kMostPairs = 16;  // of two maps
 
 auto order_of(const ToldSighting& told) { return std::tie(told.map, told.keyframe, told.map_of_landmark, told.landmark); }
 
@@ -27,8 +27,9 @@ Hearsay::Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<V
         }
     }
   std::stable_sort(sightings_.begin(), sightings_.end(), [](const auto& a, const auto& b) { return order_of(a) < order_of(b); });
-  sightings_.erase(std::unique(sightings_.begin(), sightings_.end(), [](const auto& a, const auto& b) { return order_of(a) == order_of(b); }),
-                   sightings_.end());
+  sightings_.erase(
+      std::unique(sightings_.begin(), sightings_.end(), [](const auto& a, const auto& b) { return order_of(a) == order_of(b); }),
+      sightings_.end());
 }
 
 std::vector<VisualQuestion> Hearsay::pairs(std::size_t a, std::size_t b) const {

@@ -9,8 +9,8 @@
 namespace mapweave::fusion {
 
 struct ToldSighting {
-  std::size_t map, keyframe;               // who says so: numbers of the map, and in it
-  std::size_t map_of_landmark, landmark;   // of another map
+  std::size_t map, keyframe;              // who says so: numbers of the map, and in it
+  std::size_t map_of_landmark, landmark;  // of another map
   LandmarkSighting seen;
 };
 

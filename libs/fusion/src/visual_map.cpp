@@ -118,7 +118,8 @@ std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords&
 }
 
 std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) const {
-  const auto found = std::lower_bound(landmarks_.begin(), landmarks_.end(), id, [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
+  const auto found =
+      std::lower_bound(landmarks_.begin(), landmarks_.end(), id, [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
   return found != landmarks_.end() && found->id == id ? std::optional(static_cast<std::size_t>(found - landmarks_.begin())) : std::nullopt;
 }
 
@@ -156,7 +157,8 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions, bool 
     view.id = from.id;
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
-    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(), with_words ? from.node_of_feature.data() : nullptr};
+    view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(),
+                     with_words ? from.node_of_feature.data() : nullptr};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);

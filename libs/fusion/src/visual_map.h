@@ -23,7 +23,7 @@ struct MappedKeyframe {
   std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first
   matching::BagOfWords bag;
   std::vector<std::uint32_t> node_of_feature;  // of the vocabulary
-  int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores
+  int likeness = 0;                            // of its bag to that of the keyframe before: what a picture of the same place scores
 };
 
 struct MappedLandmark {

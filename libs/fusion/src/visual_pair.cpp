@@ -84,7 +84,8 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
     const MappedKeyframe& keyframe = b.keyframes()[j];
     const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
     for (const matching::SimilarPlace& place : a.alike(keyframe.bag, least, static_cast<std::size_t>(options.candidates)))
-      ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id), j);  // groups' sums: above 1
+      ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id),
+                          j);  // groups' sums: above 1
   }
   std::sort(ranked.begin(), ranked.end());
   if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
@@ -165,7 +166,8 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
   }
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
-    auto made = pool_.map(order.size(), [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions), by_words); });
+    auto made = pool_.map(order.size(),
+                          [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions), by_words); });
     std::map<std::size_t, VisualPlace> places;
     for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
     return places;
@@ -261,9 +263,8 @@ class Rounds {
     open_ = told;
     while (!open_.empty() && !is_over_) round(true);
     for (const VisualQuestion& question : questions_of(a_, b_, options_.visual))
-      if (std::none_of(witnesses_.begin(), witnesses_.end(), [&](const VisualWitness& w) {
-            return w.keyframe_a == question.keyframe_a && w.keyframe_b == question.keyframe_b;
-          }))
+      if (std::none_of(witnesses_.begin(), witnesses_.end(),
+                       [&](const VisualWitness& w) { return w.keyframe_a == question.keyframe_a && w.keyframe_b == question.keyframe_b; }))
         open_.push_back(question);
     is_over_ = false, barren_ = 0;
     leave_out();
@@ -299,8 +300,7 @@ class Rounds {
     if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses)) return false;
     const Sim3 a_from_b = mean_transform(now.clique, b_);
     std::size_t rivals = 0;
-    for (const VisualWitness& w : witnesses_)
-      rivals += !would_see_the_same(a_, b_, {w.keyframe_a, w.keyframe_b}, a_from_b);
+    for (const VisualWitness& w : witnesses_) rivals += !would_see_the_same(a_, b_, {w.keyframe_a, w.keyframe_b}, a_from_b);
     const auto is_idle = [&](const VisualQuestion& question) {
       if (!would_see_the_same(a_, b_, question, a_from_b)) return ++rivals > kMostRivals;
       return std::any_of(now.clique.begin(), now.clique.end(), [&](const VisualWitness* w) {

@@ -28,7 +28,8 @@ class VisualJudge {
   // before: FusionInput::judged. All outlive it.
   VisualJudge(const VisualFusionOptions& options, const std::vector<Judgement>& before, Memo& memo, WorkerPool& pool);
   // In the order of the questions. Not thread-safe; works in parallel within.
-  std::vector<VisualWitness> ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions, bool by_words = true);
+  std::vector<VisualWitness> ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
+                                 bool by_words = true);
 
  private:
   const VisualFusionOptions& options_;

@@ -22,11 +22,11 @@ constexpr double kTieShare = 0.015, kTie_m = 0.006, kTie_rad = 0.003, kStiff = 0
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
-constexpr int kMostDifferent = 50;       // bits
-constexpr double kClearly = 0.85;        // nearest descriptor to the second nearest
-constexpr double kSameDepth = 0.1;       // of the distance
+constexpr int kMostDifferent = 50;                      // bits
+constexpr double kClearly = 0.85;                       // nearest descriptor to the second nearest
+constexpr double kSameDepth = 0.1;                      // of the distance
 constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
-constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
+constexpr std::size_t kLeastFound = 12;                 // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
 struct TeamKeyframe {
@@ -287,7 +287,7 @@ class Team {
 
   // Of what was told, the new: by keyframes whose features were found to see the same, and where it is expected.
   std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle, const Classes& same,
-                                                                                      double radius_px) const {
+                                                                                       double radius_px) const {
     std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
     if (told_.empty()) return result;
     std::set<std::size_t> known;
@@ -310,7 +310,8 @@ class Team {
     return result;
   }
 
-  // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their keyframes.
+  // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their
+  // keyframes.
   enum class Extent { shared, all };
   void adjust_all(double radius_px, Extent extent) {
     const Classes same = classes();

@@ -9,8 +9,8 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion = 4;                          // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points
-constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
+constexpr std::uint32_t kVersion = 4;           // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points
+constexpr std::uint32_t kJudgementVersion = 1;  // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
 

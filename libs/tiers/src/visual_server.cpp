@@ -103,7 +103,7 @@ struct VisualServer::Client {
     std::map<LandmarkId, Lent> lent = {};
     std::uint32_t forgotten = 0;
     std::uint64_t shares = 0;
-    std::uint64_t corrected_by = 0;  // the view
+    std::uint64_t corrected_by = 0;                                          // the view
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
 
     void note(const MapUpdate& update) {

@@ -63,11 +63,12 @@ KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector
   for (std::size_t i = 0; i < features.points.size(); ++i) {
     const matching::FeaturePoint& point = features.points[i];
     const std::uint16_t inverse_depth = inverse_depth_units(static_cast<double>(depths[i]));
-    points.emplace_back(KeyframePoint{coarse(pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)), kPixelSteps),
-                                      coarse(pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)), kPixelSteps),
-                                      inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)),
-                                      point.level, static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
-                        i);
+    points.emplace_back(
+        KeyframePoint{coarse(pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)), kPixelSteps),
+                      coarse(pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)), kPixelSteps),
+                      inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)), point.level,
+                      static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
+        i);
   }
   std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return std::tie(a.first.v, a.first.u, a.second) < std::tie(b.first.v, b.first.u, b.second);
