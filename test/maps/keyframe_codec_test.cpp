@@ -147,7 +147,7 @@ TEST(KeyframeCodec, spends_forty_bytes_on_a_feature_and_little_on_a_light_keyfra
   EXPECT_LE(45 * size_of(1, false), size_of(1, true)) << "also when it travels alone";
 }
 
-// As clients tell them: from above to below, in eighths of a pixel, 0.001 / m and 64ths of a turn.
+// As clients tell them: from above to below, in 0.001 / m and 64ths of a turn.
 MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
   RandomMaps random(seed);
   MapUpdate update;
@@ -155,7 +155,7 @@ MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
   auto payload = random.keyframe(random.camera(), features);
   KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*payload);
   for (KeyframePoint& point : keyframe.points) {
-    point.u &= 0xfffe, point.v &= 0xfffe, point.angle &= 0xfc;
+    point.angle &= 0xfc;
     point.inverse_depth = static_cast<std::uint16_t>(point.inverse_depth / 8 & 0xfffc);
   }
   std::sort(keyframe.points.begin(), keyframe.points.end(), [](const auto& a, const auto& b) { return a.v < b.v; });

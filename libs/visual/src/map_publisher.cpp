@@ -12,9 +12,9 @@ constexpr double kMoved_m = 0.002, kMoved_rad = 0.001;
 constexpr double kLandmarkMoved = 0.003;  // of its distance
 constexpr double kLevelScale = 1.2;       // of the features' pyramid
 
-// What is told of a feature, well below what it is off by: an eighth of a pixel, 0.001 / m of inverse depth, a 64th of a turn. The form on
-// a wire is short where all are multiples, and rise from the upper edge of the picture.
-constexpr std::uint16_t kPixelSteps = 2, kDepthSteps = 4, kAngleSteps = 4;
+// What is told of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form on a wire is short where
+// all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: what is lent is found by them.
+constexpr std::uint16_t kDepthSteps = 4, kAngleSteps = 4;
 
 std::uint16_t coarse(std::uint16_t units, std::uint16_t steps) {
   return static_cast<std::uint16_t>(std::min((units + steps / 2) / steps, 65535 / steps) * steps);
@@ -64,8 +64,8 @@ KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector
     const matching::FeaturePoint& point = features.points[i];
     const std::uint16_t inverse_depth = inverse_depth_units(static_cast<double>(depths[i]));
     points.emplace_back(
-        KeyframePoint{coarse(pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)), kPixelSteps),
-                      coarse(pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)), kPixelSteps),
+        KeyframePoint{pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)),
+                      pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)),
                       inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)), point.level,
                       static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
         i);

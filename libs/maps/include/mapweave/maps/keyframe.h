@@ -1,5 +1,5 @@
 #pragma once
-// What a camera saw at a keyframe, packed: 40 bytes a feature, here as on a wire.
+// What a camera saw at a keyframe, packed: 40 bytes a feature here, 37 on a wire.
 
 #include <mapweave/core/geometry.h>
 
