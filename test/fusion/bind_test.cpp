@@ -153,7 +153,7 @@ TEST(Bind, tells_floors_of_one_plan_apart_by_what_cameras_see) {
 
 TEST(Bind, tells_houses_of_one_wallpaper_apart_by_their_walls) {
   const auto team = simulation::make_two_strangers();
-  const test::StarryBuilding stars({1, 1}, 2500);
+  const test::StarryBuilding stars({1, 2}, 2500);
   std::vector<Map> maps, seen;
   for (const auto& robot : team.robots) {
     maps.push_back(of_two_senses(robot, team.laser, stars, {1.0, 0.5, 0.2}));
@@ -169,6 +169,23 @@ TEST(Bind, tells_houses_of_one_wallpaper_apart_by_their_walls) {
   EXPECT_EQ(result.components.size(), 2U);
   EXPECT_EQ(result.verdicts[0].decision, Decision::refused);
   EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction);
+}
+
+// Each robot knows two rooms of one look: agreement says nothing of which is which.
+TEST(Bind, does_not_join_rooms_of_one_wallpaper_that_repeats) {
+  const test::StarryBuilding stars({1, 1}, 2500);
+  std::vector<Map> seen;
+  for (const auto& robot : simulation::make_two_strangers().robots) {
+    std::vector<Pose2> way;
+    for (std::size_t i = 0; i < robot.steps.size(); i += 15)
+      way.push_back(compose({1.0, 0.5, 0.2}, between(robot.steps.front().world_from_robot, robot.steps[i].world_from_robot)));
+    seen.push_back(stars.keyframe_map(robot.id.str(), way));
+  }
+  const auto result = fused(seen);
+  EXPECT_EQ(result.components.size(), 2U);
+  EXPECT_EQ(result.verdicts[0].decision, Decision::deferred);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous);
+  EXPECT_FALSE(result.verdicts[0].contradicted.empty());
 }
 
 }  // namespace

@@ -81,9 +81,7 @@ struct KeyframeBytes {
     full += told.nodes.size(), full_bytes += encode(once).size() - head;
     light += told.moved.size(), light_bytes += encode(again).size() - head;
   }
-  nlohmann::json json() const {
-    return {{"full", full}, {"full_bytes", full_bytes}, {"light", light}, {"light_bytes", light_bytes}};
-  }
+  nlohmann::json json() const { return {{"full", full}, {"full_bytes", full_bytes}, {"light", light}, {"light_bytes", light_bytes}}; }
 };
 
 nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
@@ -100,11 +98,20 @@ nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
     down += 1e-3 * static_cast<double>(robot.agent->heard_bytes()) / seconds;
     lost += robot.lost, placed += robot.placed, frames += static_cast<int>(robot.next);
   }
-  return {{"name", name},          {"robots", team.robots.size()},         {"maps", found.maps},
-          {"frames", frames},      {"lost", lost},                         {"components", found.components},
-          {"placed", placed},      {"falsely_joined", found.falsely_joined}, {"alone_m", alone_m(team.robots)},
-          {"team_m", found.team_m}, {"up_kb_per_s", up},                   {"down_kb_per_s", down},
-          {"sealing_s", sealing_s}, {"cpu_s", processor_s() - began_s}};
+  return {{"name", name},
+          {"robots", team.robots.size()},
+          {"maps", found.maps},
+          {"frames", frames},
+          {"lost", lost},
+          {"components", found.components},
+          {"placed", placed},
+          {"falsely_joined", found.falsely_joined},
+          {"alone_m", alone_m(team.robots)},
+          {"team_m", found.team_m},
+          {"up_kb_per_s", up},
+          {"down_kb_per_s", down},
+          {"sealing_s", sealing_s},
+          {"cpu_s", processor_s() - began_s}};
 }
 
 nlohmann::json apartment(int robots) {
@@ -172,8 +179,13 @@ nlohmann::json another_day() {
   }
   const auto silent = make_silent_progress();
   const Judged found = judged(server.seal(pool, *silent), truth);
-  return {{"name", "a robot that comes back another day"}, {"robots", 1}, {"maps", found.maps}, {"components", found.components},
-          {"falsely_joined", found.falsely_joined}, {"alone_m", std::sqrt(alone)}, {"team_m", found.team_m},
+  return {{"name", "a robot that comes back another day"},
+          {"robots", 1},
+          {"maps", found.maps},
+          {"components", found.components},
+          {"falsely_joined", found.falsely_joined},
+          {"alone_m", std::sqrt(alone)},
+          {"team_m", found.team_m},
           {"cpu_s", processor_s() - began_s}};
 }
 
@@ -192,8 +204,12 @@ nlohmann::json repeated_rooms(int seeds) {
     rightly_joined += found.maps - found.components - found.falsely_joined;
     std::fprintf(stderr, "seed %d: %zu of %zu maps, %zu falsely joined\n", seed, found.components, found.maps, found.falsely_joined);
   }
-  return {{"name", "rooms that are all alike, " + std::to_string(seeds) + " seeds"}, {"robots", 2}, {"seeds", seeds},
-          {"falsely_joined", falsely_joined}, {"rightly_joined", rightly_joined}, {"cpu_s", processor_s() - began_s}};
+  return {{"name", "rooms that are all alike, " + std::to_string(seeds) + " seeds"},
+          {"robots", 2},
+          {"seeds", seeds},
+          {"falsely_joined", falsely_joined},
+          {"rightly_joined", rightly_joined},
+          {"cpu_s", processor_s() - began_s}};
 }
 
 nlohmann::json run(const std::string& scenario) {

@@ -104,9 +104,10 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map), is_metric_(
   }
 }
 
-std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const {
+std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords& bag, int least_score, std::size_t most,
+                                                     const std::function<bool(const NodeId&)>& excluded) const {
   auto groups = matching::best_of_groups(
-      index_->query(bag, kLookedUp, {}, least_score),
+      index_->query(bag, kLookedUp, excluded, least_score),
       [&](const NodeId& id) {
         std::vector<NodeId> result;
         for (const auto& companion : keyframes_[number_of(id)].companions) result.push_back(keyframes_[companion.second].id);

@@ -8,6 +8,7 @@
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -47,7 +48,8 @@ class VisualMap {
   const std::vector<MappedKeyframe>& keyframes() const { return keyframes_; }  // by id
   const std::vector<MappedLandmark>& landmarks() const { return landmarks_; }  // by id
   // Keyframes that look like this picture, each the best of its surroundings, best first.
-  std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most) const;
+  std::vector<matching::SimilarPlace> alike(const matching::BagOfWords& bag, int least_score, std::size_t most,
+                                            const std::function<bool(const NodeId&)>& excluded = {}) const;
   std::size_t number_of(const NodeId& id) const { return seen_.number_of(id); }  // a keyframe's
   std::optional<std::size_t> landmark_number(const LandmarkId& id) const;
   // With words only features of like words are compared; without, each with each.

@@ -325,6 +325,59 @@ class Rounds {
 
 }  // namespace
 
+namespace {
+
+// Elsewhere in the same map, what looks most like this keyframe.
+std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe, const VisualFusionOptions& options) {
+  constexpr double kApart_m = 2.0;
+  constexpr std::size_t kAsked = 2;
+  const MappedKeyframe& here = map.keyframes()[keyframe];
+  const int least = std::max(1, static_cast<int>(options.least_alike * here.likeness));
+  const auto is_here = [&](const NodeId& id) {
+    const std::size_t other = map.number_of(id);
+    return beside(map, keyframe, other) || (map.keyframes()[other].map_from_camera.t - here.map_from_camera.t).norm() < kApart_m;
+  };
+  std::vector<VisualQuestion> questions;
+  for (const matching::SimilarPlace& place : map.alike(here.bag, least, kAsked, is_here))
+    questions.push_back({keyframe, map.number_of(place.id)});
+  return questions;
+}
+
+// Rooms may be alike to the last picture on the wall, and then agreement says nothing. So a few witnesses, of different keyframes and the
+// most probable first, are asked whether their places look like others in their own maps. Where too many do, these are the judgements that
+// say so.
+std::vector<Hash> repetitions(const VisualMap& a, const VisualMap& b, std::vector<const VisualWitness*> clique,
+                              const FusionOptions& options, VisualJudge& judge, std::vector<Hash>& judged) {
+  constexpr std::size_t kMostLooks = 12, kOneIn = 6;
+  constexpr double kMoved_m = 1.0;
+  std::stable_sort(clique.begin(), clique.end(), [](const VisualWitness* one, const VisualWitness* other) {
+    return one->judgement.probability > other->judgement.probability;
+  });
+  std::vector<Hash> found;
+  const auto repeats = [&](const VisualMap& map, std::size_t keyframe) {
+    for (const VisualWitness& w : judge.ask(map, map, elsewhere(map, keyframe, options.visual))) {
+      judged.push_back(w.judgement.id);
+      const Vector3d& there = map.keyframes()[w.keyframe_b].map_from_node.t;
+      if (!holds(w, {}, options) || (matching::transformed(there, w.a_from_b) - there).norm() < kMoved_m) continue;
+      found.push_back(w.judgement.id);
+      return true;
+    }
+    return false;
+  };
+  std::set<std::size_t> of_a, of_b;
+  std::size_t repeated = 0;
+  for (const VisualWitness* w : clique) {
+    if (of_a.size() == kMostLooks || kOneIn * repeated >= kMostLooks) break;
+    if (of_a.count(w->keyframe_a) != 0 || of_b.count(w->keyframe_b) != 0) continue;
+    of_a.insert(w->keyframe_a), of_b.insert(w->keyframe_b);
+    repeated += repeats(a, w->keyframe_a) || repeats(b, w->keyframe_b);
+  }
+  if (kOneIn * repeated < of_a.size()) found.clear();
+  return found;
+}
+
+}  // namespace
+
 VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told, const FusionInput& input,
                         const FusionOptions& options, VisualJudge& judge) {
   VisualPairResult result;
@@ -380,6 +433,10 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
     verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
   } else if (disjoint(clique) < static_cast<std::size_t>(options.min_witnesses) && !sole) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::too_few_witnesses;
+  } else if (const std::vector<Hash> against = repetitions(a, b, clique, options, judge, result.judged); !against.empty()) {
+    verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
+    verdict.contradicted.insert(verdict.contradicted.end(), against.begin(), against.end());
+    std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
   } else {
     verdict.decision = Decision::accepted, verdict.reason = Reason::none;
     for (const VisualWitness* w : clique) result.witnesses.push_back(*w);

@@ -323,7 +323,9 @@ struct LiveMapServer::State {
                 wires.end());
   }
 
-  void finish() { std::call_once(finished, [this] { end(); }); }
+  void finish() {
+    std::call_once(finished, [this] { end(); });
+  }
 
   void end() {
     {

@@ -228,8 +228,7 @@ struct VisualServer::State {
       }
     for (const Judgement& judgement : result.judgements) {
       joining.memo.emplace(judgement.id, judgement);
-      if (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0)
-        joining.standing.push_back(judgement);
+      if (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0) joining.standing.push_back(judgement);
     }
     joining.view = std::make_shared<const TeamView>(std::move(result), joining.input.maps, options.index, options.description, pool);
     joining.input = {};
