@@ -42,6 +42,9 @@ def run(arguments):
     if not stream.exists():
         measured("record", stream, 16, 60)
     rows = json.loads(measured("replay", stream, arguments.clients))
+    for row in rows:
+        if row.get("trouble"):
+            common.give_up(f"with {row['clients']} clients the server had trouble: {row['trouble']}")
     text = common.table(HEADERS, [cells(row) for row in rows])
     text += (f"\n\nMeasured by `scripts/bench live` on {common.machine()}: recorded streams of robots in one apartment at sensor speed, a minute each. Goals: CPU per "
              "client flat, 8 under one core; update 5 ms, retrieval 0.2 ms, sending 1 ms (processor time).")
