@@ -42,6 +42,8 @@ Action set_up_simulate(CLI::App&);
 Action set_up_inspect(CLI::App&);
 Action set_up_export(CLI::App&);
 Action set_up_evaluate(CLI::App&);
+Action set_up_plan(CLI::App&);
+Action set_up_profile(CLI::App&);
 Action set_up_vocabulary(CLI::App&);
 Action set_up_config(CLI::App&);
 

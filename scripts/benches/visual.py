@@ -23,7 +23,7 @@ WORLDS = {
     "apartment": {"world": "camera_apartment.yaml", "robots": ("alpha", "beta", "gamma"), "goal_m": {"rgbd": 0.05, "stereo": 0.08, "mono": 0.12}},
     "loop": {"world": "camera_loop.yaml", "robots": ("alpha",), "goal_m": {"rgbd": 0.10}},
 }
-HEADERS = ("sequence", "sensor", "frames", "lost", "ATE RMSE, m (least to most of seeds)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
+HEADERS = ("sequence", "sensor", "frames", "lost (longest, s)", "ATE RMSE, m (least to most of seeds)", "goal, m", "loops", "tracking, ms (p99)", "keyframe, ms",
            "frames/s", "peak, MB", "closed after, s")
 
 
@@ -111,9 +111,13 @@ def measure(name, sequence, seeds):
             "frames_per_second": robot["cameras"][0]["frames"] / robot["cpu_seconds"], "peak_rss_bytes": summary["peak_rss_bytes"]}
 
 
+def lost(camera):
+    return f"{camera['lost']} ({camera['longest_loss_seconds']:.1f})" if camera["lost"] and "longest_loss_seconds" in camera else camera["lost"]
+
+
 def cells(row):
     camera, errors = row["camera"], row["errors_m"]
-    return (row["name"], row["sequence"]["sensor"], camera["frames"], camera["lost"],
+    return (row["name"], row["sequence"]["sensor"], camera["frames"], lost(camera),
             f"{statistics.median(errors):.4f} ({min(errors):.4f} to {max(errors):.4f} of {len(errors)})", row["sequence"]["goal_m"], camera["loops"],
             f"{camera['tracking_mean_ms']:.1f} ({camera['tracking_p99_ms']:.1f})", f"{camera['keyframe_mean_ms']:.1f}",
             f"{row['frames_per_second']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}", "" if row.get("closing_delay_s") is None else f"{row['closing_delay_s']:.1f}")

@@ -17,6 +17,7 @@ find_package(PkgConfig REQUIRED)
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(IPOPT REQUIRED IMPORTED_TARGET ipopt)
 find_package(octomap REQUIRED)
+find_path(MAPWEAVE_METIS_INCLUDE metis.h)   # not required: a method of `plan` to compare with
 find_package(GTest REQUIRED)
 
 # PCL by its plain libraries: its CMake package would add VTK and Qt to every link line. Its headers: libpcl-dev's where it is

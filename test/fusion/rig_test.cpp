@@ -4,6 +4,7 @@
 #include <mapweave/matching/rigid_from_points.h>
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/visual/visual_client.h>
+#include <support/seen_frame.h>
 
 #include <gmock/gmock.h>
 
@@ -78,16 +79,10 @@ Robot drive(double length_m, const Blindness& blindness = {}, double back_yaw_ra
                                 matching::shipped_vocabulary());
     for (std::size_t i = 0; i < recording.frame_count(); ++i) {
       const simulation::FeatureFrame seen = recording.frame(i);
-      visual::FeatureFrame frame;
-      frame.stamp = seen.stamp;
+      visual::FeatureFrame frame = test::frame_of(seen);
       const double seconds = seconds_between(world.first_stamp(0), seen.stamp);
-      const bool blind = name == blindness.camera && seconds >= blindness.begin_s && seconds < blindness.end_s;
-      for (const simulation::Feature& feature : seen.features) {
-        if (blind) break;
-        frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-        frame.features.descriptors.push_back(feature.descriptor);
-        frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
-      }
+      if (name == blindness.camera && seconds >= blindness.begin_s && seconds < blindness.end_s)
+        frame.features = {}, frame.inverse_depths.clear();
       client.add(frame);
     }
     finish(client, name, robot_from_camera, robot.members);

@@ -121,6 +121,22 @@ TEST(VisualFuse, defers_where_a_robot_has_seen_two_rooms_that_look_alike) {
   }
 }
 
+TEST(VisualFuse, believes_no_two_robots_what_a_third_has_seen_twice) {
+  const test::StarryBuilding building({1, 1, 2, 3, 1, 4, 5, 1});  // walls hide nothing
+  std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
+  for (const Pose2& pose : test::look_around(11.0, 0.0, 0.1, 3.0, 12)) both.push_back(pose);
+  const Map alpha = building.keyframe_map("alpha", both), beta = building.keyframe_map("beta", test::look_around(47.0, 0.3, 0.0, 3.0, 12)),
+            gamma = building.keyframe_map("gamma", test::look_around(83.0, -0.2, 0.0, 3.0, 12));
+  EXPECT_EQ(fused({beta, gamma}).components.size(), 1U);  // who has seen one room cannot know
+  const auto result = fused({alpha, beta, gamma});
+  EXPECT_EQ(result.components.size(), 3U);
+  for (const Verdict& verdict : result.verdicts) {
+    EXPECT_EQ(verdict.decision, Decision::deferred) << verdict.a.str() << " " << verdict.b.str();
+    EXPECT_EQ(verdict.reason, Reason::ambiguous);
+    EXPECT_FALSE(verdict.contradicted.empty());
+  }
+}
+
 TEST(VisualFuse, gives_the_same_bytes_for_any_order_threads_and_memo) {
   const TwoRobots robots;
   Memo memo;
@@ -184,6 +200,23 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   EXPECT_GT(again, 0U);
   const Pose3 apart = between(*warm.components[0].team_from_map.find(MapId("beta")), *cold.components[0].team_from_map.find(MapId("beta")));
   EXPECT_LT(apart.t.norm(), 0.005);
+
+  StandingTeam& team = grown.teams.emplace_back();
+  team.members = before.components[0].members;
+  for (const auto& [id, node] : before.components[0].map.nodes) team.team_from_node.set(id, node.map_from_node);
+  for (const Map* map : {&robots.a, &static_cast<const Map&>(younger)})
+    for (const auto& [id, node] : map->nodes) team.map_from_node.set(id, node.map_from_node);
+  const auto kept = answer_to(grown);
+  ASSERT_EQ(kept.components.size(), 1U);
+  EXPECT_LT(kept.judgements.size(), warm.judgements.size());
+  std::size_t stayed = 0, moved = 0;
+  for (const auto& [id, node] : kept.components[0].map.nodes) {
+    const Pose3* was = team.team_from_node.find(id);
+    if (was != nullptr) ++((was->t - node.map_from_node.t).norm() < 1e-9 ? stayed : moved);
+    EXPECT_LT((cold.components[0].map.nodes.find(id)->map_from_node.t - node.map_from_node.t).norm(), 0.02) << to_string(id);
+  }
+  EXPECT_GT(stayed, moved);
+  EXPECT_GT(moved, 0U) << "beside what is new";
 }
 
 // What keyframes of b would tell of landmarks that a lent them: where they saw their own landmarks at those places.

@@ -111,6 +111,54 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
+Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd> body) { return {RobotId("alpha"), 7, {123456789}, std::move(body)}; }
+
+PackedScan small_scan() {
+  ScanGeometry geometry{-1.0, 0.5, 4, 30.0, 0.001, {}};
+  geometry.robot_from_laser.t = {0.1, 0.0, 0.3};
+  return {std::make_shared<const ScanGeometry>(geometry), {1000, 0, 2000, 29999}};
+}
+
+TEST(Exchange, keeps_what_robots_sense) {
+  const PackedScan scan = small_scan();
+  const Sensed back = decode_sensed(encode(sensed(scan)), "test");
+  EXPECT_EQ(back.robot, RobotId("alpha"));
+  EXPECT_EQ(back.sequence, 7U);
+  EXPECT_EQ(back.stamp.ns, 123456789);
+  EXPECT_EQ(*std::get<PackedScan>(back.body).geometry, *scan.geometry);
+  EXPECT_EQ(std::get<PackedScan>(back.body).ranges, scan.ranges);
+  Pose3 pose;
+  pose.t = {0.1234567890123, -2.0, 0.0};
+  EXPECT_EQ(std::get<Pose3>(decode_sensed(encode(sensed(pose)), "test").body).t, pose.t);
+  EXPECT_FALSE(std::get<StreamEnd>(decode_sensed(encode(sensed(StreamEnd{})), "test").body).trouble);
+  const Error trouble(ErrorCode::kCorrupt, "a log that is cut off", "alpha.rawlog:12", "record it again");
+  const auto end = std::get<StreamEnd>(decode_sensed(encode(sensed(StreamEnd{trouble})), "test").body);
+  ASSERT_TRUE(end.trouble);
+  EXPECT_EQ(end.trouble->code(), trouble.code());
+  EXPECT_STREQ(end.trouble->what(), trouble.what());
+}
+
+TEST(Exchange, refuses_to_sense_what_cannot_be) {
+  PackedScan scan = small_scan();
+  scan.ranges.pop_back();
+  EXPECT_THROW(encode(sensed(scan)), ContractViolation);
+  Pose3 nowhere;
+  nowhere.t.x() = std::nan("");
+  EXPECT_THROW(encode(sensed(nowhere)), ContractViolation);
+  EXPECT_THROW(decode_sensed(encode(share()), "test"), Error);
+  std::mt19937_64 random(18);
+  const std::string bytes = encode(sensed(small_scan()));
+  for (int i = 0; i < 3000; ++i) {
+    std::string damaged = bytes;
+    damaged[random() % damaged.size()] ^= static_cast<char>(1 << (random() % 8));
+    if (i % 5 == 0) damaged.resize(random() % damaged.size());
+    try {
+      const Sensed got = decode_sensed(damaged, "test");
+      EXPECT_NO_THROW(encode(got)) << "what was read is sound";
+    } catch (const Error&) {}
+  }
+}
+
 TEST(Exchange, survives_bytes_that_are_flipped) {
   const std::string bytes = encode(share());
   std::mt19937_64 random(17);

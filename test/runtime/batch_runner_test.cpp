@@ -95,6 +95,27 @@ TEST_F(BatchTest, leaves_the_same_bytes_for_any_number_of_threads_and_any_order_
   EXPECT_EQ(merges[0], merges[1]);
 }
 
+TEST_F(BatchTest, makes_the_same_maps_whoever_maps_and_joins) {
+  const Report by_edges = run("offload");
+  configuration.mode = Mode::onboard;
+  const Report by_robots = run("onboard");
+  configuration.mode = Mode::cloud_only;
+  const Report by_cloud = run("cloud-only");
+  for (const char* other : {"onboard", "cloud-only"})
+    for (const char* file : {"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/map.pgm", "team/trajectory.tum"})
+      EXPECT_EQ(read_file(folder / "offload" / file), read_file(folder / other / file)) << other << " " << file;
+  ASSERT_EQ(by_cloud.team.verdicts.size(), by_edges.team.verdicts.size());
+  EXPECT_EQ(by_cloud.team.verdicts[0].decision, by_edges.team.verdicts[0].decision);
+  EXPECT_EQ(by_cloud.team.verdicts[0].witnesses, by_edges.team.verdicts[0].witnesses);
+  EXPECT_FALSE(fs::exists(folder / "cloud-only/edges"));
+  const json offloaded = parsed(folder / "offload/summary.json")["timeline"]["robots"][0];
+  EXPECT_GT(offloaded["sensed_bytes"], 1000);
+  EXPECT_GT(offloaded["packing_cpu_seconds"], 0.0);
+  EXPECT_EQ(parsed(folder / "onboard/summary.json")["timeline"]["robots"][0]["sensed_bytes"], 0);
+  EXPECT_GT(by_cloud.work.robots[0].map_bytes, 1000U);
+  EXPECT_EQ(by_cloud.work.robots[0].map_bytes, by_robots.work.robots[0].map_bytes);
+}
+
 TEST_F(BatchTest, maps_again_what_its_own_config_says) {
   run("first");
   const RunConfiguration before = configuration;

@@ -1,10 +1,9 @@
 #include <mapweave/core/error.h>
+#include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/live_camera.h>
 #include <support/heard_updates.h>
+#include <support/killed.h>
 #include <support/temporary_folder.h>
-
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <atomic>
@@ -213,45 +212,36 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   EXPECT_TRUE(after.link().is_closed());
 }
 
-TEST(LiveMapServer, goes_on_after_it_was_killed_with_all_that_it_said_it_has) {
+// The journal as it grows; written anew all the time.
+class KilledServer : public testing::TestWithParam<int> {};
+
+TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "edge.mwj";
+  LiveServerOptions options;
+  options.journal_kb = GetParam();
   ASSERT_GT(heard().size(), 8U);
   std::mt19937 random(5);
-  for (int kill = 0; kill < 6; ++kill) {
-    int pipes[2];
-    ASSERT_EQ(pipe(pipes), 0);
-    const pid_t child = fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) {
-      close(pipes[0]);
-      try {
-        LiveMapServer server(TierId("edge"), {}, {}, {}, path);
-        std::vector<std::thread> clients;
-        for (const SessionId& session : sessions())
-          clients.emplace_back(
-              [&server, session, out = pipes[1]] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }); });
-        for (std::thread& client : clients) client.join();
-        server.finish();
-      } catch (...) {
-        _exit(1);
-      }
-      _exit(0);
-    }
-    close(pipes[1]);
-    char byte = 0;
-    std::size_t acknowledged = 0;
-    for (std::size_t most = random() % 5; acknowledged < most && read(pipes[0], &byte, 1) == 1;) ++acknowledged;
-    usleep(random() % 30000);
-    ::kill(child, SIGKILL);
-    int status = 0;
-    waitpid(child, &status, 0);
-    close(pipes[0]);
-    EXPECT_FALSE(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+  for (int kill = 0; kill < 8; ++kill) {
+    const auto serve = [&](int out) {
+      LiveMapServer server(TierId("edge"), {}, {}, options, path);
+      std::vector<std::thread> clients;
+      for (const SessionId& session : sessions())
+        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }); });
+      for (std::thread& client : clients) client.join();
+      server.finish();
+    };
+    const std::size_t most = random() % 5;
+    test::killed(serve, most, static_cast<unsigned>(random() % 30000));
   }
   {
-    LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+    LiveMapServer server(TierId("edge"), {}, {}, options, path);
     tell_all(server);
+  }
+  std::size_t entries = 0;
+  mapdb::UpdateJournal(path).replay([&](const mapdb::JournalEntry&) { ++entries; });
+  if (GetParam() == 1) {  // one that begins writes the journal anew too, so a long one may be as short
+    EXPECT_LT(entries, heard().size() / 2);
   }
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
   for (const SessionId& session : sessions()) {
@@ -263,6 +253,7 @@ TEST(LiveMapServer, goes_on_after_it_was_killed_with_all_that_it_said_it_has) {
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
 }
+INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));
 
 TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
   auto options = test::two_in_an_apartment();

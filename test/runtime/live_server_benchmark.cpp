@@ -1,17 +1,20 @@
 // What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand over features.
 // live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with its times
 // live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
+// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what joining them costs, whatever else runs
 // live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real time: dropped frames
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_camera.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/simulation/feature_sensor.h>
+#include <support/seen_frame.h>
 
 #include <nlohmann/json.hpp>
 
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
@@ -46,16 +49,7 @@ class Building {
   std::vector<visual::FeatureFrame> frames(std::size_t robot, double seconds) const {
     const auto count = std::min(recordings_[robot].frame_count(), static_cast<std::size_t>(seconds * kFramesPerSecond));
     std::vector<visual::FeatureFrame> frames;
-    for (std::size_t i = 0; i < count; ++i) {
-      const simulation::FeatureFrame seen = recordings_[robot].frame(i);
-      visual::FeatureFrame& frame = frames.emplace_back();
-      frame.stamp = seen.stamp;
-      for (const simulation::Feature& feature : seen.features) {
-        frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-        frame.features.descriptors.push_back(feature.descriptor);
-        frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
-      }
-    }
+    for (std::size_t i = 0; i < count; ++i) frames.push_back(test::frame_of(recordings_[robot].frame(i)));
     return frames;
   }
 
@@ -166,15 +160,7 @@ struct Journal {
 
 nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t clients, double seconds) {
   runtime::ClientCounts sum;
-  for (const runtime::ClientCounts& client : counts.clients) {
-    sum.heard_bytes += client.heard_bytes, sum.sent_bytes += client.sent_bytes;
-    sum.updates += client.updates, sum.views += client.views, sum.shares += client.shares, sum.places += client.places;
-    sum.refused += client.refused, sum.put_off += client.put_off;
-    sum.update_s += client.update_s, sum.retrieval_s += client.retrieval_s, sum.sending_s += client.sending_s;
-    sum.place_s += client.place_s, sum.waited_s += client.waited_s;
-    sum.longest_wait_s = std::max(sum.longest_wait_s, client.longest_wait_s);
-    sum.longest_place_s = std::max(sum.longest_place_s, client.longest_place_s);
-  }
+  for (const runtime::ClientCounts& client : counts.clients) runtime::add(sum, client);
   const auto each_ms = [](double s, std::uint64_t count) { return count == 0 ? 0.0 : 1e3 * s / static_cast<double>(count); };
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   return {{"update_ms", each_ms(sum.update_s, sum.updates)},
@@ -227,6 +213,55 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   return row;
 }
 
+nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t clients) {
+  WorkerPool pool(1);
+  tiers::VisualServer server(TierId("edge"), sharing(tiers::Sharing::view), {});
+  std::vector<std::optional<SessionId>> sessions(clients);
+  double joining_s = 0.0, longest_s = 0.0, seconds = 0.0;
+  int joinings = 0;
+  for (const Told& one : all) {
+    if (one.client >= clients) continue;
+    auto& session = sessions[one.client];
+    if (one.message.kind == ClientMessage::Kind::hello) {
+      const Hello hello = decode_hello(one.message.bytes, "a client");
+      session = hello.session;
+      server.greet(hello);
+    } else if (one.message.kind == ClientMessage::Kind::update) {
+      server.receive(*session, one.message.bytes);
+    }
+    server.advance({static_cast<std::int64_t>(1e9 * one.after_s)}, pool);
+    seconds = one.after_s;
+    if (const auto work = server.pending(); work && !work->is_done()) {
+      const double before_s = runtime::thread_cpu_seconds();
+      work->run();
+      const double spent_s = runtime::thread_cpu_seconds() - before_s;
+      ++joinings, joining_s += spent_s, longest_s = std::max(longest_s, spent_s);
+    }
+  }
+  const double minutes = static_cast<double>(clients) * seconds / 60.0;
+  nlohmann::ordered_json row{
+      {"clients", clients}, {"joinings", joinings}, {"joining_s_per_client_minute", joining_s / minutes}, {"longest_joining_s", longest_s}};
+  const auto& joined = server.joined();
+  row["components"] = joined.components.size();
+  if (!joined.components.empty()) {
+    row["keyframes"] = joined.components.front().map.nodes.size();
+    row["members"] = joined.components.front().members.size();
+  }
+  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
+  const auto sealed = server.seal(pool, *make_silent_progress());
+  double square = 0.0, most_m = 0.0;
+  std::size_t both = 0;
+  if (!joined.components.empty() && !sealed.components.empty())
+    for (const auto& [id, node] : joined.components.front().map.nodes)
+      if (const Node* other = sealed.components.front().map.nodes.find(id)) {
+        const double apart_m = (other->map_from_node.t - node.map_from_node.t).norm();
+        square += apart_m * apart_m, most_m = std::max(most_m, apart_m), ++both;
+      }
+  row["sealed_components"] = sealed.components.size();
+  row["from_seal_m"] = both == 0 ? 0.0 : std::sqrt(square / static_cast<double>(both)), row["most_from_seal_m"] = most_m;
+  return row;
+}
+
 nlohmann::ordered_json team(std::size_t clients, double seconds) {
   WorkerPool pool(available_processors());
   const Building building(clients, seconds, pool);
@@ -272,19 +307,20 @@ int main(int argc, char** argv) try {
   const auto number = [&](int i, double otherwise) { return argc > i ? std::atof(argv[i]) : otherwise; };
   if (what == "record" && argc > 2) {
     record(argv[2], static_cast<std::size_t>(number(3, 16)), number(4, 60));
-  } else if (what == "replay" && argc > 3) {
+  } else if ((what == "replay" || what == "lockstep") && argc > 3) {
     const std::vector<Told> all = read(argv[2]);
     auto rows = nlohmann::ordered_json::array();
     std::istringstream counts(argv[3]);
     for (std::string count; std::getline(counts, count, ',');) {
-      rows.push_back(replay(all, static_cast<std::size_t>(std::atoi(count.c_str()))));
+      rows.push_back((what == "replay" ? replay : lockstep)(all, static_cast<std::size_t>(std::atoi(count.c_str()))));
       std::fprintf(stderr, "%s\n", rows.back().dump().c_str());
     }
     std::printf("%s\n", rows.dump(2).c_str());
   } else if (what == "team") {
     std::printf("%s\n", team(static_cast<std::size_t>(number(2, 8)), number(3, 60)).dump(2).c_str());
   } else {
-    std::fprintf(stderr, "live_server_benchmark record FILE [CLIENTS [SECONDS]] | replay FILE CLIENTS,... | team [CLIENTS [SECONDS]]\n");
+    std::fprintf(stderr,
+                 "live_server_benchmark record FILE [CLIENTS [SECONDS]] | replay|lockstep FILE CLIENTS,... | team [CLIENTS [SECONDS]]\n");
     return 2;
   }
   return 0;

@@ -51,6 +51,20 @@ TEST_F(PlanTest, sorts_robots_and_finds_their_logs_beside_the_configuration) {
   EXPECT_THAT(made.edges, testing::ElementsAre(TierId("north"), TierId("south")));
 }
 
+TEST_F(PlanTest, refuses_wires_of_nobody_and_traces_that_are_not_there) {
+  configuration.robots = {{"alpha", "a.rawlog", "north"}, {"beta", "b.rawlog", "south"}};
+  LinkEntry link;
+  link.from = "alpa", link.to = "north";
+  configuration.network.links = {link};
+  EXPECT_THAT(complaint(), HasSubstr("did you mean 'alpha'?"));
+  configuration.network.links[0].from = "alpha", configuration.network.links[0].to = "beta";
+  EXPECT_THAT(complaint(), HasSubstr("a wire of 'beta'"));
+  configuration.network.links[0].to = "cloud";
+  EXPECT_EQ(complaint(), "none");
+  configuration.network.edge_cloud.trace = "nothing.csv";
+  EXPECT_THAT(complaint(), HasSubstr("nothing.csv"));
+}
+
 TEST_F(PlanTest, refuses_an_edge_that_is_not_among_those_listed) {
   configuration.robots = {{"alpha", "a.rawlog", "nort"}, {"beta", "b.rawlog", "north"}};
   configuration.edges = {{"north"}};

@@ -1,6 +1,7 @@
 """run with robots that carry a camera and a laser: one map of both, the same bytes for any number of threads."""
 import json
 import pathlib
+import re
 import shutil
 import subprocess
 import tempfile
@@ -39,6 +40,47 @@ class CameraTeam(support.Scenario):
         merges = json.loads((self.folder / "seen/merges.json").read_text())
         self.assertTrue(any(merge["accepted"] and merge["kind"] == "vision" for merge in merges), merges)
         self.assertLess(self.error("seen/team/trajectories/beta.tum"), 0.08)
+
+    def team_error(self, out):
+        """One alignment for both robots: beta's stamps are moved behind alpha's."""
+        def together(name, paths):
+            lines = []
+            for number, path in enumerate(paths):
+                for line in path.read_text().splitlines():
+                    if line and line[0] != "#":
+                        stamp, pose = line.split(" ", 1)
+                        lines.append(f"{float(stamp) + 10000.0 * number:.6f} {pose}\n")
+            return self.write(name, "".join(lines))
+
+        estimate = together(f"{out}.tum", [self.folder / out / f"team/trajectories/{robot}.tum" for robot in ("alpha", "beta")])
+        truth = together(f"{out}.truth.tum", [self.world / f"{robot}.truth.tum" for robot in ("alpha", "beta")])
+        done = self.mapweave("evaluate", "trajectory", "--estimate", estimate, "--reference", truth, "--align", "se3", "--json")
+        return json.loads(done.stdout)["ate_translation_rmse_m"]
+
+    def test_two_edges_are_as_good_as_one(self):
+        two = (self.world / "run.yaml").read_text()
+        logs = [(robot, self.world / f"{robot}.rawlog") for robot in ("alpha", "beta")]
+        self.assertEqual(len(set(re.findall(r"edge: (\S+?)[,}\s]", two))), 2, two)
+        self.mapweave("run", self.world / "run.yaml", "--set", "sensor=rgbd", "--out", "two")
+        self.mapweave("run", self.configuration([(*log, "one") for log in logs]), "--set", "sensor=rgbd", "--out", "one")
+        for out in ("one", "two"):
+            self.assertTrue((self.folder / out / "team/map.mwdb").exists(), out)
+        self.assertLess(self.team_error("two"), 1.05 * self.team_error("one"))
+
+    def test_cameras_share_while_they_map_within_their_wires(self):
+        one_edge = self.configuration([(robot, self.world / f"{robot}.rawlog", "one") for robot in ("alpha", "beta")])
+        share = ("--set", "sensor=rgbd", "--set", "server.share=view", "--set", "uplink.most_bytes_per_s=20000")
+        for threads in (1, 2):
+            self.mapweave("run", one_edge, *share, "--threads", threads, "--out", f"shared{threads}")
+        for name in ("team/trajectory.tum", "team/map.mwdb", "robots/alpha/trajectory.tum", "robots/beta/trajectory.tum"):
+            self.assertEqual((self.folder / "shared1" / name).read_bytes(), (self.folder / "shared2" / name).read_bytes(), name)
+        self.assertLess(self.team_error("shared1"), 0.05)
+        robots = self.read_json("shared1/summary.json")["robots"]
+        for robot in robots:
+            seconds, [camera] = robot["log_seconds"], robot["cameras"]
+            self.assertGreater(camera["sent_bytes"], 1000.0 * seconds)
+            self.assertLess(camera["sent_bytes"], 1.2 * 20000.0 * seconds)
+        self.assertGreater(sum(robot["cameras"][0]["heard_bytes"] for robot in robots), 0)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,9 @@ def without(data, keys):
     return data
 
 
-TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes"}
+TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes", "load", "total_seconds",
+         *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing")),
+         *(f"{done}_seconds" for done in ("packed", "arrived", "mapped", "ready", "fused"))}
 WITHOUT_TIMES = {
     "summary.json": lambda data: without(json.loads(data), TIMES),
     "merges.json": lambda data: without(json.loads(data), TIMES),

@@ -5,6 +5,7 @@
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
+#include <support/seen_frame.h>
 
 #include <deque>
 #include <functional>
@@ -130,16 +131,7 @@ class FeatureTeam {
  private:
   static constexpr double kRate_hz = 12.0;
 
-  static Shot shot_of(const simulation::FeatureFrame& seen) {
-    Shot shot;
-    shot.frame.stamp = seen.stamp, shot.world_from_camera = seen.world_from_camera;
-    for (const simulation::Feature& feature : seen.features) {
-      shot.frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-      shot.frame.features.descriptors.push_back(feature.descriptor);
-      shot.frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
-    }
-    return shot;
-  }
+  static Shot shot_of(const simulation::FeatureFrame& seen) { return {frame_of(seen), seen.world_from_camera}; }
 
   void drive(Robot& robot, std::size_t frames) {
     if (robot.begin > rounds_ * frames) return;

@@ -29,18 +29,18 @@ rawlog::Record odometry(double seconds, double x) {
 }
 
 struct AgentTest : testing::Test {
-  RobotAgent agent{RobotId("alpha"), TierId("north")};
+  RobotAgent agent{RobotId("alpha")};
 };
 
-TEST_F(AgentTest, ships_scans_and_odometry_to_its_edge_in_numbered_messages) {
+TEST_F(AgentTest, packs_scans_and_odometry_in_numbered_messages) {
   const auto first = agent.step(odometry(10.0, 0.5)), second = agent.step(scan(10.0));
   ASSERT_TRUE(first && second);
-  EXPECT_EQ(first->edge, TierId("north"));
+  EXPECT_EQ(first->robot, RobotId("alpha"));
   EXPECT_EQ(first->sequence, 1u);
   EXPECT_EQ(second->sequence, 2u);
-  EXPECT_NEAR(std::get<laser::OdometryInput>(std::get<laser::LaserInput>(first->body)).odometry_from_robot.t.x(), 0.5, 1e-12);
-  EXPECT_EQ(std::get<laser::ScanInput>(std::get<laser::LaserInput>(second->body)).scan.ranges.size(), 30u);
-  const RobotMessage end = agent.end();
+  EXPECT_NEAR(std::get<Pose3>(first->body).t.x(), 0.5, 1e-12);
+  EXPECT_EQ(std::get<PackedScan>(second->body).ranges.size(), 30u);
+  const Sensed end = agent.end();
   EXPECT_EQ(end.sequence, 3u);
   EXPECT_FALSE(std::get<StreamEnd>(end.body).trouble);
 }
@@ -73,7 +73,7 @@ TEST_F(AgentTest, refuses_time_that_runs_backwards) {
 
 TEST_F(AgentTest, ends_in_trouble_when_there_was_no_laser) {
   agent.step(odometry(1.0, 0.0));
-  const RobotMessage end = agent.end();
+  const Sensed end = agent.end();
   const std::optional<Error>& trouble = std::get<StreamEnd>(end.body).trouble;
   ASSERT_TRUE(trouble);
   EXPECT_EQ(trouble->code(), ErrorCode::kBadInput);
@@ -84,7 +84,7 @@ TEST_F(AgentTest, passes_on_the_trouble_that_ended_its_log) {
   agent.step(scan(1.0));
   std::optional<Error> cut;
   cut.emplace(ErrorCode::kCorrupt, "cut short");
-  const RobotMessage end = agent.end(cut);
+  const Sensed end = agent.end(cut);
   const std::optional<Error>& trouble = std::get<StreamEnd>(end.body).trouble;
   ASSERT_TRUE(trouble);
   EXPECT_EQ(trouble->code(), ErrorCode::kCorrupt);

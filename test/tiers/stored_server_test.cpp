@@ -2,10 +2,8 @@
 #include <support/heard_updates.h>
 
 #include <mapweave/mapdb/update_journal.h>
+#include <support/killed.h>
 #include <support/temporary_folder.h>
-
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <random>
@@ -57,30 +55,8 @@ TEST(StoredServer, ends_with_the_same_map_however_often_it_is_killed) {
   std::mt19937 random(11);
   std::size_t acknowledged = 0;
   for (int kill = 0; kill < 20; ++kill) {
-    int pipes[2];
-    ASSERT_EQ(pipe(pipes), 0);
-    const pid_t child = fork();
-    ASSERT_GE(child, 0);
-    if (child == 0) {
-      close(pipes[0]);
-      try {
-        serve(path, pipes[1]);
-      } catch (...) {
-        _exit(1);
-      }
-      _exit(0);
-    }
-    close(pipes[1]);
     const std::size_t most = random() % 4;
-    char byte = 0;
-    for (std::size_t i = 0; i < most && read(pipes[0], &byte, 1) == 1; ++i) ++acknowledged;
-    usleep(random() % 20000);
-    ::kill(child, SIGKILL);
-    while (read(pipes[0], &byte, 1) == 1) ++acknowledged;
-    int status = 0;
-    waitpid(child, &status, 0);
-    close(pipes[0]);
-    EXPECT_FALSE(WIFEXITED(status) && WEXITSTATUS(status) == 1);
+    acknowledged += test::killed([&](int out) { serve(path, out); }, most, static_cast<unsigned>(random() % 20000));
     mapdb::UpdateJournal journal(path);
     VisualServer server(TierId("edge"), {}, {});
     restore(server, journal);

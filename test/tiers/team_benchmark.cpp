@@ -3,7 +3,8 @@
 //   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
 //   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
 //   another-day       a robot comes back a day later, half of the furniture elsewhere
-//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds
+//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds. repeated-rooms-N@S: from seed
+//   S
 
 #include <support/feature_team.h>
 
@@ -189,10 +190,10 @@ nlohmann::json another_day() {
           {"cpu_s", processor_s() - began_s}};
 }
 
-nlohmann::json repeated_rooms(int seeds) {
+nlohmann::json repeated_rooms(int seeds, int first) {
   const double began_s = processor_s();
   std::size_t falsely_joined = 0, rightly_joined = 0;
-  for (int seed = 1; seed <= seeds; ++seed) {
+  for (int seed = first; seed < first + seeds; ++seed) {
     auto options = test::camera_world(simulation::PlanKind::repeated_rooms, seed, 2);
     options.robots[0].first_room = 0, options.robots[0].last_room = 1, options.robots[0].length_m = 20.0;
     options.robots[1].first_room = 3, options.robots[1].last_room = 4, options.robots[1].length_m = 20.0;
@@ -219,9 +220,12 @@ nlohmann::json run(const std::string& scenario) {
   if (const int robots = number("apartment-"); robots >= 1 && robots <= 8) return apartment(robots);
   if (scenario == "single-camera") return single_camera();
   if (scenario == "another-day") return another_day();
-  if (const int seeds = number("repeated-rooms-"); seeds > 0) return repeated_rooms(seeds);
+  if (const int seeds = number("repeated-rooms-"); seeds > 0) {
+    const auto at = scenario.find('@');
+    return repeated_rooms(seeds, at == std::string::npos ? 1 : std::atoi(scenario.c_str() + at + 1));
+  }
   throw Error(ErrorCode::kUsage, "there is no scenario '" + scenario + "'", {},
-              "apartment-1 to apartment-8, single-camera, another-day, repeated-rooms-SEEDS");
+              "apartment-1 to apartment-8, single-camera, another-day, repeated-rooms-SEEDS[@FIRST]");
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/visual/frame_input.h>
 #include <mapweave/visual/visual_client.h>
+#include <support/seen_frame.h>
 
 #include <Eigen/SVD>
 #include <algorithm>
@@ -218,15 +219,7 @@ void compare_in_building(double length_m, std::uint64_t seed) {
       drive.stamps.push_back(seen.stamp), drive.truth.push_back(seen.world_from_camera);
     }
     drive.add = [recording](VisualClient& client, std::size_t i, bool alone) {
-      const auto seen = recording->frame(i);
-      FeatureFrame frame;
-      frame.stamp = seen.stamp;
-      for (const simulation::Feature& feature : seen.features) {
-        frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-        frame.features.descriptors.push_back(feature.descriptor);
-        frame.inverse_depths.push_back(feature.depth_m > 0.0F && !alone ? 1.0F / feature.depth_m : 0.0F);
-      }
-      return client.add(frame);
+      return client.add(test::frame_of(recording->frame(i), !alone));
     };
   }
   compare(drives[0], drives[1], false);

@@ -4,6 +4,7 @@
 #include <mapweave/matching/rigid_from_points.h>
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/visual/visual_client.h>
+#include <support/seen_frame.h>
 
 #include <unistd.h>
 
@@ -22,17 +23,6 @@ double resident_mb() {
   double total = 0, resident = 0;
   file >> total >> resident;
   return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
-}
-
-visual::FeatureFrame frame_of(const simulation::FeatureFrame& seen) {
-  visual::FeatureFrame frame;
-  frame.stamp = seen.stamp;
-  for (const simulation::Feature& feature : seen.features) {
-    frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-    frame.features.descriptors.push_back(feature.descriptor);
-    frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
-  }
-  return frame;
 }
 
 }  // namespace
@@ -64,7 +54,7 @@ int main(int argc, char** argv) {
   const auto often = static_cast<std::size_t>(300.0 * rate);
   for (std::size_t i = 0; i < recording.frame_count(); ++i) {
     const simulation::FeatureFrame seen = recording.frame(i);
-    const visual::FeatureFrame frame = frame_of(seen);
+    const visual::FeatureFrame frame = test::frame_of(seen);
     truth.push_back(seen.world_from_camera.t);
     const std::clock_t before = std::clock();
     lost += client.add(frame).state == visual::TrackState::lost;

@@ -2,6 +2,7 @@
 #include <mapweave/matching/rigid_from_points.h>
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/visual/visual_client.h>
+#include <support/seen_frame.h>
 
 #include <gmock/gmock.h>
 #include <map>
@@ -32,17 +33,6 @@ simulation::KidnappingOptions carried(double after_m, double skip_m, double dura
   return kidnapping;
 }
 
-FeatureFrame frame_of(const simulation::FeatureFrame& seen) {
-  FeatureFrame frame;
-  frame.stamp = seen.stamp;
-  for (const simulation::Feature& feature : seen.features) {
-    frame.features.points.push_back({feature.u, feature.v, 0.0F, static_cast<std::uint8_t>(feature.octave)});
-    frame.features.descriptors.push_back(feature.descriptor);
-    frame.inverse_depths.push_back(feature.depth_m > 0.0F ? 1.0F / feature.depth_m : 0.0F);
-  }
-  return frame;
-}
-
 Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   WorkerPool here(1);
   const simulation::World world(options, here);
@@ -59,7 +49,7 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   for (std::size_t i = 0; i < recording.frame_count(); ++i) {
     const simulation::FeatureFrame seen = recording.frame(i);
     for (; next && !(seen.stamp < next->stamp); next = wheels.next()) wheels_said = next;
-    FeatureFrame frame = frame_of(seen);
+    FeatureFrame frame = test::frame_of(seen);
     if (has_wheels) frame.odometry_from_camera = compose(spatial(wheels_said->odometry_from_robot), robot_from_camera);
     client.add(frame);
     truth[seen.stamp.ns] = seen.world_from_camera.t;

@@ -1,7 +1,9 @@
 #include "hearsay.h"
 #include "joint_transforms.h"
 #include "map_pair.h"
-#include "visual_team.h"
+#include "repetition.h"
+#include "ties.h"
+#include "warm_start.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
@@ -51,6 +53,7 @@ struct PairJoin {
   std::size_t a, b;  // numbers in id order
   PairResult result;
   std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
+  Repetition repetition;
   bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
   std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
 };
@@ -115,40 +118,6 @@ void revoke(PairJoin& join) {
   join.result.verdict.reason = Reason::inconsistent;
 }
 
-Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b) {
-  Constraint constraint;
-  constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
-  constraint.from_from_to.pose = w.node_a_from_node_b.pose;
-  constraint.information = spatial(planar(w.information));
-  constraint.because = w.judgement.id;
-  return constraint;
-}
-
-Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
-  // Submaps bend a little once their nodes move on their own.
-  const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
-  const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
-  Constraint constraint =
-      planar_constraint({ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
-                        w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));
-  constraint.because = w.judgement.id;
-  return constraint;
-}
-
-void add_all(Map& map, std::vector<Constraint> constraints) {
-  std::vector<Constraint> all;
-  all.reserve(map.constraints.size() + constraints.size());
-  for (auto& entry : map.constraints) all.push_back(std::move(entry.second));
-  for (auto& constraint : constraints) all.push_back(std::move(constraint));
-  std::stable_sort(all.begin(), all.end(), [](const Constraint& l, const Constraint& r) { return l.id < r.id; });
-  map.constraints = {};
-  map.constraints.reserve(all.size());
-  for (auto& constraint : all) {
-    const ConstraintId id = constraint.id;
-    map.constraints.set(id, std::move(constraint));
-  }
-}
-
 class Fusing {
  public:
   Fusing(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress)
@@ -158,14 +127,14 @@ class Fusing {
         progress_(progress),
         cache_(static_cast<std::size_t>(options.cache_mb) << 20),
         judge_(options_, cache_, memo, pool),
-        visual_judge_(options_.visual, input.judged, memo, pool),
+        visual_judge_(options_.visual, input, memo, pool),
         memo_(memo) {}
 
   FusionResult run() {
     Stopwatch watch;
     for (const Map* map : sorted(input_.maps)) {
       maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
-      seen_.emplace_back(*map, pool_);
+      seen_.emplace_back(*map, pool_, *input_.pictures);
     }
     hearsay_.emplace(input_.borrowed, seen_);
     result_.stages.push_back({"features", watch.lap()});
@@ -203,16 +172,36 @@ class Fusing {
         progress_.advance(task, pairs_.size());
       }
     progress_.end(task);
+    doubt_what_repeats();
+  }
+
+  // What a map has twice tells nothing in other maps either.
+  void doubt_what_repeats() {
+    std::vector<std::set<std::size_t>> known(maps_.size());
+    std::vector<std::vector<Hash>> because(maps_.size());
+    for (const PairJoin& pair : pairs_) {
+      known[pair.a].insert(pair.repetition.of_a.begin(), pair.repetition.of_a.end());
+      known[pair.b].insert(pair.repetition.of_b.begin(), pair.repetition.of_b.end());
+      for (const std::size_t map : {pair.a, pair.b})
+        because[map].insert(because[map].end(), pair.repetition.because.begin(), pair.repetition.because.end());
+    }
+    for (PairJoin& pair : pairs_) {
+      if (!pair.is_accepted() || pair.result.verdict.kind != "vision") continue;
+      if (!rests_on(known[pair.a], known[pair.b], seen_[pair.a], seen_[pair.b], pair.seen)) continue;
+      for (const std::size_t map : {pair.a, pair.b}) doubt(pair.result.verdict, because[map]);
+      pair.seen.clear();
+    }
   }
 
   PairJoin compared(std::size_t a, std::size_t b) {
-    PairJoin join{a, b, {}, {}};
+    PairJoin join{a, b, {}, {}, {}};
     const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
     if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
     if (!cameras) return join;
     VisualPairResult seen = decide(seen_[a], seen_[b], hearsay_->pairs(a, b), input_, options_, visual_judge_);
     join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
     join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
+    join.repetition = std::move(seen.repetition);
     if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
     if (!join.is_accepted() || join.result.verdict.kind == "vision") join.result.witnesses.clear();
     return join;
@@ -355,7 +344,7 @@ class Fusing {
       sighting.map_of_landmark = static_cast<std::size_t>(of - members.begin());
       told.push_back(sighting);
     }
-    VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual);
+    VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual, same_team(input_.teams, seen));
     component.map.nodes = std::move(team.nodes), component.map.landmarks = std::move(team.landmarks);
     component.map.constraints = std::move(team.constraints), component.same_as = std::move(team.same_as);
   }

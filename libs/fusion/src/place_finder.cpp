@@ -18,7 +18,7 @@ struct PlaceFinder::Known {
   VisualMap map;
 };
 
-PlaceFinder::PlaceFinder(const Map& map, WorkerPool& pool) : known_(new Known{VisualMap(map, pool)}) {}
+PlaceFinder::PlaceFinder(const Map& map, WorkerPool& pool, Pictures& pictures) : known_(new Known{VisualMap(map, pool, pictures)}) {}
 PlaceFinder::~PlaceFinder() = default;
 PlaceFinder::PlaceFinder(PlaceFinder&&) noexcept = default;
 PlaceFinder& PlaceFinder::operator=(PlaceFinder&&) noexcept = default;
@@ -28,10 +28,11 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
   if (map.empty()) return std::nullopt;
   Map asked;  // of this picture alone, named before all others
   asked.nodes.set(NodeId{}, {NodeId{}, {}, {}, std::make_shared<const Payload>(picture)});
-  const VisualMap question(asked, pool);
+  Pictures pictures;
+  const VisualMap question(asked, pool, pictures);
   const VisualPlace place = question.place(0, 0);
   std::vector<matching::SimilarPlace> alike =
-      map.alike(question.keyframes().front().bag, 1, static_cast<std::size_t>(options.visual.candidates));
+      map.alike(question.keyframes().front().words->bag, 1, static_cast<std::size_t>(options.visual.candidates));
   alike.erase(std::remove_if(alike.begin(), alike.end(),
                              [&](const matching::SimilarPlace& one) {
                                return one.score < options.visual.least_alike * map.keyframes()[map.number_of(one.id)].likeness;

@@ -46,33 +46,35 @@ void tie_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
   }
 }
 
-Hash content_of(const matching::PlaceView& view) {
+Hash content_of(const MappedKeyframe& keyframe) {
+  const auto& points = keyframe.content->points;
+  const auto& descriptors = keyframe.content->descriptors;
+  Hasher hasher;
+  hasher.add("keyframe").add(keyframe.camera.fx).add(keyframe.camera.fy).add(keyframe.camera.cx).add(keyframe.camera.cy);
+  hasher.add(static_cast<std::int64_t>(points.size())).add_bytes(points.data(), points.size() * sizeof(KeyframePoint));
+  return hasher.add_bytes(descriptors.data(), descriptors.size() * sizeof(BinaryDescriptor)).finish();
+}
+
+// Of what the view shows, its keyframes' content apart, and of that.
+Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyframes) {
   Hasher hasher;
   hasher.add("place").add(static_cast<std::int64_t>(view.metric));
-  for (const matching::KeyframeView& keyframe : view.keyframes) hasher.add(static_cast<std::int64_t>(keyframe.features.nodes != nullptr));
-  const auto add_pose = [&](const Pose3& pose) {
-    for (int i = 0; i < 3; ++i) hasher.add(pose.t[i]);
-    for (int i = 0; i < 4; ++i) hasher.add(pose.q.coeffs()[i]);
-  };
-  for (const matching::KeyframeView& keyframe : view.keyframes) {
-    hasher.add(keyframe.camera.fx).add(keyframe.camera.fy).add(keyframe.camera.cx).add(keyframe.camera.cy);
-    add_pose(keyframe.side_from_camera);
-    hasher.add(static_cast<std::int64_t>(keyframe.features.count));
-    for (std::size_t i = 0; i < keyframe.features.count; ++i) {
-      const matching::FeaturePoint& p = keyframe.features.points[i];
-      hasher.add(static_cast<double>(p.u_px)).add(static_cast<double>(p.v_px)).add(static_cast<std::int64_t>(p.level));
-      for (const std::uint64_t word : keyframe.features.descriptors[i]) hasher.add(static_cast<std::int64_t>(word));
-      hasher.add(static_cast<std::int64_t>(keyframe.landmark_of_feature[i]));
-    }
+  for (std::size_t i = 0; i < keyframes.size(); ++i) {
+    const auto& [t, q] = view.keyframes[i].side_from_camera;
+    const matching::FeaturesView& features = view.keyframes[i].features;
+    hasher.add(keyframes[i]).add(static_cast<std::int64_t>(features.nodes != nullptr));
+    for (const double number : {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}) hasher.add(number);
+    hasher.add_bytes(view.keyframes[i].landmark_of_feature, features.count * sizeof(std::int32_t));
   }
-  for (const matching::LandmarkView& landmark : view.landmarks)
-    for (int i = 0; i < 3; ++i) hasher.add(landmark.point_in_side[i]);
-  return hasher.finish();
+  std::vector<Eigen::Vector3d> points;
+  for (const matching::LandmarkView& landmark : view.landmarks) points.push_back(landmark.point_in_side);
+  return hasher.add_bytes(points.data(), points.size() * sizeof(Eigen::Vector3d)).finish();
 }
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map), is_metric_(fusion::is_metric(map)), seen_(covisibility(map)) {
+VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures)
+    : map_(&map), is_metric_(fusion::is_metric(map)), seen_(covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));
     auto& companions = keyframes_.back().companions = seen_.shared[i];
@@ -90,17 +92,16 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool) : map_(&map), is_metric_(
     }
     landmarks_.push_back({id, transformed(landmark.point_in_anchor(), anchor->map_from_node)});
   }
-  const matching::BinaryVocabulary& vocabulary = matching::shipped_vocabulary();
   pool.for_each(keyframes_.size(), [&](std::size_t i) {
     tie_to_features(keyframes_[i], std::move(shown[i]));
-    auto described = vocabulary.describe_picture(keyframes_[i].content->descriptors);
-    keyframes_[i].bag = std::move(described.bag), keyframes_[i].node_of_feature = std::move(described.node_of_feature);
+    keyframes_[i].words = pictures.words_of(*seen_.keyframes[i]);
   });
-  index_.emplace(vocabulary.words());
+  hashed_.reset(new std::once_flag[keyframes_.size()]), content_.resize(keyframes_.size());
+  index_.emplace(matching::shipped_vocabulary().words());
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-    index_->add(keyframes_[i].id, keyframes_[i].bag);
+    index_->add(keyframes_[i].id, keyframes_[i].words->bag);
     const std::size_t other = i > 0 ? i - 1 : std::min<std::size_t>(1, keyframes_.size() - 1);
-    keyframes_[i].likeness = matching::common_share(keyframes_[i].bag, keyframes_[other].bag);
+    keyframes_[i].likeness = matching::common_share(keyframes_[i].words->bag, keyframes_[other].words->bag);
   }
 }
 
@@ -116,6 +117,11 @@ std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords&
       0.4);
   if (groups.size() > most) groups.resize(most);
   return groups;
+}
+
+const Hash& VisualMap::content(std::size_t keyframe) const {
+  std::call_once(hashed_[keyframe], [&] { content_[keyframe] = content_of(keyframes_[keyframe]); });
+  return content_[keyframe];
 }
 
 std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) const {
@@ -159,12 +165,14 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions, bool 
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
     view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(),
-                     with_words ? from.node_of_feature.data() : nullptr};
+                     with_words ? from.words->node_of_feature.data() : nullptr};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);
   }
-  place.view.content = content_of(place.view);
+  std::vector<Hash> contents;
+  for (const std::size_t member : members) contents.push_back(content(member));
+  place.view.content = content_of(place.view, contents);
   return place;
 }
 

@@ -4,11 +4,14 @@
 #include "covisibility.h"
 
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
 
 #include <functional>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -22,9 +25,8 @@ struct MappedKeyframe {
   std::vector<matching::FeaturePoint> points;
   std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
   std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first
-  matching::BagOfWords bag;
-  std::vector<std::uint32_t> node_of_feature;  // of the vocabulary
-  int likeness = 0;                            // of its bag to that of the keyframe before: what a picture of the same place scores
+  std::shared_ptr<const matching::DescribedPicture> words;
+  int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores
 };
 
 struct MappedLandmark {
@@ -40,7 +42,7 @@ struct VisualPlace {
 
 class VisualMap {
  public:
-  VisualMap(const Map& map, WorkerPool& pool);
+  VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures);
 
   const Map& map() const { return *map_; }
   bool empty() const { return keyframes_.empty(); }
@@ -56,11 +58,14 @@ class VisualMap {
   VisualPlace place(std::size_t keyframe, std::size_t companions, bool with_words = true) const;
 
  private:
+  const Hash& content(std::size_t keyframe) const;
   const Map* map_;
   bool is_metric_;
   Covisibility seen_;
   std::vector<MappedKeyframe> keyframes_;
   std::vector<MappedLandmark> landmarks_;
+  std::unique_ptr<std::once_flag[]> hashed_;
+  mutable std::vector<Hash> content_;  // of keyframes that were asked for
   std::optional<matching::PlaceIndex> index_;
 };
 

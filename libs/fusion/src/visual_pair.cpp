@@ -1,4 +1,4 @@
-#include "visual_pair.h"
+#include "repetition.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/graph/consistent_set.h>
@@ -16,19 +16,6 @@ using Eigen::Vector3d;
 
 constexpr double kSameScale = 0.1;  // of the logarithms of two scales
 
-// A small motion of b in its own frame is the opposite motion of a, seen through the transform between them.
-Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b) {
-  const Eigen::Matrix3d rotation = a_from_b.pose.q.toRotationMatrix();
-  const Vector3d& t = a_from_b.pose.t;
-  Eigen::Matrix3d cross;
-  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-  Eigen::Matrix<double, 6, 6> carry = Eigen::Matrix<double, 6, 6>::Zero();
-  carry.topLeftCorner<3, 3>() = a_from_b.scale * rotation;
-  carry.bottomRightCorner<3, 3>() = rotation;
-  carry.topRightCorner<3, 3>() = cross * rotation;
-  return carry * covariance * carry.transpose();
-}
-
 bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap& b, const FusionOptions& options) {
   const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t, &q = b.keyframes()[other.keyframe_b].map_from_node.t;
   const Vector3d middle = 0.5 * (p + q);
@@ -40,11 +27,6 @@ bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap
 }
 
 double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
-
-bool holds(const VisualWitness& w, const std::set<Hash>& vetoed, const FusionOptions& options) {
-  return !w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options.min_probability &&
-         vetoed.count(w.judgement.id) == 0;
-}
 
 // Witnesses of which no two share a keyframe.
 std::size_t disjoint(const std::vector<const VisualWitness*>& witnesses) {
@@ -78,15 +60,27 @@ Sim3 mean_transform(const std::vector<const VisualWitness*>& witnesses, const Vi
   return result;
 }
 
-std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options) {
-  std::vector<std::tuple<double, std::size_t, std::size_t>> ranked;
+// What is most like each of the keyframes `of` b in a; before: those that it has are left out.
+using Ranked = std::vector<std::tuple<double, std::size_t, std::size_t>>;  // likeness, with a minus; keyframes of a and b
+Ranked most_alike(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options, const StandingTeam* before) {
+  Ranked ranked;
   for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
     const MappedKeyframe& keyframe = b.keyframes()[j];
+    if (before != nullptr && before->map_from_node.contains(keyframe.id)) continue;
     const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
-    for (const matching::SimilarPlace& place : a.alike(keyframe.bag, least, static_cast<std::size_t>(options.candidates)))
+    for (const matching::SimilarPlace& place : a.alike(keyframe.words->bag, least, static_cast<std::size_t>(options.candidates)))
       ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id),
                           j);  // groups' sums: above 1
   }
+  return ranked;
+}
+
+// before: of what is new since alone, on either side.
+std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options,
+                                         const StandingTeam* before = nullptr) {
+  Ranked ranked = most_alike(a, b, options, before);
+  if (before != nullptr)
+    for (const auto& [score, j, i] : most_alike(b, a, options, before)) ranked.emplace_back(score, i, j);
   std::sort(ranked.begin(), ranked.end());
   if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
   std::vector<VisualQuestion> questions;
@@ -128,78 +122,6 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
   return kOneIn * known < near.size();
 }
 
-Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
-  Sim3 result;
-  result.scale = a_from_b.scale * b_from_c.scale;
-  result.pose.q = (a_from_b.pose.q * b_from_c.pose.q).normalized();
-  result.pose.t = matching::transformed(b_from_c.pose.t, a_from_b);
-  return result;
-}
-
-Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
-
-VisualJudge::VisualJudge(const VisualFusionOptions& options, const std::vector<Judgement>& before, Memo& memo, WorkerPool& pool)
-    : options_(options), memo_(memo), pool_(pool) {
-  for (const Judgement& judgement : before) {
-    const auto [known, is_new] = before_.emplace(std::make_pair(judgement.a, judgement.b), &judgement);
-    if (!is_new && known->second->probability < judgement.probability) known->second = &judgement;
-  }
-}
-
-std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
-                                            bool by_words) {
-  const auto place_id = [](const VisualMap& map, std::size_t keyframe) {
-    const NodeId& id = map.keyframes()[keyframe].id;
-    return SubmapId{id.session, id.index};
-  };
-  // Lengths of a single camera may have changed since.
-  const bool may_be_old = a.is_metric() && b.is_metric();
-  std::vector<const Judgement*> old(questions.size(), nullptr);
-  std::set<std::size_t> of_a, of_b;
-  for (std::size_t i = 0; i < questions.size(); ++i) {
-    const auto [in_a, in_b] = questions[i];
-    const std::pair<SubmapId, SubmapId> ids = std::minmax(place_id(a, in_a), place_id(b, in_b));
-    if (const auto found = before_.find(ids); may_be_old && found != before_.end())
-      old[i] = found->second;
-    else
-      of_a.insert(in_a), of_b.insert(in_b);
-  }
-  const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
-    const std::vector<std::size_t> order(numbers.begin(), numbers.end());
-    auto made = pool_.map(order.size(),
-                          [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions), by_words); });
-    std::map<std::size_t, VisualPlace> places;
-    for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
-    return places;
-  };
-  const auto places_a = places_of(a, of_a), places_b = places_of(b, of_b);
-  const auto judged = [&](const VisualQuestion& question, bool swapped) {
-    const matching::PlaceView &one = places_a.at(question.keyframe_a).view, &other = places_b.at(question.keyframe_b).view;
-    const matching::PlaceView &first = swapped ? other : one, &second = swapped ? one : other;
-    const auto known = memo_.find(matching::visual_judgement_id(first.content, second.content, options_.judge));
-    return known != memo_.end() ? known->second : matching::judge_places(first, second, options_.judge).judgement;
-  };
-  auto witnesses = pool_.map(questions.size(), [&](std::size_t i) {
-    throw_if_interrupted();
-    const auto [in_a, in_b] = questions[i];
-    const bool swapped = place_id(b, in_b) < place_id(a, in_a);
-    VisualWitness witness;
-    witness.keyframe_a = in_a, witness.keyframe_b = in_b;
-    witness.judgement = old[i] != nullptr ? *old[i] : judged(questions[i], swapped);
-    if (witness.judgement.hypotheses.empty()) return witness;
-    const Alignment& best = witness.judgement.hypotheses.front();
-    witness.node_a_from_node_b = swapped ? matching::inverse(best.a_from_b) : best.a_from_b;
-    const Eigen::Matrix<double, 6, 6> covariance = swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
-    witness.information = covariance.inverse();
-    witness.information = (0.5 * (witness.information + witness.information.transpose())).eval();
-    witness.a_from_b = composed(composed({a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
-                                {inverse(b.keyframes()[in_b].map_from_node), 1.0});
-    return witness;
-  });
-  for (const VisualWitness& witness : witnesses) memo_.emplace(witness.judgement.id, witness.judgement);
-  return witnesses;
-}
-
 namespace {
 
 // What the judgements so far make of two maps.
@@ -235,12 +157,6 @@ Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMa
   return result;
 }
 
-bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
-  const auto& companions = map.keyframes()[keyframe].companions;
-  return keyframe == other ||
-         std::any_of(companions.begin(), companions.end(), [&](const auto& companion) { return companion.second == other; });
-}
-
 // Whether they would look at the same things from near, if b lay so.
 bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQuestion& question, const Sim3& a_from_b) {
   constexpr double kNear_m = 3.0, kAlike_rad = 0.9;
@@ -260,12 +176,10 @@ class Rounds {
       : a_(a), b_(b), options_(options), judge_(judge) {}
 
   std::deque<VisualWitness> run(const std::vector<VisualQuestion>& told) {
+    if (const StandingTeam* team = judge_.team_of(a_, b_)) return grown(told, *team);
     open_ = told;
     while (!open_.empty() && !is_over_) round(true);
-    for (const VisualQuestion& question : questions_of(a_, b_, options_.visual))
-      if (std::none_of(witnesses_.begin(), witnesses_.end(),
-                       [&](const VisualWitness& w) { return w.keyframe_a == question.keyframe_a && w.keyframe_b == question.keyframe_b; }))
-        open_.push_back(question);
+    open_new(questions_of(a_, b_, options_.visual));
     is_over_ = false, barren_ = 0;
     leave_out();
     while (!open_.empty() && !is_over_) round(false);
@@ -273,6 +187,32 @@ class Rounds {
   }
 
  private:
+  // What stands, and of what is new a little.
+  std::deque<VisualWitness> grown(const std::vector<VisualQuestion>& told, const StandingTeam& team) {
+    constexpr std::size_t kAsked = 3;
+    const auto is_new = [&](const VisualMap& map, std::size_t keyframe) {
+      return !team.map_from_node.contains(map.keyframes()[keyframe].id);
+    };
+    take(judge_.ask(a_, b_, judge_.standing(a_, b_)));
+    for (const VisualQuestion& question : told)
+      if (is_new(a_, question.keyframe_a) || is_new(b_, question.keyframe_b)) open_.push_back(question);
+    open_new(questions_of(a_, b_, options_.visual, &team));
+    leave_out();
+    if (open_.size() > kAsked) open_.resize(kAsked);
+    take(judge_.ask(a_, b_, open_));
+    return std::move(witnesses_);
+  }
+
+  void open_new(const std::vector<VisualQuestion>& questions) {
+    const auto is_same = [](const VisualQuestion& one, std::size_t a, std::size_t b) { return one.keyframe_a == a && one.keyframe_b == b; };
+    for (const VisualQuestion& question : questions)
+      if (std::none_of(witnesses_.begin(), witnesses_.end(),
+                       [&](const VisualWitness& w) { return is_same(question, w.keyframe_a, w.keyframe_b); }) &&
+          std::none_of(open_.begin(), open_.end(),
+                       [&](const VisualQuestion& other) { return is_same(question, other.keyframe_a, other.keyframe_b); }))
+        open_.push_back(question);
+  }
+
   void round(bool are_told) {
     constexpr std::size_t kRound = 4;
     constexpr int kBarren = 3;
@@ -322,59 +262,6 @@ class Rounds {
   int barren_ = 0;  // rounds
   bool is_over_ = false;
 };
-
-}  // namespace
-
-namespace {
-
-// Elsewhere in the same map, what looks most like this keyframe.
-std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe, const VisualFusionOptions& options) {
-  constexpr double kApart_m = 2.0;
-  constexpr std::size_t kAsked = 2;
-  const MappedKeyframe& here = map.keyframes()[keyframe];
-  const int least = std::max(1, static_cast<int>(options.least_alike * here.likeness));
-  const auto is_here = [&](const NodeId& id) {
-    const std::size_t other = map.number_of(id);
-    return beside(map, keyframe, other) || (map.keyframes()[other].map_from_camera.t - here.map_from_camera.t).norm() < kApart_m;
-  };
-  std::vector<VisualQuestion> questions;
-  for (const matching::SimilarPlace& place : map.alike(here.bag, least, kAsked, is_here))
-    questions.push_back({keyframe, map.number_of(place.id)});
-  return questions;
-}
-
-// Rooms may be alike to the last picture on the wall, and then agreement says nothing. So a few witnesses, of different keyframes and the
-// most probable first, are asked whether their places look like others in their own maps. Where too many do, these are the judgements that
-// say so.
-std::vector<Hash> repetitions(const VisualMap& a, const VisualMap& b, std::vector<const VisualWitness*> clique,
-                              const FusionOptions& options, VisualJudge& judge, std::vector<Hash>& judged) {
-  constexpr std::size_t kMostLooks = 12, kOneIn = 6;
-  constexpr double kMoved_m = 1.0;
-  std::stable_sort(clique.begin(), clique.end(), [](const VisualWitness* one, const VisualWitness* other) {
-    return one->judgement.probability > other->judgement.probability;
-  });
-  std::vector<Hash> found;
-  const auto repeats = [&](const VisualMap& map, std::size_t keyframe) {
-    for (const VisualWitness& w : judge.ask(map, map, elsewhere(map, keyframe, options.visual))) {
-      judged.push_back(w.judgement.id);
-      const Vector3d& there = map.keyframes()[w.keyframe_b].map_from_node.t;
-      if (!holds(w, {}, options) || (matching::transformed(there, w.a_from_b) - there).norm() < kMoved_m) continue;
-      found.push_back(w.judgement.id);
-      return true;
-    }
-    return false;
-  };
-  std::set<std::size_t> of_a, of_b;
-  std::size_t repeated = 0;
-  for (const VisualWitness* w : clique) {
-    if (of_a.size() == kMostLooks || kOneIn * repeated >= kMostLooks) break;
-    if (of_a.count(w->keyframe_a) != 0 || of_b.count(w->keyframe_b) != 0) continue;
-    of_a.insert(w->keyframe_a), of_b.insert(w->keyframe_b);
-    repeated += repeats(a, w->keyframe_a) || repeats(b, w->keyframe_b);
-  }
-  if (kOneIn * repeated < of_a.size()) found.clear();
-  return found;
-}
 
 }  // namespace
 
@@ -429,14 +316,24 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
   verdict.alignment = alignment;
 
   const bool sole = clique.size() == 1 && clique.front()->judgement.probability >= options.sole_witness_probability;
-  if (verdict.second_best > options.max_rival) {
+  // Maps bend, and so a few may disagree a little. Few that lie far off are enough to say that something is there twice: in halves of
+  // public recordings and in apartments not one does.
+  constexpr double kFar_m = 2.0;
+  constexpr std::size_t kFew = 2, kOneIn = 12;
+  std::vector<const VisualWitness*> far;
+  for (const VisualWitness* w : others) {
+    const Vector3d& there = b.keyframes()[w->keyframe_b].map_from_node.t;
+    if ((matching::transformed(there, w->a_from_b) - matching::transformed(there, alignment.a_from_b)).norm() > kFar_m) far.push_back(w);
+  }
+  const std::size_t rivals = disjoint(far);
+  if (verdict.second_best > options.max_rival || (rivals >= kFew && kOneIn * rivals >= disjoint(clique))) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
+    result.repetition = repetition_between(a, b, clique, others);
   } else if (disjoint(clique) < static_cast<std::size_t>(options.min_witnesses) && !sole) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::too_few_witnesses;
-  } else if (const std::vector<Hash> against = repetitions(a, b, clique, options, judge, result.judged); !against.empty()) {
-    verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
-    verdict.contradicted.insert(verdict.contradicted.end(), against.begin(), against.end());
-    std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
+  } else if (Repetition own = repetition_within(a, b, clique, options, judge, result.judged); !own.because.empty()) {
+    doubt(verdict, own.because);
+    result.repetition = std::move(own);
   } else {
     verdict.decision = Decision::accepted, verdict.reason = Reason::none;
     for (const VisualWitness* w : clique) result.witnesses.push_back(*w);

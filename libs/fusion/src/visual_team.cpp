@@ -1,4 +1,5 @@
 #include "visual_team.h"
+#include "warm_start.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
@@ -81,11 +82,13 @@ class Team {
       for (const MappedKeyframe& keyframe : members[m]->keyframes())
         keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node)});
     }
+    is_free_.assign(keyframes_.size(), true);
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
     for (const VisualMap* member : members) rigs_.push_back(rig_of(*member));
   }
 
-  VisualTeam run() {
+  VisualTeam run(const StandingTeam* before) {
+    if (const auto start = before != nullptr ? warm_start(*before, members_, joins_) : std::nullopt) return grown(*start);
     straighten();
     straightened_ = ties(kStiff);
     place_landmarks();
@@ -98,6 +101,16 @@ class Team {
   }
 
  private:
+  VisualTeam grown(const WarmStart& start) {
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = start.team_from_node[i];
+    is_free_ = start.is_free;
+    straightened_ = ties(kStiff);
+    place_landmarks();
+    find_shared(kNarrow_px);
+    adjust_all(kNarrow_px, Extent::free);
+    return told();
+  }
+
   // What ties its cameras to each other.
   static std::vector<const Constraint*> rig_of(const VisualMap& member) {
     std::vector<const Constraint*> result;
@@ -310,21 +323,35 @@ class Team {
     return result;
   }
 
+  template <class Visit>
+  void for_own_sightings(const Visit& visit) const {
+    std::size_t number = 0;
+    for (std::size_t m = 0; m < members_.size(); ++m)
+      for (const auto& [id, landmark] : members_[m]->map().landmarks) {
+        for (const LandmarkSighting& seen : landmark.seen)
+          if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
+            visit(first_keyframe_[m] + keyframe, number, seen);
+        ++number;
+      }
+  }
+
   // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their
-  // keyframes.
-  enum class Extent { shared, all };
+  // keyframes. free: with those that free keyframes see.
+  enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
     const Classes same = classes();
     std::vector<char> counts(landmark_ids_.size(), extent == Extent::all);
-    for (const Found& found : found_) counts[same.find(found.landmark)] = 1;
+    for (const Found& found : found_)
+      if (extent != Extent::free || is_free_[found.keyframe]) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const matching::Pinhole& camera = keyframes_[i].content->camera;
       bundle.cameras.push_back({camera.fx, camera.fy, camera.cx, camera.cy});
-      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), i == 0});
+      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), i == 0 || !is_free_[i]});
     }
     bundle.points = points_;
-    for (const graph::BundleTie& tie : straightened_) bundle.ties.push_back(of_cameras(tie));
+    for (const graph::BundleTie& tie : straightened_)
+      if (is_free_[tie.from] || is_free_[tie.to]) bundle.ties.push_back(of_cameras(tie));
     const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
       if (counts[same.find(landmark)] == 0) return;
       graph::BundleSighting sighting;
@@ -337,15 +364,13 @@ class Team {
       }
       bundle.sightings.push_back(sighting);
     };
-    std::size_t number = 0;
-    for (std::size_t m = 0; m < members_.size(); ++m)
-      for (const auto& [id, landmark] : members_[m]->map().landmarks) {
-        for (const LandmarkSighting& seen : landmark.seen)
-          if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
-            see(first_keyframe_[m] + keyframe, number, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level),
-                seen.inverse_depth);
-        ++number;
-      }
+    if (extent == Extent::free)
+      for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
+        if (is_free_[keyframe]) counts[same.find(landmark)] = 1;
+      });
+    for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
+      see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
+    });
     for (const Found& found : found_) {
       const MappedKeyframe& content = *keyframes_[found.keyframe].content;
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
@@ -357,13 +382,15 @@ class Team {
       see(keyframe, landmark, {pixels_of(sighting->u), pixels_of(sighting->v)}, 2.0 * options_.sigma_px * (1 << sighting->level), 0);
     std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
     graph::BundleOptions adjusting;
-    adjusting.least_gain = extent == Extent::all ? kLeastGain : kRoughGain;
+    adjusting.least_gain = extent == Extent::shared ? kRoughGain : kLeastGain;
     graph::adjust(bundle, adjusting);
     for (std::size_t i = 0; i < keyframes_.size(); ++i)
       keyframes_[i].team_from_node =
           compose(bundle.views[i].map_from_camera, inverse(keyframes_[i].content->content->geometry->robot_from_camera));
-    if (extent == Extent::shared) return place_landmarks();
-    for (std::size_t i = 0; i < points_.size(); ++i) points_[i] = bundle.points[same.find(i)];
+    place_landmarks();
+    if (extent == Extent::shared) return;
+    for (std::size_t i = 0; i < points_.size(); ++i)
+      if (counts[same.find(i)] != 0 || extent == Extent::all) points_[i] = bundle.points[same.find(i)];
   }
 
   VisualTeam told() const {
@@ -433,6 +460,7 @@ class Team {
   VisualFusionOptions options_;
   std::vector<std::size_t> first_keyframe_;  // of each member
   std::vector<TeamKeyframe> keyframes_;
+  std::vector<char> is_free_;  // of each
   std::vector<LandmarkId> landmark_ids_;
   std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
   std::vector<Vector3d> points_;                                  // in the team's frame
@@ -444,8 +472,8 @@ class Team {
 }  // namespace
 
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ToldSighting>& told, const VisualFusionOptions& options) {
-  return Team(members, joins, team_from_map, told, options).run();
+                const std::vector<ToldSighting>& told, const VisualFusionOptions& options, const StandingTeam* before) {
+  return Team(members, joins, team_from_map, told, options).run(before);
 }
 
 }  // namespace mapweave::fusion

@@ -18,8 +18,9 @@ struct VisualTeam {
   Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
 };
 
-// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. told: by numbers of the members.
+// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. told: by numbers of the members. before:
+// the same team in a joining before, where it stays for the most part; null: cold.
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ToldSighting>& told, const VisualFusionOptions& options);
+                const std::vector<ToldSighting>& told, const VisualFusionOptions& options, const StandingTeam* before = nullptr);
 
 }  // namespace mapweave::fusion

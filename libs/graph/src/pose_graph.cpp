@@ -1,4 +1,5 @@
-#include <ceres/ceres.h>
+#include "least_squares.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/graph/pose_graph.h>
 
@@ -65,17 +66,7 @@ int run(std::vector<std::array<double, 3>>& poses, const std::vector<Edge>& edge
     return 0;
   }
   if (problem.HasParameterBlock(poses[fixed].data())) problem.SetParameterBlockConstant(poses[fixed].data());
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  options.num_threads = 1;
-  options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-7;
-  options.parameter_tolerance = 1e-9;
-  options.logging_type = ceres::SILENT;
-  options.initial_trust_region_radius = 1e6;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  const ceres::Solver::Summary summary = minimised(problem, iterations, 1e6);
   converged = summary.termination_type == ceres::CONVERGENCE;
   return static_cast<int>(summary.iterations.size());
 }

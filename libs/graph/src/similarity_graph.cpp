@@ -1,4 +1,5 @@
-#include <ceres/ceres.h>
+#include "least_squares.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/graph/spatial_graph.h>
 
@@ -38,20 +39,6 @@ class SimilarityError {
   Sim3 measured_;
   Matrix7 root_;
 };
-
-ceres::Solver::Summary minimised(ceres::Problem& problem, int iterations) {
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  options.num_threads = 1;
-  options.max_num_iterations = iterations;
-  options.function_tolerance = 1e-7;
-  options.parameter_tolerance = 1e-9;
-  options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
-  return summary;
-}
 
 }  // namespace
 

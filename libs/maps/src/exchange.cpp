@@ -7,7 +7,7 @@
 namespace mapweave {
 namespace {
 
-constexpr std::uint32_t kVersion = 2;  // 1 knows no dense points
+constexpr std::uint32_t kVersion = 3, kDenseVersion = 2;  // 1 knows no dense points, 2 nothing sensed
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
@@ -51,7 +51,7 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
 }
 
 std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  form.set_version(form.place_request().features().dense().empty() ? 1 : kVersion);
+  form.set_version(form.has_sensed() ? kVersion : form.place_request().features().dense().empty() ? 1 : kDenseVersion);
   for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
   return form.SerializeAsString();
 }
@@ -179,6 +179,30 @@ std::string encode(const Share& share) {
   return written(form, sessions);
 }
 
+std::string encode(const Sensed& sensed) {
+  MAPWEAVE_EXPECT(is_valid_name(sensed.robot.str()) && sensed.sequence > 0, "a robot numbers what it tells");
+  form::Exchange form;
+  auto& content = *form.mutable_sensed();
+  content.set_robot(sensed.robot.str());
+  content.set_sequence(sensed.sequence);
+  content.set_stamp_ns(sensed.stamp.ns);
+  if (const auto* scan = std::get_if<PackedScan>(&sensed.body)) {
+    expect_sound(Node{{}, {}, {}, std::make_shared<const Payload>(*scan)});
+    *content.mutable_geometry() = form_of(*scan->geometry);
+    content.mutable_scan()->set_ranges(packed(scan->ranges));
+  } else if (const auto* odometry = std::get_if<Pose3>(&sensed.body)) {
+    expect_sound(*odometry);
+    *content.mutable_odometry() = form_of(*odometry);
+  } else {
+    auto& end = *content.mutable_end();
+    if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) {
+      end.set_code(1 + static_cast<std::uint32_t>(trouble->code()));
+      end.set_problem(trouble->problem()), end.set_where(trouble->where()), end.set_remedy(trouble->remedy());
+    }
+  }
+  return written(form);
+}
+
 Hello decode_hello(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   const auto form = read(bytes, reader, where, form::Exchange::kHello);
@@ -223,6 +247,26 @@ Share decode_share(std::string_view bytes, const std::string& where) {
   if (form.share().scale() != 0.0) share.scale = form.share().scale();
   if (!(std::isfinite(share.scale) && share.scale > 0.0)) reader.corrupt("a scale is not a positive number");
   return share;
+}
+
+Sensed decode_sensed(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kSensed);
+  const auto& content = form.sensed();
+  if (content.robot().empty() || content.sequence() == 0) reader.corrupt("it says neither whose it is nor which");
+  Sensed sensed{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};
+  switch (content.body_case()) {
+    case form::Sensed::kScan: reader.take_geometry(content.geometry()), sensed.body = reader.scan(content.scan()); break;
+    case form::Sensed::kOdometry: sensed.body = reader.pose(content.odometry()); break;
+    case form::Sensed::kEnd:
+      if (content.end().code() > 1 + static_cast<std::uint32_t>(ErrorCode::kInternal)) reader.corrupt("an error of no known kind");
+      if (content.end().code() > 0)
+        sensed.body = StreamEnd{Error(static_cast<ErrorCode>(content.end().code() - 1), content.end().problem(), content.end().where(),
+                                      content.end().remedy())};
+      break;
+    case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
+  }
+  return sensed;
 }
 
 }  // namespace mapweave

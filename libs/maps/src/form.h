@@ -96,6 +96,7 @@ class FormReader {
   Hash hash(const std::string& bytes) const;
   SessionId session(std::uint32_t place) const;
   KeyframeFeatures keyframe(const form::Keyframe&) const;
+  PackedScan scan(const form::Scan&) const;
   std::string name_or_nothing(const std::string& text, const char* of_what) const;
 
  private:
@@ -105,7 +106,6 @@ class FormReader {
   Eigen::Matrix<double, 6, 6> matrix(const form::Matrix6&) const;
   Alignment alignment(const form::Alignment&) const;
   std::shared_ptr<const Payload> payload(const form::Node&) const;
-  PackedScan scan(const form::Scan&) const;
   OccupancyGrid grid(const form::Grid&) const;
   template <class Form>
   std::vector<LandmarkSighting> sightings(const Form&, const SessionId& own) const;

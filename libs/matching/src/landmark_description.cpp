@@ -16,13 +16,13 @@ struct Look {
 Look look_of(const KeyframeFeatures& keyframe, const LandmarkSighting& sighting, const Pose3& map_from_camera, double depth_m,
              double reach_px) {
   const CameraGeometry& camera = *keyframe.geometry;
-  const double u = pixels_of(sighting.u), v = pixels_of(sighting.v);
+  const int u = sighting.u, v = sighting.v, far = static_cast<int>(std::min(16.0 * reach_px / kPixelUnit_px, 65536.0));
   Look look;
   double best = reach_px;
   for (std::size_t i = 0; i < keyframe.points.size(); ++i) {
     const KeyframePoint& point = keyframe.points[i];
-    const double du = pixels_of(point.u) - u, dv = pixels_of(point.v) - v;
-    if (std::abs(dv) > 16.0 * reach_px || std::abs(du) > 16.0 * reach_px) continue;
+    if (std::abs(point.v - v) > far || std::abs(point.u - u) > far) continue;
+    const double du = kPixelUnit_px * (point.u - u), dv = kPixelUnit_px * (point.v - v);
     const double apart = std::hypot(du, dv) / std::pow(camera.level_scale, point.level);
     if (!(apart < best)) continue;
     best = apart, look.has_feature = true, look.descriptor = keyframe.descriptors[i];

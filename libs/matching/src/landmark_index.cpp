@@ -234,6 +234,15 @@ const DescribedLandmark* LandmarkIndex::find(const LandmarkId& id) const {
 
 std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, const RetrievalOptions& options,
                                                        const std::optional<ClientId>& asking) const {
+  const auto seen = look(frustum, options, asking);
+  std::vector<DescribedLandmark> result;
+  result.reserve(seen.size());
+  for (const DescribedLandmark* one : seen) result.push_back(*one);
+  return result;
+}
+
+std::vector<const DescribedLandmark*> LandmarkIndex::look(const Frustum& frustum, const RetrievalOptions& options,
+                                                          const std::optional<ClientId>& asking) const {
   MAPWEAVE_EXPECT(options.most >= 1 && options.margin_px >= 0.0 && options.most_range_ratio >= 1.0, "bounds that hold something");
   std::string problem = flaw(frustum);
   if (!problem.empty()) throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: " + problem);
@@ -283,9 +292,9 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
     found.resize(most);
   }
   std::sort(found.begin(), found.end(), by_id);
-  std::vector<DescribedLandmark> result;
+  std::vector<const DescribedLandmark*> result;
   result.reserve(found.size());
-  for (const Found& one : found) result.push_back(landmarks_[one.slot]);
+  for (const Found& one : found) result.push_back(&landmarks_[one.slot]);
   return result;
 }
 

@@ -3,6 +3,7 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
@@ -101,26 +102,65 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
     report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
     if (robots[i]->input) inputs.push_back(*robots[i]->input);
     outcomes.push_back(std::move(robots[i]->outcome));
+    report.work.robots.push_back(robots[i]->work);
     cameras.push_back(std::move(robots[i]->cameras));
   }
 
-  // Edges fuse what their robots left and tell the cloud, which fuses everything again.
+  // Edges, where they join, fuse what their robots left and tell the cloud, which fuses everything again.
   std::vector<tiers::EdgeServer> edges;
   tiers::CloudMerger cloud(cloud_tier(), configuration.fusion);
   fusion::FusionResult team;
-  const auto fuse_all = [&] {
+  const auto fuse_at_edges = [&] {
     for (const TierId& id : plan.edges) {
+      const double before_s = process_cpu_seconds();
+      EdgeWork work{id};
+      double hearing_s = 0.0;  // is the cloud's work
       std::vector<RobotId> members;
       for (const PlannedRobot& robot : plan.robots)
         if (robot.edge == id) members.push_back(robot.id);
       tiers::EdgeServer edge(id, members, configuration.fusion);
       for (tiers::RobotOutcome& outcome : outcomes) {
         if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
-        for (const std::string& update : edge.step(outcome, pool, progress).for_cloud) cloud.receive(update, "update of edge " + id.str());
+        const auto effects = edge.step(outcome, pool, progress);
+        for (RobotWork& robot : report.work.robots)
+          if (robot.id == outcome.robot) robot.map_bytes = effects.map_bytes;
+        const double told_s = process_cpu_seconds();
+        for (const std::string& update : effects.for_cloud) {
+          cloud.receive(update, "update of edge " + id.str());
+          work.bytes += update.size();
+        }
+        hearing_s += process_cpu_seconds() - told_s;
       }
       edges.push_back(std::move(edge));
+      work.fusing_s = process_cpu_seconds() - before_s - hearing_s;
+      report.work.fusing_s += hearing_s;
+      report.work.edges.push_back(work);
     }
+  };
+  const auto tell_cloud = [&] {
+    for (std::size_t i = 0; i < outcomes.size(); ++i) {
+      const auto tell = [&](const Map& map) {
+        const std::string update = tiers::first_update(map, TierId(outcomes[i].robot.str()));
+        cloud.receive(update, "update of robot " + outcomes[i].robot.str());
+        report.work.robots[i].map_bytes += update.size();
+      };
+      if (outcomes[i].map) tell(*outcomes[i].map);
+      for (const Map& map : outcomes[i].apart) tell(map);
+    }
+  };
+  const auto fuse_all = [&] {
+    configuration.mode == Mode::cloud_only ? tell_cloud() : fuse_at_edges();
+    const double before_s = process_cpu_seconds();
     if (anything) team = cloud.seal(pool, progress);
+    report.work.fusing_s += process_cpu_seconds() - before_s;
+    for (RobotWork& robot : report.work.robots) {
+      const auto line = std::find_if(report.robots.begin(), report.robots.end(), [&](const RobotReport& r) { return r.id == robot.id; });
+      if (line->cameras.empty()) continue;
+      std::uint64_t told = 0;  // what clients told while they mapped; else their maps, at the end
+      for (const CameraReport& camera : line->cameras) told += camera.sent_bytes;
+      robot.sensed_bytes += told > 0 ? told : robot.map_bytes;
+    }
+    report.timeline = timeline(configuration.mode, report.work, plan.network, configuration.processors, configuration.seed);
   };
   if (whole && !finished(fuse_all)) acknowledge_interruption(report, anything);
 

@@ -11,8 +11,6 @@
 
 namespace mapweave::runtime {
 
-void add(ClientCounts& sum, const ClientCounts& more);
-
 struct LiveMapServer::Link::Wire {
   using Clock = std::chrono::steady_clock;
   struct Waiting {

@@ -4,6 +4,7 @@
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/metrics.h>
 
+#include <algorithm>
 #include <chrono>
 #include <iterator>
 
@@ -14,9 +15,9 @@ constexpr std::chrono::seconds kUntilRetry{1};
 
 }  // namespace
 
-JournalSaver::JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::function<void()> on_room)
-    : journal_(std::move(journal)), on_room_(std::move(on_room)) {
-  if (journal_) thread_ = std::thread([this] { run(); });
+JournalSaver::JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes, std::function<void()> on_room)
+    : journal_(std::move(journal)), most_growth_bytes_(most_growth_bytes), on_room_(std::move(on_room)) {
+  if (journal_) short_bytes_ = journal_->bytes(), thread_ = std::thread([this] { run(); });
 }
 
 void JournalSaver::save(std::vector<mapdb::JournalEntry> entries, std::function<void()> then) {
@@ -24,6 +25,13 @@ void JournalSaver::save(std::vector<mapdb::JournalEntry> entries, std::function<
   for (const mapdb::JournalEntry& entry : entries) unsaved_bytes_ += entry.update.size();
   const std::lock_guard lock(mutex_);
   waiting_.push_back({std::move(entries), std::move(then)});
+  changed_.notify_all();
+}
+
+void JournalSaver::replace(std::function<Entries()> all) {
+  is_long_ = false;
+  const std::lock_guard lock(mutex_);
+  waiting_.push_back({{}, [] {}, std::move(all)});
   changed_.notify_all();
 }
 
@@ -56,7 +64,7 @@ void JournalSaver::run() {
     waiting_.clear();
     lock.unlock();
     const double begin_s = thread_cpu_seconds();
-    std::string trouble = append(batch);
+    std::string trouble = write(batch);
     std::size_t bytes = 0;
     if (trouble.empty())  // `then` posts to a wire and throws nothing but for want of memory, which ends the program everywhere
       for (const Waiting& saved : batch) {
@@ -76,11 +84,32 @@ void JournalSaver::run() {
   }
 }
 
-std::string JournalSaver::append(const std::deque<Waiting>& batch) {
+bool JournalSaver::is_replaced(std::deque<Waiting>& batch) {
+  const auto replaced = std::find_if(batch.rbegin(), batch.rend(), [](const Waiting& one) { return one.all != nullptr; });
+  if (replaced == batch.rend()) return false;
+  bool done = false;
   try {
-    std::vector<mapdb::JournalEntry> entries;
+    Entries entries = replaced->all();
+    for (auto saved = replaced.base(); saved != batch.end(); ++saved)
+      entries.insert(entries.end(), saved->entries.begin(), saved->entries.end());
+    journal_->replace(entries);
+    done = true;
+  } catch (const std::exception& error) {
+    log(LogLevel::warning, std::string("the journal stays as long as it is: ") + error.what());
+  }
+  for (Waiting& one : batch) one.all = nullptr;
+  short_bytes_ = journal_->bytes();
+  return done;
+}
+
+std::string JournalSaver::write(std::deque<Waiting>& batch) {
+  try {
+    if (is_replaced(batch)) return {};
+    Entries entries;
     for (const Waiting& saved : batch) entries.insert(entries.end(), saved.entries.begin(), saved.entries.end());
     journal_->append(entries);
+    const std::uint64_t bytes = journal_->bytes();
+    if (bytes > short_bytes_ + std::max(short_bytes_, most_growth_bytes_)) is_long_ = true, short_bytes_ = bytes;
   } catch (const std::exception& error) {
     return error.what();
   }

@@ -15,6 +15,7 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 
 namespace mapweave::runtime {
@@ -23,6 +24,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMostLinks = 1000;
+constexpr std::size_t kMostGone = 1000;                      // clients that left, counted each on its own
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
 constexpr int kNice = 10;                                    // of threads that join
 
@@ -66,6 +68,7 @@ struct LiveMapServer::State {
   std::vector<std::shared_ptr<Wire>> wires;
   double turn_s = 0.0;  // of who was handled last
   std::map<SessionId, ClientCounts> gone;
+  std::vector<SessionId> left;  // whom the maps have not forgotten yet
   ServerCounts counts;
   bool handling_ends = false, joining_ends = false;
   std::optional<JournalSaver> saver;  // told under maps_mutex: what is in the journal has the order in which maps took it
@@ -89,17 +92,23 @@ struct LiveMapServer::State {
   State(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions live,
         const std::optional<std::filesystem::path>& path)
       : options(live), maps(edge, immediate(std::move(server)), std::move(fusion)) {
-    saver.emplace(path ? std::optional(restored(*path)) : std::nullopt, [this] {
-      const std::lock_guard lock(mutex);
-      has_work.notify_all();
-    });
+    saver.emplace(path ? std::optional(restored(*path)) : std::nullopt, std::uint64_t{1024} * static_cast<std::uint64_t>(live.journal_kb),
+                  [this] {
+                    const std::lock_guard lock(mutex);
+                    has_work.notify_all();
+                  });
     std::thread([this] {
       give_way();
       joining_pool.emplace(options.joining_threads);
     }).join();
     advance();
-    joiner = std::thread([this] { join_maps(); });
-    for (int i = 0; i < options.handlers; ++i) handlers.emplace_back([this] { handle(); });
+    try {
+      joiner = std::thread([this] { join_maps(); });
+      for (int i = 0; i < options.handlers; ++i) handlers.emplace_back([this] { handle(); });
+    } catch (...) {
+      end();
+      throw;
+    }
   }
 
   static tiers::ServerOptions immediate(tiers::ServerOptions options) {
@@ -120,10 +129,15 @@ struct LiveMapServer::State {
                     "begin another journal; clients that are still there tell all again");
       }
     });
-    std::vector<mapdb::JournalEntry> all;
-    for (auto& [from, update] : maps.snapshot()) all.push_back({from, std::move(update)});
+    const JournalSaver::Entries all = entries_of(maps.snapshot());
     if (all.size() < count) journal.replace(all);
     return journal;
+  }
+
+  static JournalSaver::Entries entries_of(tiers::VisualServer::Snapshot snapshot) {
+    JournalSaver::Entries entries;
+    for (auto& [from, update] : snapshot) entries.push_back({from, std::move(update)});
+    return entries;
   }
 
   // --- Handlers. Who waits and has had the least of their time so far is next: a flood, or what is costly to refuse, costs others a turn.
@@ -211,12 +225,15 @@ struct LiveMapServer::State {
                   "each run of a client has a link of its own, and one hello on it");
     const Hold hold(*this);
     ServerMessage welcome{ServerMessage::Kind::welcome, {}, maps.greet(hello)};
-    const std::lock_guard lock(mutex);
-    for (const auto& other : wires)
-      if (other != wire && other->counts.session == hello.session) close(*other);
-    prune();
-    wire->counts.session = hello.session;
+    {
+      const std::lock_guard lock(mutex);
+      for (const auto& other : wires)
+        if (other != wire && other->counts.session == hello.session) close(*other);
+      wire->counts.session = hello.session;
+      prune();
+    }
     saver->save({}, [wire, welcome = std::move(welcome)] { wire->post(welcome); });
+    for (const SessionId& session : who_left()) maps.leave(session);
   }
 
   void update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken, ClientCounts& more) {
@@ -229,6 +246,7 @@ struct LiveMapServer::State {
     std::vector<mapdb::JournalEntry> entries;
     for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
     saver->save(std::move(entries), [wire, receipt = received.receipt] { wire->post({ServerMessage::Kind::receipts, {}, {receipt}}); });
+    if (saver->is_long()) saver->replace([snapshot = maps.snapshot_to_encode()] { return entries_of(snapshot()); });
     advance();
   }
 
@@ -315,12 +333,28 @@ struct LiveMapServer::State {
   void prune() {
     for (const auto& wire : wires) {
       if (!wire->is_closed || wire->is_handled) continue;
-      ClientCounts& sum = gone[wire->counts.session];
-      sum.session = wire->counts.session;
+      const SessionId& session = wire->counts.session;
+      ClientCounts& sum = gone[session];
+      sum.session = session;
       add(sum, wire->counts);
+      if (session != SessionId{}) left.push_back(session);
+    }
+    for (auto one = gone.begin(); gone.size() > kMostGone;) {  // the lowest, but for who said nothing
+      if (one->first == SessionId{}) ++one;
+      add(gone[SessionId{}], one->second);
+      one = gone.erase(one);
     }
     wires.erase(std::remove_if(wires.begin(), wires.end(), [](const auto& wire) { return wire->is_closed && !wire->is_handled; }),
                 wires.end());
+  }
+
+  // Since it was asked last, and did not come back on another link.
+  std::set<SessionId> who_left() {
+    const std::lock_guard lock(mutex);
+    std::set<SessionId> result(left.begin(), left.end());
+    left.clear();
+    for (const auto& wire : wires) result.erase(wire->counts.session);
+    return result;
   }
 
   void finish() {
@@ -340,7 +374,7 @@ struct LiveMapServer::State {
       joining_ends = true;
       maps_changed.notify_all();
     }
-    joiner.join();
+    if (joiner.joinable()) joiner.join();
     const std::lock_guard lock(mutex);
     for (const auto& wire : wires) close(*wire);
     prune();

@@ -12,13 +12,16 @@ rusage usage_of(int who) {
   return usage;
 }
 
-}  // namespace
-
-double thread_cpu_seconds() {
+double seconds_of(clockid_t clock) {
   timespec time{};
-  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  ::clock_gettime(clock, &time);
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
+
+}  // namespace
+
+double thread_cpu_seconds() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
+double process_cpu_seconds() { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
 
 std::uint64_t peak_rss_bytes() {
   return 1024 * static_cast<std::uint64_t>(usage_of(RUSAGE_SELF).ru_maxrss + usage_of(RUSAGE_CHILDREN).ru_maxrss);  // kB each

@@ -190,15 +190,17 @@ Json summary_json(const Report& report) {
   }
   for (const StageReport& stage : report.stages)
     stages.push_back({{"tier", stage.tier.str()}, {"name", stage.name}, {"seconds", stage.seconds}});
-  return {{"robots", robots},
-          {"edges", edges},
-          {"team", fusion_json(report.team)},
-          {"notes", report.notes},
-          {"interrupted", report.interrupted},
-          {"exit_code", report.exit_code()},
-          {"wall_seconds", report.wall_seconds},
-          {"peak_rss_bytes", report.peak_rss_bytes},
-          {"stages", stages}};
+  Json summary = {{"robots", robots},
+                  {"edges", edges},
+                  {"team", fusion_json(report.team)},
+                  {"notes", report.notes},
+                  {"interrupted", report.interrupted},
+                  {"exit_code", report.exit_code()},
+                  {"wall_seconds", report.wall_seconds},
+                  {"peak_rss_bytes", report.peak_rss_bytes},
+                  {"stages", stages}};
+  if (report.timeline) summary["timeline"] = timeline_json(*report.timeline, report.work);
+  return summary;
 }
 
 Json merges_json(const Report& report) {

@@ -52,6 +52,35 @@ void expect_listed(const std::string& edge, const std::vector<EdgeEntry>& edges,
               nearest ? "did you mean '" + *nearest + "'?" : "list it: edges: [{id: " + edge + "}]");
 }
 
+// Wires between those that there are, with traces by their full paths.
+NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Origins& origins) {
+  std::vector<std::string> senders, hearers;
+  for (const PlannedRobot& robot : plan.robots) senders.push_back(robot.id.str());
+  for (const TierId& edge : plan.edges) senders.push_back(edge.str()), hearers.push_back(edge.str());
+  hearers.push_back(cloud_tier().str());
+  const auto expect_known = [&](const std::string& name, const std::vector<std::string>& known, const std::string& where) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) return;
+    const auto nearest = nearest_name(name, known);
+    throw Error(ErrorCode::kBadInput, "a wire of '" + name + "', which there is not", origins.place_of(where),
+                nearest ? "did you mean '" + *nearest + "'?" : "name a robot or an edge of this run");
+  };
+  const auto locate = [&](transport::LinkOptions& link, const std::string& where) {
+    if (link.trace.empty()) return;
+    const auto path = std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
+    link.trace = path.string();
+    transport::Link(link, 0);  // says now what is wrong with it
+  };
+  locate(network.robot_edge, "network.robot_edge"), locate(network.robot_cloud, "network.robot_cloud");
+  locate(network.edge_cloud, "network.edge_cloud");
+  for (std::size_t i = 0; i < network.links.size(); ++i) {
+    const std::string where = "network.links." + std::to_string(i);
+    expect_known(network.links[i].from, senders, where + ".from");
+    expect_known(network.links[i].to, hearers, where + ".to");
+    locate(network.links[i], where);
+  }
+  return network;
+}
+
 }  // namespace
 
 TierId cloud_tier() { return TierId("cloud"); }
@@ -99,12 +128,14 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
       throw Error(ErrorCode::kBadInput, "no robot uses edge '" + configuration.edges[i].id + "'", origins.place_of(key("edges", i, "id")),
                   "remove it, or give it a robot: {id: ..., log: ..., edge: " + configuration.edges[i].id + "}");
   plan.edges.assign(used.begin(), used.end());
+  plan.network = network_of(configuration.network, plan, origins);
   return plan;
 }
 
 RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
   configuration.robots.clear();
   configuration.edges.clear();
+  configuration.network = plan.network;
   for (const PlannedRobot& robot : plan.robots) configuration.robots.push_back({robot.id.str(), robot.log.string(), robot.edge.str()});
   return configuration;
 }

@@ -6,8 +6,7 @@ namespace mapweave::tiers {
 namespace {
 
 constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes
-constexpr double kBurst_s = 2.0;                            // of the wire, that may be saved up
-constexpr double kFeatureBytes = 40.0;
+constexpr double kFeatureBytes = 37.0;
 
 // Every so-manieth feature, so that they stay spread over the picture and its pyramid.
 std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_t count) {
@@ -25,7 +24,7 @@ CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options) : pla
 
 std::string CameraAgent::counted(std::string bytes) {
   sent_bytes_ += bytes.size();
-  allowance_bytes_ -= static_cast<double>(bytes.size());
+  allowance_.spend(bytes.size());
   return bytes;
 }
 
@@ -57,17 +56,15 @@ std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
 
 std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
   const double bytes_per_s = options_.most_bytes_per_s;
-  if (last_ && bytes_per_s > 0.0)
-    allowance_bytes_ = std::min(allowance_bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
-  last_ = now;
+  if (bytes_per_s > 0.0) allowance_.wait_until(now, bytes_per_s);
   std::vector<std::string> sent;
-  const bool has_room = bytes_per_s == 0.0 || allowance_bytes_ > 0.0;
+  const bool has_room = bytes_per_s == 0.0 || allowance_.bytes() > 0.0;
   if (has_room && waiting_bytes() < kMostWaiting) {
     session_ = client.run(place_);
     for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) {
       const MapId map = update.origin.map;
       const std::uint64_t sequence = update.sequence;
-      outbox_.push_back({map, sequence, encoded(std::move(update), allowance_bytes_)});
+      outbox_.push_back({map, sequence, encoded(std::move(update), allowance_.bytes())});
     }
   }
   for (Message& message : outbox_) {
@@ -83,7 +80,7 @@ void CameraAgent::put_back(const std::string& update) {
     if (!message.on_its_way || message.bytes != update) continue;
     message.on_its_way = false;
     sent_bytes_ -= update.size();
-    allowance_bytes_ += static_cast<double>(update.size());
+    allowance_.give_back(update.size());
     return;
   }
 }

@@ -9,6 +9,13 @@ constexpr std::uint64_t kMapSequence = 1, kJudgementsSequence = 2;
 
 }  // namespace
 
+std::string first_update(const Map& map, const TierId& from) {
+  MapUpdate update = difference(Map{}, map);
+  update.origin = {from, map.id};
+  update.sequence = kMapSequence;
+  return encode(update);
+}
+
 EdgeServer::EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options)
     : edge_(edge), options_(std::move(options)), awaited_(robots.begin(), robots.end()) {}
 
@@ -19,10 +26,8 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   std::vector<Map> maps = std::move(outcome.apart);
   if (outcome.map) maps.insert(maps.begin(), std::move(*outcome.map));
   for (Map& map : maps) {
-    MapUpdate update = difference(Map{}, map);
-    update.origin = {edge_, map.id};
-    update.sequence = kMapSequence;
-    effects.for_cloud.push_back(encode(update));
+    effects.for_cloud.push_back(first_update(map, edge_));
+    effects.map_bytes += effects.for_cloud.back().size();
     const MapId id = map.id;
     maps_.set(id, std::move(map));
   }

@@ -1,30 +1,15 @@
 #include <mapweave/tiers/robot_agent.h>
 
 namespace mapweave::tiers {
-namespace {
 
-Stamp stamp_of(const laser::LaserInput& input) {
-  return std::visit([](const auto& any) { return any.stamp; }, input);
-}
+RobotAgent::RobotAgent(RobotId robot, laser::ScanInputOptions options, std::string stream)
+    : robot_(robot), stream_(stream.empty() ? "robot " + robot.str() : std::move(stream)), packer_(std::move(options)) {}
 
-}  // namespace
-
-RobotAgent::RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options, std::string stream)
-    : robot_(robot), edge_(edge), stream_(stream.empty() ? "robot " + robot.str() : std::move(stream)), packer_(std::move(options)) {}
-
-RobotMessage RobotAgent::next_message() {
-  RobotMessage message;
-  message.robot = robot_;
-  message.edge = edge_;
-  message.sequence = ++sequence_;
-  return message;
-}
-
-std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
+std::optional<Sensed> RobotAgent::step(const rawlog::Record& record) {
   MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
   std::optional<laser::LaserInput> input = packer_(record);
   if (!input) return std::nullopt;
-  const Stamp stamp = stamp_of(*input);
+  const Stamp stamp = std::visit([](const auto& any) { return any.stamp; }, *input);
   if (latest_ && stamp < *latest_)
     throw Error(ErrorCode::kBadInput,
                 "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " +
@@ -35,12 +20,15 @@ std::optional<RobotMessage> RobotAgent::step(const rawlog::Record& record) {
     if (scans_++ == 0) first_ = stamp;
     last_ = stamp;
   }
-  RobotMessage message = next_message();
-  message.body = std::move(*input);
-  return message;
+  Sensed sensed{robot_, ++sequence_, stamp, {}};
+  if (auto* scan = std::get_if<laser::ScanInput>(&*input))
+    sensed.body = std::move(scan->scan);
+  else
+    sensed.body = std::get<laser::OdometryInput>(*input).odometry_from_robot;
+  return sensed;
 }
 
-RobotMessage RobotAgent::end(std::optional<Error> trouble) {
+Sensed RobotAgent::end(std::optional<Error> trouble) {
   MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
   ended_ = true;
   if (!trouble && scans_ == 0) {
@@ -51,9 +39,7 @@ RobotMessage RobotAgent::end(std::optional<Error> trouble) {
                     "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others), stream_,
                     others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
   }
-  RobotMessage message = next_message();
-  message.body.emplace<StreamEnd>().trouble = std::move(trouble);
-  return message;
+  return {robot_, ++sequence_, {}, StreamEnd{std::move(trouble)}};
 }
 
 }  // namespace mapweave::tiers

@@ -4,10 +4,10 @@ namespace mapweave::tiers {
 
 RobotSlam::RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper) : robot_(robot), mapper_(std::move(mapper)) {}
 
-std::optional<RobotOutcome> RobotSlam::step(const RobotMessage& message) {
-  if (mapper_ == nullptr || message.sequence < expected_) return std::nullopt;
+std::optional<RobotOutcome> RobotSlam::step(Sensed sensed) {
+  if (mapper_ == nullptr || sensed.sequence < expected_) return std::nullopt;
   try {
-    return act(message);
+    return act(std::move(sensed));
   } catch (const Error& error) {
     if (error.code() == ErrorCode::kInterrupted) throw;
     return failed(error);
@@ -16,14 +16,20 @@ std::optional<RobotOutcome> RobotSlam::step(const RobotMessage& message) {
   }
 }
 
-std::optional<RobotOutcome> RobotSlam::act(const RobotMessage& message) {
-  if (message.sequence != expected_)
+std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
+  if (sensed.sequence != expected_)
     return finished(Error(ErrorCode::kBadInput,
-                          "messages " + std::to_string(expected_) + " to " + std::to_string(message.sequence - 1) + " never came",
+                          "messages " + std::to_string(expected_) + " to " + std::to_string(sensed.sequence - 1) + " never came",
                           "robot " + robot_.str(), "replay the robot's own log"));
   ++expected_;
-  if (const auto* end = std::get_if<StreamEnd>(&message.body)) return finished(end->trouble);
-  mapper_->add(std::get<laser::LaserInput>(message.body));
+  if (const auto* end = std::get_if<StreamEnd>(&sensed.body)) return finished(end->trouble);
+  if (auto* scan = std::get_if<PackedScan>(&sensed.body)) {
+    if (geometry_ != nullptr && *geometry_ == *scan->geometry) scan->geometry = geometry_;
+    geometry_ = scan->geometry;
+    mapper_->add(laser::ScanInput{sensed.stamp, std::move(*scan)});
+  } else {
+    mapper_->add(laser::OdometryInput{sensed.stamp, std::get<Pose3>(sensed.body)});
+  }
   anything_ = true;
   return std::nullopt;
 }

@@ -26,10 +26,11 @@ matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOp
 }  // namespace
 
 TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-                   const matching::DescriptionOptions& description, WorkerPool& pool)
+                   const matching::DescriptionOptions& description, fusion::Pictures& pictures, WorkerPool& pool)
     : result_(std::move(result)) {
   for (const fusion::Component& component : result_.components) {
-    components_.push_back({&component, index_of(component.map, index, description, pool), fusion::PlaceFinder(component.map, pool)});
+    components_.push_back(
+        {&component, index_of(component.map, index, description, pool), fusion::PlaceFinder(component.map, pool, pictures)});
     for (const Map& map : input) {
       if (!component.team_from_map.contains(map.id)) continue;
       Member& member = members_[map.id];
@@ -37,7 +38,7 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, c
       if (const double* scale = component.scales.find(map.id)) member.scale = *scale;
       for (const auto& [id, node] : map.nodes) {
         member.told.set(id, node.map_from_node);
-        if (component.map.nodes.contains(id)) member.nodes.push_back(id);
+        if (const Node* placed = component.map.nodes.find(id)) member.nodes.push_back({id, node.map_from_node.t, placed->map_from_node.t});
       }
     }
   }

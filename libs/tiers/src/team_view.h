@@ -14,7 +14,7 @@ class TeamView {
  public:
   // `input`: what was joined to `result`.
   TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-           const matching::DescriptionOptions& description, WorkerPool& pool);
+           const matching::DescriptionOptions& description, fusion::Pictures& pictures, WorkerPool& pool);
 
   struct Component {
     const fusion::Component* content;
@@ -29,7 +29,11 @@ class TeamView {
     const Component* component;
     double scale = 1.0;         // of the team's lengths in those of the map
     Table<NodeId, Pose3> told;  // of its nodes, as its client said when the joining began
-    std::vector<NodeId> nodes;  // of those that the team has
+    struct Placed {
+      NodeId id;
+      Eigen::Vector3d in_map, in_team;
+    };
+    std::vector<Placed> nodes;  // of those that the team has
   };
   const Member* member(const MapId& map) const;
 

@@ -1,6 +1,8 @@
 #include <mapweave/core/error.h>
 #include <mapweave/tiers/update_inbox.h>
 
+#include <algorithm>
+
 namespace mapweave::tiers {
 
 UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) {
@@ -9,7 +11,9 @@ UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) {
   map_ = std::make_shared<const Map>(std::move(map));
 }
 
-std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where) {
+std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where, std::size_t most_waiting_bytes) {
+  constexpr std::size_t kKeeping = 1024;  // bytes of an update that says nothing
+  bytes += kKeeping;
   if (update.sequence == 0 || update.base >= update.sequence)
     throw Error(ErrorCode::kBadInput,
                 "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) +
@@ -19,7 +23,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
   const bool says_all = stored_ == 0 && update.base == 0;
   if (update.sequence > stored_ + 1 && !says_all) {
     const std::uint64_t sequence = update.sequence;
-    if (waiting_.size() < kMostWaiting && waiting_bytes_ + bytes <= kMostWaitingBytes &&
+    if (waiting_.size() < kMostWaiting && waiting_bytes_ + bytes <= std::min(most_waiting_bytes, kMostWaitingBytes) &&
         waiting_.try_emplace(sequence, Waiting{std::move(update), bytes}).second)
       waiting_bytes_ += bytes;
     return stored;

@@ -1,29 +1,29 @@
-#include "team_view.h"
+#include "owned_update.h"
+#include "team_joining.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/matching/alignment_search.h>
 #include <mapweave/matching/binary_vocabulary.h>
+#include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/borrowing.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 namespace mapweave::tiers {
 namespace {
 
 constexpr std::uint64_t kHeldFor = 20;       // shares out of view: clients forget after 30 keyframes
+constexpr std::uint64_t kSweepEvery = 4;     // shares
 constexpr std::size_t kMostHeld = 2500;      // clients hold 3000
 constexpr double kResent_m = 0.01;           // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;        // a client whose keyframes moved by more since the joining began knows better
 constexpr double kLandmarkBytes = 70.0;      // on the wire, about
 constexpr std::size_t kLeastTold = 60;       // landmarks with a place, however narrow the wire
-constexpr double kBurst_s = 2.0;             // of the wire, that may be saved up
 constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
-constexpr int kLeastPairs = 12;              // of keyframes, compared for a pair of maps
-constexpr std::size_t kSettled = 5;          // later keyframes of its map: one's companions hardly change any more
-constexpr double kFarthest_m = 1e6;          // from a map's origin
 constexpr std::size_t kMostClients = 10000;  // runs of clients
 constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
@@ -34,51 +34,16 @@ Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
   return compose(team_from_map.pose, Pose3{team_from_map.scale * pose_in_map.t, pose_in_map.q});
 }
 
-// Everything that an update says must be of its own client's run, and of a camera somewhere on Earth; what it borrowed alone is of others.
-void expect_owned(const MapUpdate& update, const SessionId& owner, const std::string& where) {
-  const auto expect = [&](const SessionId& session, const std::string& what) {
-    if (session != owner)
-      throw Error(ErrorCode::kBadInput, what + " is not of " + to_string(owner), where, "a client tells of its own map alone");
-  };
-  const auto expect_seen = [&](const std::vector<LandmarkSighting>& seen) {
-    for (const LandmarkSighting& sighting : seen) expect(sighting.node.session, to_string(sighting.node));
-  };
-  const auto expect_near = [&](const Pose3& pose, const NodeId& id) {
-    if (!(pose.t.norm() < kFarthest_m))
-      throw Error(ErrorCode::kBadInput, to_string(id) + " is farther than any robot goes", where, "a client begins near its origin");
-  };
-  for (const Node& node : update.nodes) {
-    expect(node.id.session, to_string(node.id)), expect_near(node.map_from_node, node.id);
-    if (keyframe_of(node) == nullptr)
-      throw Error(ErrorCode::kBadInput, to_string(node.id) + " is no keyframe", where, "cameras tell keyframes and landmarks");
-  }
-  for (const MovedNode& moved : update.moved) expect(moved.id.session, to_string(moved.id)), expect_near(moved.map_from_node, moved.id);
-  for (const NodeId& id : update.removed_nodes) expect(id.session, to_string(id));
-  for (const Landmark& landmark : update.landmarks) expect(landmark.id.session, to_string(landmark.id)), expect_seen(landmark.seen);
-  for (const LandmarkChange& change : update.changed_landmarks) expect(change.id.session, to_string(change.id)), expect_seen(change.seen);
-  for (const LandmarkId& id : update.removed_landmarks) expect(id.session, to_string(id));
-  for (const LandmarkChange& borrowed : update.borrowed) expect_seen(borrowed.seen);
-  if (!update.submaps.empty() || !update.constraints.empty() || !update.judgements.empty() || !update.removed_submaps.empty() ||
-      !update.removed_constraints.empty())
-    throw Error(ErrorCode::kBadInput, "a camera's update holds submaps, constraints or judgements", where,
-                "cameras tell keyframes and landmarks");
+// Landmarks that a client may still be told.
+std::size_t landmarks_within(const ByteAllowance& downlink) {
+  return static_cast<std::size_t>(std::max(0.0, downlink.bytes()) / kLandmarkBytes);
 }
 
-// What a client may still be told.
-class Downlink {
- public:
-  void wait_until(Stamp now, double bytes_per_s) {
-    if (last_)
-      allowance_bytes_ = std::min(allowance_bytes_ + bytes_per_s * std::max(0.0, seconds_between(*last_, now)), kBurst_s * bytes_per_s);
-    if (!last_ || *last_ < now) last_ = now;
+struct LandmarkHash {
+  std::size_t operator()(const LandmarkId& id) const {
+    const auto robot = reinterpret_cast<std::uintptr_t>(&id.session.client.robot.str());  // names are kept once
+    return (robot ^ (static_cast<std::uint64_t>(id.session.run) * 31 + id.index)) * 0x9e3779b97f4a7c15ULL;
   }
-  bool is_open() const { return allowance_bytes_ > 0.0 || !last_; }
-  std::size_t landmarks() const { return static_cast<std::size_t>(std::max(0.0, allowance_bytes_) / kLandmarkBytes); }
-  void tell(std::size_t bytes) { allowance_bytes_ -= static_cast<double>(bytes); }
-
- private:
-  double allowance_bytes_ = 0.0;  // below zero: in debt
-  std::optional<Stamp> last_;
 };
 
 // So many of them, from all over.
@@ -100,7 +65,7 @@ struct VisualServer::Client {
   struct Part {  // one of its maps
     MapId name;  // here; the client says `told`
     UpdateInbox inbox;
-    std::map<LandmarkId, Lent> lent = {};
+    std::unordered_map<LandmarkId, Lent, LandmarkHash> lent = {};
     std::uint32_t forgotten = 0;
     std::uint64_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
@@ -126,18 +91,9 @@ struct VisualServer::Client {
       return result;
     }
   };
-  std::map<MapId, Part> parts;  // by what the client calls them
-  mutable Downlink downlink;
-};
-
-// Owned by the work too, which may outlive the server.
-struct VisualServer::Joining {
-  fusion::FusionInput input;
-  Stamp due;
-  fusion::FusionOptions options;
-  fusion::Memo memo;                // of what was judged
-  std::vector<Judgement> standing;  // of that, what stands in the next joining
-  std::shared_ptr<const TeamView> view;
+  std::map<MapId, Part> parts;    // by what the client calls them
+  std::size_t waiting_bytes = 0;  // in the inboxes of all
+  mutable ByteAllowance downlink;
 };
 
 struct VisualServer::PlaceSearch::State {
@@ -156,10 +112,11 @@ struct VisualServer::State {
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
-  std::shared_ptr<Joining> last;  // that was taken over
-  std::shared_ptr<Joining> joining;
+  std::shared_ptr<TeamJoining> last;  // that was taken over
+  std::shared_ptr<TeamJoining> joining;
   std::shared_ptr<BackgroundWork> work;  // of the joining
   std::shared_ptr<const TeamView> view;
+  std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
   std::uint64_t views = 0;                          // counted
   std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
   bool vetoed_since = false;
@@ -176,24 +133,16 @@ struct VisualServer::State {
     return name;
   }
 
-  // As they are now, and their names here.
-  using Snapshots = std::vector<std::pair<MapId, std::shared_ptr<const Map>>>;
-  Snapshots snapshots() const {
-    Snapshots result;
+  TeamJoining::Snapshots snapshots() const {
+    TeamJoining::Snapshots result;
     for (const auto& [session, client] : clients)
       for (const auto& [told, part] : client.parts)
         if (!part.inbox.map().empty()) result.emplace_back(part.name, part.inbox.snapshot());
     return result;
   }
-  static std::vector<Map> copies(const Snapshots& snapshots) {
-    std::vector<Map> result;
-    for (const auto& [name, map] : snapshots) result.push_back(*map), result.back().id = name;
-    return result;
-  }
-
   fusion::FusionInput input() const {
     fusion::FusionInput input;
-    input.vetoed = vetoed, input.by = edge;
+    input.vetoed = vetoed, input.by = edge, input.pictures = pictures;
     for (const auto& [session, client] : clients)
       for (const auto& [told, part] : client.parts)
         for (LandmarkChange& change : part.all_borrowed()) input.borrowed.push_back(std::move(change));
@@ -201,37 +150,15 @@ struct VisualServer::State {
   }
 
   void begin(Stamp now, WorkerPool& pool) {
-    joining = std::make_shared<Joining>();
+    joining = std::make_shared<TeamJoining>();
     joining->input = input();
-    joining->options = fusion_options;
-    auto current = snapshots();
-    int& most_pairs = joining->options.visual.most_pairs;
-    most_pairs = std::min(most_pairs, std::max(kLeastPairs, options.judged_pairs / std::max(1, static_cast<int>(current.size()) - 1)));
+    if (last) joining->input.judged = last->standing;
+    if (!std::exchange(vetoed_since, false) && last) joining->input.teams = last->teams;
     joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
-    joined_keyframes = keyframes, vetoed_since = false;
-    work = std::make_shared<BackgroundWork>([joining = joining, last = last, current = std::move(current), options = options, &pool] {
-      join(*joining, last.get(), current, options, pool);
-    });
-  }
-
-  static void join(Joining& joining, const Joining* last, const Snapshots& current, const ServerOptions& options, WorkerPool& pool) {
-    joining.input.maps = copies(current);
-    if (last != nullptr) joining.input.judged = last->standing;
-    const auto silent = make_silent_progress();
-    fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();
-    auto result = fusion::fuse(joining.input, joining.options, known, pool, *silent);
-    std::set<SubmapId> settled;
-    for (const Map& map : joining.input.maps)
-      for (std::size_t i = 0; i + kSettled < map.nodes.size(); ++i) {
-        const NodeId& id = map.nodes.begin()[static_cast<std::ptrdiff_t>(i)].first;
-        settled.insert({id.session, id.index});
-      }
-    for (const Judgement& judgement : result.judgements) {
-      joining.memo.emplace(judgement.id, judgement);
-      if (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0) joining.standing.push_back(judgement);
-    }
-    joining.view = std::make_shared<const TeamView>(std::move(result), joining.input.maps, options.index, options.description, pool);
-    joining.input = {};
+    joined_keyframes = keyframes;
+    work = std::make_shared<BackgroundWork>([joining = joining, last = last, maps = snapshots(), options = options,
+                                             fusion_options = fusion_options,
+                                             &pool] { joining->run(last.get(), maps, options, fusion_options, pool); });
   }
 
   // What is let go of is left to whoever holds the work.
@@ -248,12 +175,10 @@ struct VisualServer::State {
   static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame) {
     const Node* best = nullptr;
     double least = std::numeric_limits<double>::infinity();
-    for (const NodeId& id : member.nodes) {
-      const Node* node = part.inbox.map().nodes.find(id);
-      if (node == nullptr) continue;
-      const Node& there = frame == Frame::map ? *node : *member.component->content->map.nodes.find(id);
-      const double apart = (there.map_from_node.t - place).squaredNorm();
-      if (apart < least) least = apart, best = node;
+    for (const TeamView::Member::Placed& one : member.nodes) {
+      const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm();
+      if (!(apart < least)) continue;
+      if (const Node* node = part.inbox.map().nodes.find(one.id)) least = apart, best = node;
     }
     return best;
   }
@@ -270,19 +195,21 @@ struct VisualServer::State {
             std::size_t most, Share& share) const {
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
     ++part.shares;
-    for (const DescribedLandmark& one : member.component->landmarks.retrieve(
+    for (const DescribedLandmark* known : member.component->landmarks.look(
              frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
+      const DescribedLandmark& one = *known;
       if (one.id.session == to) continue;
-      DescribedLandmark here = matching::transformed(one, map_from_team);
-      if (!matching::flaw(here).empty()) continue;
-      if (const auto held = part.lent.find(here.id); held != part.lent.end()) {
+      if (const auto held = part.lent.find(one.id); held != part.lent.end()) {
         held->second.wanted = part.shares;
-        if ((held->second.point_in_map - here.point_in_map).norm() < std::max(kResent_m, here.sigma_m)) continue;
+        const double moved_m = (held->second.point_in_map - matching::transformed(one.point_in_map, map_from_team)).norm();
+        if (moved_m < std::max(kResent_m, map_from_team.scale * one.sigma_m)) continue;
       }
-      share.landmarks.push_back(std::move(here));
+      DescribedLandmark here = matching::transformed(one, map_from_team);
+      if (matching::flaw(here).empty()) share.landmarks.push_back(std::move(here));
     }
     share.landmarks = thinned(std::move(share.landmarks), most);
     for (const DescribedLandmark& here : share.landmarks) part.lent[here.id] = {here.point_in_map, part.shares};
+    if (part.shares % kSweepEvery != 0 && part.lent.size() <= kMostHeld) return;
     const auto is_old = [&](const Client::Lent& lent, std::uint64_t shares) { return lent.wanted + shares < part.shares; };
     for (std::uint64_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
       for (auto one = part.lent.begin(); one != part.lent.end();)
@@ -300,7 +227,8 @@ struct VisualServer::State {
     const Node* first = nullptr;
     double square = 0.0;
     Pose3 map_from_team;
-    for (const NodeId& id : member.nodes) {
+    for (const TeamView::Member::Placed& one : member.nodes) {
+      const NodeId& id = one.id;
       const Node* node = own.nodes.find(id);
       if (node == nullptr) continue;
       if ((node->map_from_node.t - member.told.find(id)->t).norm() > kUnchanged_m) {
@@ -355,11 +283,15 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
   Client::Part& part = known != client.parts.end() ? known->second : fresh;
   Received received;
   const std::uint64_t sequence = update.sequence;
-  for (const MapUpdate& stored : part.inbox.receive(std::move(update), bytes.size(), name_of(from))) {
+  const std::size_t of_others = client.waiting_bytes - part.inbox.waiting_bytes();
+  const auto count_waiting = [&] { client.waiting_bytes = of_others + part.inbox.waiting_bytes(); };
+  for (const MapUpdate& stored :
+       part.inbox.receive(std::move(update), bytes.size(), name_of(from), UpdateInbox::kMostWaitingBytes - of_others)) {
     received.stored.push_back(stored.sequence == sequence ? std::string(bytes) : encode(stored));
     part.note(stored);
     state_->keyframes += stored.nodes.size();
   }
+  count_waiting();
   received.receipt = part.inbox.receipt();
   if (known == client.parts.end()) {
     fresh.name = state_->fresh_name(told);
@@ -400,12 +332,13 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   share.map = told.map;
   const bool is_bound = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
-  if (state.options.share == Sharing::full && (!is_bound || client.downlink.is_open())) state.correct(part, *member, share);
+  if (state.options.share == Sharing::full && (!is_bound || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
   // What is lent is lent for the map as it is: after a correction the client forgets it.
   if (share.corrected.empty())
-    state.lend(part, to, told, *member, *near, is_bound ? client.downlink.landmarks() : std::numeric_limits<std::size_t>::max(), share);
+    state.lend(part, to, told, *member, *near, is_bound ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(),
+               share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
-  if (is_bound) client.downlink.tell(encode(share).size());
+  if (is_bound) client.downlink.spend(encode(share).size());
   return share;
 }
 
@@ -455,8 +388,8 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     if (answer.landmarks.empty()) return std::nullopt;
     if (state.options.most_bytes_per_s > 0.0) {
       client.downlink.wait_until(answer.stamp, state.options.most_bytes_per_s);
-      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastTold, client.downlink.landmarks()));
-      client.downlink.tell(encode(answer).size());
+      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastTold, landmarks_within(client.downlink)));
+      client.downlink.spend(encode(answer).size());
     }
     return answer;
   };
@@ -479,20 +412,51 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
 
 void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
 
-std::vector<std::pair<SessionId, std::string>> VisualServer::snapshot() const {
-  std::vector<std::pair<SessionId, std::string>> result;
+VisualServer::Snapshot VisualServer::snapshot() const { return snapshot_to_encode()(); }
+
+std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const {
+  struct Kept {
+    SessionId from;
+    Receipt receipt;
+    std::shared_ptr<const Map> map;
+    std::vector<LandmarkChange> borrowed;
+  };
+  std::vector<Kept> kept;
   for (const auto& [session, told] : state_->order) {
-    const UpdateInbox& inbox = state_->clients.at(session).parts.at(told).inbox;
-    if (inbox.receipt().stored == 0) continue;
-    MapUpdate all = difference(Map{}, inbox.map());
-    all.origin = inbox.receipt().origin, all.sequence = inbox.receipt().stored;
-    all.borrowed = state_->clients.at(session).parts.at(told).all_borrowed();
-    result.emplace_back(session, encode(all));
+    const Client::Part& part = state_->clients.at(session).parts.at(told);
+    if (part.inbox.receipt().stored > 0) kept.push_back({session, part.inbox.receipt(), part.inbox.snapshot(), part.all_borrowed()});
   }
-  return result;
+  return [kept = std::move(kept)] {
+    Snapshot result;
+    for (const Kept& one : kept) {
+      MapUpdate all = difference(Map{}, *one.map);
+      all.origin = one.receipt.origin, all.sequence = one.receipt.stored, all.borrowed = one.borrowed;
+      result.emplace_back(one.from, encode(all));
+    }
+    return result;
+  };
 }
 
-std::vector<Map> VisualServer::maps() const { return State::copies(state_->snapshots()); }
+void VisualServer::leave(const SessionId& session) {
+  const auto client = state_->clients.find(session);
+  if (client == state_->clients.end()) return;
+  auto& parts = client->second.parts;
+  for (auto one = parts.begin(); one != parts.end();) {
+    auto& [told, part] = *one;
+    part.lent.clear(), part.inbox.drop_waiting();
+    if (part.inbox.receipt().stored > 0) {
+      ++one;
+      continue;
+    }
+    state_->names.erase(part.name);
+    state_->order.erase(std::find(state_->order.begin(), state_->order.end(), std::make_pair(session, told)));
+    one = parts.erase(one);
+  }
+  client->second.waiting_bytes = 0;
+  if (parts.empty()) state_->clients.erase(client);
+}
+
+std::vector<Map> VisualServer::maps() const { return TeamJoining::copies(state_->snapshots()); }
 
 const fusion::FusionResult& VisualServer::joined() const {
   static const fusion::FusionResult nothing;

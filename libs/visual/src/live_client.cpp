@@ -23,6 +23,7 @@ LiveClient::~LiveClient() {
   {
     const std::lock_guard lock(mutex_);
     waiting_.reset();
+    given_up_ = true;
   }
   stop();
 }
@@ -100,7 +101,7 @@ void LiveClient::straighten() try {
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [this] { return (work_ && !work_->is_done()) || stopped_; });
-      if (!work_ || work_->is_done()) return;
+      if (given_up_ || !work_ || work_->is_done()) return;
       work = work_;
     }
     work->run();

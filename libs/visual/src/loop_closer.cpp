@@ -19,7 +19,7 @@ constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
 constexpr double kLeastAlike = 0.3;
-constexpr double kTurnApart = 0.05, kApart_m = 1.0;
+constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
 constexpr int kTied = 15;
 
 std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t most) {
@@ -172,7 +172,8 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
   for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
     auto loop = compare(map, finder, newest, static_cast<int>(groups[i].id.index), picture, motion);
     if (!loop) continue;
-    const Claim claim{now, keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre()};
+    const Claim claim{now,        keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre(),
+                      loop->scale};
     claims_.push_back(claim);
     const Departure off = departure_of(map, *loop);
     const Allowed answer = allowed(off, repeats_m_);
@@ -201,10 +202,11 @@ LoopCloser::Witnesses LoopCloser::witnesses_of(const Claim& claim, std::uint32_t
   std::optional<std::uint32_t> last;  // a keyframe speaks once
   for (const Claim& other : claims_) {
     if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
-    const double apart_m = (other.correction * claim.centre - claim.correction * claim.centre).norm();
+    const double apart_m = (other.corrected(claim.centre) - claim.corrected(claim.centre)).norm();
     const double between_m = (other.centre - claim.centre).norm();
     if (apart_m < options_.loops.drift_m + options_.loops.drift * between_m &&
-        angle_of(other.correction * claim.correction.inverse()) < kTurnApart) {
+        angle_of(other.correction * claim.correction.inverse()) < kTurnApart &&
+        std::abs(std::log(other.scale / claim.scale)) < kScaleApart) {
       result.agree += last != other.serial;
       last = other.serial;
       result.extent_m = std::max(result.extent_m, between_m);
@@ -251,14 +253,17 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
 }
 
 Departure LoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
-  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 0.1;
+  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const double drift = options_.loops.drift;
   if (here == there) {
     const View correction = correction_of(map, loop);
     const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
-    const double way = way_between(map, loop.newest, loop.earlier), reach_m = options_.loops.drift_m + drift * way;
-    const bool as_expected = std::abs(std::log(loop.scale)) < kStretch + drift * way && angle_of(correction) < kTurn + kTurnPerMetre * way;
+    const double way = way_between(map, loop.newest, loop.earlier);
+    // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The loop tells which, and
+    // how far the way since then may have led astray.
+    const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * way;
+    const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * way;
     return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};
   }
   const auto [left, begun] = nearest_in_time(map, there, here);

@@ -43,6 +43,10 @@ class LoopCloser {
     int session, earlier_session;
     View correction;
     Eigen::Vector3d centre;  // of that keyframe
+    double scale;            // of what lies around it
+    Eigen::Vector3d corrected(const Eigen::Vector3d& point) const {
+      return correction * centre + scale * (correction * point - correction * centre);
+    }
   };
   // Claims by keyframes since `serial`, of the same sessions.
   struct Witnesses {

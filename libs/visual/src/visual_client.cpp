@@ -2,8 +2,7 @@
 #include "depth_candidates.h"
 #include "detector.h"
 #include "feature_grid.h"
-#include "frame_alignment.h"
-#include "frame_pose.h"
+#include "follower.h"
 #include "keyframe_maker.h"
 #include "local_window.h"
 #include "map_correction.h"
@@ -23,12 +22,9 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
-constexpr std::size_t kPlaces = 12;        // that a picture is compared with, of those that look most alike
-constexpr double kCarried_s = 0.5;         // in so long a camera may have come anywhere
-constexpr int kNotedAfter = 10;            // frames
-constexpr int kCulledAtOnce = 3;           // keyframes, of those that go because others show the same
-constexpr double kLentReach = 0.02;        // widths of the picture: how far landmarks of others are looked for
+constexpr int kNotedAfter = 10;      // frames
+constexpr int kCulledAtOnce = 3;     // keyframes, of those that go because others show the same
+constexpr double kLentReach = 0.02;  // widths of the picture: how far landmarks of others are looked for
 
 // The straightening of a map, computed aside.
 struct Straightening {
@@ -39,29 +35,15 @@ struct Straightening {
 
 }  // namespace
 
-struct VisualClient::State {
-  ClientOptions options;
-  std::optional<LoopCloser> closer;
-  LandmarkMap map;
-  LandmarkFinder finder;
+struct VisualClient::State : Follower {
   MonoStart mono_start;
   std::vector<std::string> notes;
-
-  // Of the last frame that was tracked.
-  Pyramid last;
-  Stamp last_stamp;
-  Way last_way;
-  View view, motion;  // camera_from_map; view from the view before
-  std::vector<Match> matches;
   std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
-  int reference = -1;                   // the newest keyframe, or the one where the camera found itself again
   std::size_t reference_landmarks = 0;
-  int session = 0, sessions_begun = 0;
-  Way way;                // to the frame that is looked at
+  int sessions_begun = 0;
   int without_depth = 0;  // frames that could not begin a map, for all that they show
   bool noted_delay = false;
-  double lost_s = 0.0;  // of seeing something since
-  Stamp lost_stamp;     // the last frame that was lost
+  Stamp lost_stamp;  // the last frame that was lost
   std::optional<Straightening> straightening;
   std::optional<MapPublisher> publisher;
   LentLandmarks lent;
@@ -81,101 +63,6 @@ struct VisualClient::State {
     reference = newest_of(map, session);
     view = there.view, motion = View(), last_stamp = there.stamp, last_way = there.way;
     drop_what_is_gone();
-  }
-
-  Attempt locate(const Pyramid& picture, int among, const View& start, const Motion& speed, double wider = 1.0) {
-    Attempt attempt;
-    attempt.motion = speed, attempt.session = among;
-    const std::vector<Match> none;
-    const auto near = near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
-    TrackingOptions looking = options.tracking;
-    looking.reach_px *= wider;
-    if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), map.camera, looking);
-    attempt.found = finder.find(map, near, picture, start, speed, looking);
-    attempt.pose = pose_by(map, among, attempt.found, start, options.tracking);
-    return attempt;
-  }
-
-  bool is_good(const Attempt& attempt, bool followed = false) const { return visual::is_good(map, attempt, followed, options.tracking); }
-
-  // Without pictures to lay on each other, motion is expected to go on, and landmarks are looked for far and then near.
-  Attempt follow_features(const Pyramid& picture, double interval_s) {
-    constexpr double kFar = 5.0;
-    const Attempt far = locate(picture, session, motion * view, Motion(), kFar);
-    if (!is_good(far, true)) return far;
-    return locate(picture, session, far.pose.view, motion_of(far.pose.view * view.inverse(), interval_s));
-  }
-
-  // By wheels or gyroscopes where they are, else as before.
-  View expected_motion(const Frame& frame) const {
-    if (!frame.expected || lost_s > 0.0) return motion;
-    const Eigen::Matrix3d later_from_earlier = frame.expected->earlier_from_later.conjugate().toRotationMatrix();
-    if (!frame.expected->translation) return {later_from_earlier, motion.translation};
-    return {later_from_earlier, -(later_from_earlier * *frame.expected->translation)};
-  }
-
-  Attempt follow(const Frame& frame, const Pyramid& picture, double interval_s) {
-    if (picture.features) return follow_features(picture, interval_s);
-    std::vector<Eigen::Vector2d> pixels;
-    std::vector<Eigen::Vector3d> points;
-    for (const Match& match : matches) {
-      const Eigen::Vector3d p = view * map.landmark(match.landmark).point;
-      if (p.z() < 0.1) continue;
-      pixels.push_back(map.camera.project(p)), points.push_back(p);
-    }
-    const View moved_by = align_frames(last, pixels, points, picture, map.camera, expected_motion(frame), kCoarsest, kFinest).to_from_from;
-    return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
-  }
-
-  Departure departure_to(const View& found, int among, Stamp now) const {
-    const Station here{now, way, found};
-    if (among == session) return departure({last_stamp, last_way, view}, here, options.session);
-    const Keyframe& left = map.keyframe(newest_of(map, among));
-    return departure({left.stamp, left.way, left.view}, here, options.session);
-  }
-
-  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer, nor
-  // are those to which the way did not lead.
-  Attempt find_again(const Pyramid& picture, Stamp now, Attempt best) {
-    const double interval_s = seconds_between(last_stamp, now), repeats_m = closer ? closer->repeats_m() : kUnique_m;
-    const matching::OrbFeatures features =
-        picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
-    const auto try_near = [&](const std::vector<int>& keyframes) {
-      const int among = map.keyframe(keyframes.front()).session;
-      const auto found = find_place(map, keyframes, features, options.seed);
-      if (!found) return Attempt();
-      const Departure off = departure_to(*found, among, now);
-      const Allowed answer = allowed(off, repeats_m);
-      if (answer == Allowed::unclear || (answer == Allowed::no && !std::isfinite(off.error_m))) return Attempt();
-      const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
-      Attempt attempt = locate(picture, among, *found, speed);
-      if (answer == Allowed::yes) return attempt;
-      if (is_good(attempt)) way.refused_m = std::min(way.refused_m, off.error_m);
-      return Attempt();
-    };
-    if (is_good(best) && allowed(departure_to(best.pose.view, session, now), repeats_m) != Allowed::yes) best = Attempt();
-    std::vector<int> around = near_keyframes(map, session, matches, view, 4);
-    if (std::find(around.begin(), around.end(), reference) == around.end()) around.insert(around.begin(), reference);
-    std::optional<Attempt> answer;
-    if (Attempt attempt = try_near(around); attempt.pose.count > best.pose.count) {
-      if (is_good(attempt)) answer = attempt;
-      best = std::move(attempt);
-    }
-    if (!closer || (is_good(best) && interval_s < kCarried_s)) return best;
-    best = Attempt();
-    for (int number : closer->alike(features, kPlaces)) {
-      Attempt attempt = try_near({number});
-      if (!is_good(attempt)) continue;
-      if (!answer) {
-        answer = std::move(attempt);
-      } else if (attempt.session == answer->session) {
-        constexpr double kApart_m = 0.5, kApart_rad = 0.3;
-        const View apart = attempt.pose.view * answer->pose.view.inverse();
-        if (apart.centre().norm() > kApart_m || Eigen::AngleAxisd(apart.rotation).angle() > kApart_rad) return best;
-        if (attempt.pose.count > answer->pose.count) answer = std::move(attempt);
-      }
-    }
-    return answer ? *answer : best;
   }
 
   bool keyframe_is_due() const {

@@ -5,6 +5,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fusion_options.h>
+#include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/maps/map.h>
 
@@ -15,6 +16,13 @@
 
 namespace mapweave::fusion {
 
+// Maps that a joining before this one found to belong together.
+struct StandingTeam {
+  std::vector<MapId> members;           // sorted
+  Table<NodeId, Pose3> map_from_node;   // of their keyframes, as their own maps had them then
+  Table<NodeId, Pose3> team_from_node;  // as they were adjusted; empty: they are adjusted anew
+};
+
 struct FusionInput {
   std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
   std::set<Hash> vetoed;  // judgements not to be believed
@@ -22,9 +30,13 @@ struct FusionInput {
   // Judgements made when the maps were smaller: keyframes that know their lengths are not judged again where one of these names both. For
   // previews of maps that grow; who wants a sealed result gives none.
   std::vector<Judgement> judged = {};
+  // For the same previews: of two maps of a team, only what is new is compared, and little of it; and of a team whose members are the same
+  // still, keyframes that stood stay where they were adjusted, unless what is new says that they lie elsewhere.
+  std::vector<StandingTeam> teams = {};
   // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged first, as all others
   // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.
   std::vector<LandmarkChange> borrowed = {};
+  std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next joining
 };
 
 struct Component {

@@ -3,6 +3,7 @@
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fusion_options.h>
+#include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/map.h>
 
 #include <memory>
@@ -19,7 +20,7 @@ struct FoundPlace {
 // const calls are thread-safe.
 class PlaceFinder {
  public:
-  PlaceFinder(const Map& map, WorkerPool& pool);  // the map outlives it, unchanged
+  PlaceFinder(const Map& map, WorkerPool& pool, Pictures& pictures);  // the map outlives it, unchanged
   ~PlaceFinder();
   PlaceFinder(PlaceFinder&&) noexcept;
   PlaceFinder& operator=(PlaceFinder&&) noexcept;

@@ -1,12 +1,14 @@
 #pragma once
-// What camera clients and their server tell each other beside MapUpdates (CVS III-B, III-C), and how that goes over a wire: small, so
-// with less precision than maps are kept with.
+// What robots and servers tell each other beside MapUpdates, and how that goes over a wire: what camera clients ask and hear (CVS III-B,
+// III-C), small, so with less precision than maps are kept with; and what robots sense that do not map themselves (RecSLAM III-B), whole.
 
+#include <mapweave/core/error.h>
 #include <mapweave/maps/map_update.h>
 
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 namespace mapweave {
@@ -59,6 +61,19 @@ struct Share {
   double scale = 1.0;                        // of the lengths in `corrected`, in those of the client
 };
 
+// The last word of a robot. A stream may end early; what came before it counts.
+struct StreamEnd {
+  std::optional<Error> trouble;  // why it ended early; empty at the end of the log
+};
+
+// Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), or the end.
+struct Sensed {
+  RobotId robot;
+  std::uint64_t sequence = 0;  // counts from 1
+  Stamp stamp;                 // of the end: nothing
+  std::variant<PackedScan, Pose3, StreamEnd> body;
+};
+
 // Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is encoded to the same bytes.
 // decode throws as decode_map_update does.
 std::string encode(const Hello&);
@@ -66,10 +81,12 @@ std::string encode(const ClientView&);
 std::string encode(const PlaceRequest&);
 std::string encode(const PlaceAnswer&);
 std::string encode(const Share&);
+std::string encode(const Sensed&);
 Hello decode_hello(std::string_view bytes, const std::string& where);
 ClientView decode_client_view(std::string_view bytes, const std::string& where);
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where);
 PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where);
 Share decode_share(std::string_view bytes, const std::string& where);
+Sensed decode_sensed(std::string_view bytes, const std::string& where);
 
 }  // namespace mapweave

@@ -68,6 +68,9 @@ class LandmarkIndex {
   // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not
   // within 0..far, a pose that is none, beyond kMostCoordinate_m.
   std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
+  // The same without copies, until the index changes.
+  std::vector<const DescribedLandmark*> look(const Frustum&, const RetrievalOptions& = {},
+                                             const std::optional<ClientId>& asking = {}) const;
 
  private:
   struct Cell {

@@ -20,6 +20,7 @@ struct LiveServerOptions {
   double joining_share = 0.5;
   int queue_kb = 4096;
   int answers_kb = 1024;
+  int journal_kb = 65536;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
@@ -27,6 +28,7 @@ struct LiveServerOptions {
     v.fraction("joining_share", joining_share, "of the time that maps are joined at most: the next joining waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
     v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; it is lent nothing meanwhile");
+    v.integer("journal_kb", journal_kb, 1, 1 << 30, "that the journal may grow by, and to twice its length, before it is written anew");
   }
 };
 
@@ -46,7 +48,7 @@ struct ServerMessage {
 
 // What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time, but for waiting.
 struct ClientCounts {
-  SessionId session;  // empty for who never said hello
+  SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
   std::uint64_t heard_bytes = 0, sent_bytes = 0;
   std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: told to repeat later
   double update_s = 0.0;                                                                   // decoding them and adding them to its maps
@@ -56,6 +58,9 @@ struct ClientCounts {
   double waited_s = 0.0, longest_wait_s = 0.0;                                             // updates, from coming to being handled
   double longest_place_s = 0.0;                                                            // from coming to the answer
 };
+// Counts and seconds of both; of the longest ones the longer.
+void add(ClientCounts& sum, const ClientCounts& more);
+
 struct ServerCounts {
   std::vector<ClientCounts> clients;  // by session
   int joinings = 0;

@@ -5,7 +5,8 @@
 
 namespace mapweave::runtime {
 
-double thread_cpu_seconds();  // of the calling thread, since it began
+double thread_cpu_seconds();   // of the calling thread, since it began
+double process_cpu_seconds();  // of all threads, and not of children
 // Largest resident size so far: of this process, and of the largest child process that has ended on top of it.
 std::uint64_t peak_rss_bytes();
 

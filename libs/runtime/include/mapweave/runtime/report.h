@@ -3,6 +3,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/maps/judgement.h>
+#include <mapweave/runtime/timeline.h>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -69,8 +70,10 @@ struct Report {
   std::vector<FusionReport> edges;  // by id
   FusionReport team;
   std::vector<StageReport> stages;
-  std::vector<std::string> notes;  // for people: maps renamed, maps too large to draw
-  std::string picture;             // the one to look at first, within the folder; may be empty
+  Work work;                         // run
+  std::optional<Timeline> timeline;  // run; none where it was interrupted
+  std::vector<std::string> notes;    // for people: maps renamed, maps too large to draw
+  std::string picture;               // the one to look at first, within the folder; may be empty
   bool interrupted = false;
   double wall_seconds = 0.0;
   std::uint64_t peak_rss_bytes = 0;

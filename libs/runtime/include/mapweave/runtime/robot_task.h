@@ -18,6 +18,7 @@ struct RobotResult {
   tiers::RobotOutcome outcome;
   CamerasOutcome cameras;  // its maps are those of `outcome`, or in the one graph there with the laser's; empty where no camera maps
   RobotReport report;
+  RobotWork work;
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };
 

@@ -12,6 +12,7 @@
 #include <mapweave/fusion/rig.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/client_options.h>
@@ -95,6 +96,9 @@ struct RunConfiguration {
   std::uint64_t seed = 1;
   std::vector<RobotEntry> robots;
   std::vector<EdgeEntry> edges;
+  Mode mode = Mode::offload;
+  NetworkOptions network;
+  ProcessorOptions processors;
   SensorChoice sensor = SensorChoice::automatic;
   rawlog::ReadOptions reading;
   laser::LaserOptions laser;
@@ -112,6 +116,13 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
+    v.choice(
+        "mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
+        "who maps and joins; offload: edges map what robots sensed, and join; onboard: robots map, edges join; cloud-only: robots map, "
+        "the cloud joins alone. The maps are the same");
+    v.section("network", network,
+              "wires between tiers, in virtual time: no run waits for them, but summary.json tells when all would be there");
+    v.section("processors", processors, "how fast the tiers compute, for the same account");
     v.choice("sensor", sensor,
              {{"auto", SensorChoice::automatic},
               {"laser", SensorChoice::laser},
@@ -144,14 +155,15 @@ struct PlannedRobot {
 struct RunPlan {
   std::vector<PlannedRobot> robots;  // by id
   std::vector<TierId> edges;         // sorted; each has robots
+  NetworkOptions network;            // traces by their full paths
 };
 
 // The tier that fuses everything; no edge is called so.
 TierId cloud_tier();
 
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput
-// for no robots, two with one id, names that cannot be, an edge that no robot uses; kMissing for a robot without a log or a log that is not
-// there.
+// for no robots, two with one id, names that cannot be, an edge that no robot uses, a wire between two that are none; kMissing for a robot
+// without a log, a log or a trace that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots by id, each with its edge and the full path of its log.

@@ -2,6 +2,7 @@
 // A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it hears. The client itself
 // goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
 
+#include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/update_inbox.h>
 #include <mapweave/visual/visual_client.h>
 
@@ -67,8 +68,7 @@ class CameraAgent {
   UplinkOptions options_;
   std::optional<SessionId> session_;
   std::deque<Message> outbox_;
-  double allowance_bytes_ = 0.0;  // below zero: in debt
-  std::optional<Stamp> last_;
+  ByteAllowance allowance_;
   std::uint64_t sent_bytes_ = 0, heard_bytes_ = 0;
 };
 

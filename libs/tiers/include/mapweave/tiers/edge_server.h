@@ -11,6 +11,9 @@
 
 namespace mapweave::tiers {
 
+// A map with all it holds as its tier's first update, encoded.
+std::string first_update(const Map&, const TierId& from);
+
 class EdgeServer {
  public:
   // `robots`: those that will ship to this edge.
@@ -19,6 +22,7 @@ class EdgeServer {
   // What one event makes the edge do.
   struct Effects {
     std::vector<std::string> for_cloud;  // encoded MapUpdates, in the order of their sequence
+    std::size_t map_bytes = 0;           // of these, what are the robot's own maps
     bool fused = false;                  // all robots have ended: result() is there
   };
   // A robot's stream has ended. Throws Error(kBadInput) for a robot that is not this edge's, or that has ended already. The edge's result

@@ -1,47 +1,33 @@
 #pragma once
-// The robot's role, mode offload: packs what it sensed and ships it to exactly one edge. A state machine: no thread, no clock, no file.
+// The robot's role, mode offload: packs what it sensed, for exactly one edge (RecSLAM III-B). A state machine: no thread, no clock, no
+// file.
 
 #include <mapweave/core/error.h>
 #include <mapweave/laser/scan_input.h>
+#include <mapweave/maps/exchange.h>
 
 #include <optional>
 #include <string>
-#include <variant>
 
 namespace mapweave::tiers {
-
-// The last message of a robot. A stream may end early; what came before it counts.
-struct StreamEnd {
-  std::optional<Error> trouble;  // why it ended early; empty at the end of the log
-};
-
-// Robot -> edge. Best effort on a network, so numbered; the edge sees the numbers without a gap.
-struct RobotMessage {
-  RobotId robot;
-  TierId edge;
-  std::uint64_t sequence = 0;  // counts from 1
-  std::variant<laser::LaserInput, StreamEnd> body;
-};
 
 class RobotAgent {
  public:
   // `stream`: what the records come from, for messages; the robot's name where it is empty.
-  RobotAgent(RobotId robot, TierId edge, laser::ScanInputOptions options = {}, std::string stream = {});
+  explicit RobotAgent(RobotId robot, laser::ScanInputOptions options = {}, std::string stream = {});
 
   // The next record of the robot's own stream; nullopt where it is of no use to a laser mapper. Throws Error(kBadInput) where time runs
   // backwards; the stream should then end.
-  std::optional<RobotMessage> step(const rawlog::Record&);
+  std::optional<Sensed> step(const rawlog::Record&);
   // The stream ends, early where there is trouble. A stream without a laser scan is trouble. Called once.
-  RobotMessage end(std::optional<Error> trouble = {});
+  Sensed end(std::optional<Error> trouble = {});
 
   std::uint64_t scans() const { return scans_; }
   double seconds() const { return scans_ == 0 ? 0.0 : seconds_between(first_, last_); }  // of data, first to last scan
   const laser::ScanPacker& packer() const { return packer_; }
 
  private:
-  RobotMessage next_message();
   RobotId robot_;
-  TierId edge_;
   std::string stream_;
   laser::ScanPacker packer_;
   std::uint64_t sequence_ = 0, scans_ = 0;

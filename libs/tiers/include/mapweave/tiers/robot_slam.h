@@ -3,7 +3,7 @@
 // can run each on a thread of its own. A state machine: no thread, no clock, no file.
 
 #include <mapweave/laser/laser_mapper.h>
-#include <mapweave/tiers/robot_agent.h>
+#include <mapweave/maps/exchange.h>
 
 #include <memory>
 #include <optional>
@@ -23,16 +23,17 @@ class RobotSlam {
  public:
   RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper);
 
-  // The outcome, once: at the end of the stream, or where the engine failed. Messages after it, and those that came before, are ignored; a
+  // The outcome, once: at the end of the stream, or where the engine failed. What comes after it, and what came before, is ignored; a
   // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
-  std::optional<RobotOutcome> step(const RobotMessage&);
+  std::optional<RobotOutcome> step(Sensed);
 
  private:
-  std::optional<RobotOutcome> act(const RobotMessage&);
+  std::optional<RobotOutcome> act(Sensed);
   RobotOutcome finished(std::optional<Error> trouble);
   RobotOutcome failed(Error trouble);
   RobotId robot_;
-  std::unique_ptr<laser::LaserMapper> mapper_;  // null after the outcome
+  std::unique_ptr<laser::LaserMapper> mapper_;    // null after the outcome
+  std::shared_ptr<const ScanGeometry> geometry_;  // of the last scan: scans of one laser share it, whatever they came over
   std::uint64_t expected_ = 1;
   bool anything_ = false;
 };

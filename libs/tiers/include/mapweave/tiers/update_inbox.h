@@ -26,8 +26,11 @@ class UpdateInbox {
   // What could be stored now, in order; nothing for one that came before, or that has to wait. The first may have any number where it
   // builds on nothing: it says all up to there. Throws Error(kBadInput) for one that does not fit what it builds on, of which nothing is
   // stored then; one that waited and does not fit is dropped, and will be awaited.
-  // `bytes`: of the update as it came.
-  std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where);
+  // `bytes`: of the update as it came. most_waiting_bytes: that may wait here now, if less than kMostWaitingBytes.
+  std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where,
+                                 std::size_t most_waiting_bytes = kMostWaitingBytes);
+  std::size_t waiting_bytes() const { return waiting_bytes_; }   // with what keeping each one takes
+  void drop_waiting() { waiting_.clear(), waiting_bytes_ = 0; }  // they will be awaited
 
   const Map& map() const { return *map_; }
   // The map as it is now; what comes later changes another one.

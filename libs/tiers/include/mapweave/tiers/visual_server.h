@@ -9,6 +9,7 @@
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/tiers/update_inbox.h>
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -68,6 +69,10 @@ class VisualServer {
   // where its vocabulary is another one, kBadInput where there are too many clients.
   std::vector<Receipt> greet(const Hello&);
 
+  // It has gone, perhaps to come back: its maps stay; what waits for a missing update, what it was lent, and a client that told nothing,
+  // are forgotten.
+  void leave(const SessionId& session);
+
   struct Received {
     Receipt receipt;                  // what to repeat
     std::vector<std::string> stored;  // updates to be kept, in order, before the client is told that they are
@@ -100,7 +105,10 @@ class VisualServer {
   void veto(const Hash& judgement);
   // Every client's own maps, each as one update that says all: received by another server, in this order, they make it the same as this
   // one. Judgements are made again.
-  std::vector<std::pair<SessionId, std::string>> snapshot() const;
+  using Snapshot = std::vector<std::pair<SessionId, std::string>>;
+  Snapshot snapshot() const;
+  // The same of the maps as they are now, encoded where it is called: on any thread, while the server goes on.
+  std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
   // As joined last; empty before.
@@ -110,7 +118,6 @@ class VisualServer {
 
  private:
   struct Client;
-  struct Joining;
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -18,7 +18,7 @@ class LiveClient {
   using Report = std::function<void(VisualClient&, Stamp, const Tracked&)>;
   LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options,
              std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt, Report report = {});
-  ~LiveClient();  // what waits is dropped
+  ~LiveClient();  // what waits is dropped, and no map is straightened any more
   LiveClient(const LiveClient&) = delete;
   LiveClient& operator=(const LiveClient&) = delete;
 
@@ -44,7 +44,7 @@ class LiveClient {
   std::condition_variable changed_;
   std::optional<AnyFrame> waiting_;
   std::shared_ptr<BackgroundWork> work_;
-  bool ending_ = false, stopped_ = false;
+  bool ending_ = false, stopped_ = false, given_up_ = false;
   int dropped_ = 0;
   std::exception_ptr error_;
   std::thread tracking_, straightening_;

@@ -1,0 +1,153 @@
+// mapweave plan: which robot to which edge. mapweave profile: what runs took, as the latency model that plan predicts with.
+
+#include "command.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/core/files.h>
+#include <mapweave/scheduling/plan.h>
+#include <mapweave/scheduling/profile.h>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+namespace mapweave::app {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace scheduling = ::mapweave::scheduling;
+
+struct PlanArguments {
+  std::filesystem::path problem, model;
+  std::string method = "default";
+  scheduling::PlanOptions options;
+  bool json = false;
+};
+
+Json json_of(const scheduling::Problem& problem, const scheduling::Plan& plan, const std::string& method) {
+  Json groups = Json::array(), placement = Json::object();
+  for (const auto& group : plan.groups) {
+    Json names = Json::array();
+    for (const std::uint32_t robot : group) names.push_back(problem.robots[robot].str());
+    groups.push_back(names);
+  }
+  for (std::size_t robot = 0; robot < problem.robots.size(); ++robot)
+    placement[problem.robots[robot].str()] = problem.edges[plan.edge_of[robot]].id.str();
+  Json told = {{"groups", groups},
+               {"placement", placement},
+               {"cut_weight", plan.cut_weight},
+               {"in_group_weight", plan.in_group_weight},
+               {"predicted_seconds", plan.predicted_seconds},
+               {"lower_bound_seconds", plan.lower_bound_seconds},
+               {"algorithm_seconds", plan.algorithm_seconds},
+               {"method", method}};
+  if (plan.further_edges_of.empty()) return told;
+  for (std::size_t robot = 0; robot < problem.robots.size(); ++robot)
+    for (const std::uint32_t edge : plan.further_edges_of[robot])
+      told["further_placement"][problem.robots[robot].str()].push_back(problem.edges[edge].id.str());
+  return told;
+}
+
+void print(const Json& plan) {
+  std::printf("method %s: %zu robots in %zu groups\n", plan["method"].get_ref<const std::string&>().c_str(), plan["placement"].size(),
+              plan["groups"].size());
+  for (const Json& group : plan["groups"]) {
+    std::string line = plan["placement"][group.front().get<std::string>()].get<std::string>() + ":";
+    for (const Json& robot : group) line += " " + robot.get<std::string>();
+    std::printf("  %s\n", line.c_str());
+  }
+  std::printf("overlap within groups %.4g, cut %.4g\n", plan["in_group_weight"].get<double>(), plan["cut_weight"].get<double>());
+  std::printf("the global map after %.3g s as predicted; no plan is below %.3g s; decided in %.2g s\n",
+              plan["predicted_seconds"].get<double>(), plan["lower_bound_seconds"].get<double>(), plan["algorithm_seconds"].get<double>());
+}
+
+int plan(PlanArguments arguments) {
+  const auto& names = scheduling::plan_method_names();
+  const auto found = std::find(names.begin(), names.end(), arguments.method);  // checked by the command line
+  arguments.options.method = static_cast<scheduling::PlanMethod>(found - names.begin());
+  if (!arguments.model.empty()) arguments.options.model = scheduling::read_model(arguments.model);
+  const scheduling::Problem problem = scheduling::read_problem(arguments.problem);
+  const Json told = json_of(problem, scheduling::make_plan(problem, arguments.options), arguments.method);
+  if (arguments.json)
+    std::cout << told.dump(2) << '\n';
+  else
+    print(told);
+  return 0;
+}
+
+struct ProfileArguments {
+  std::vector<std::filesystem::path> runs;
+  std::filesystem::path out;
+  bool json = false;
+};
+
+Json json_of(const scheduling::ProfiledTerm& term) {
+  return {{"term", term.name},
+          {"by", term.basis},
+          {"unit", term.unit},
+          {"samples", term.regression.residuals.size()},
+          {"coefficients", term.regression.coefficients},
+          {"standard_error", term.regression.standard_error},
+          {"r_squared", term.regression.r_squared},
+          {"residuals", term.regression.residuals}};
+}
+
+int profile(const ProfileArguments& arguments) {
+  const scheduling::Profile profile = scheduling::profile_runs(arguments.runs);
+  const std::string model = scheduling::model_json(profile.model);
+  if (!arguments.out.empty()) write_file(arguments.out, model);
+  if (arguments.json) {
+    Json terms = Json::array();
+    for (const auto& term : profile.terms) terms.push_back(json_of(term));
+    std::cout << Json{{"model", Json::parse(model)}, {"terms", terms}}.dump(2) << '\n';
+    return 0;
+  }
+  for (const auto& term : profile.terms) {
+    const char* unit = term.unit.c_str();
+    std::printf("%s, by %s (%zu samples): off by %.3g %s, explains %.0f %%\n", term.name.c_str(), term.basis.c_str(),
+                term.regression.residuals.size(), term.regression.standard_error, unit, 100.0 * term.regression.r_squared);
+    for (const auto& point : term.shown) {
+      std::printf("  %g %s: %.3g %s", point.at, term.basis.c_str(), point.value, unit);
+      if (std::isfinite(point.half_width)) std::printf(" +- %.2g (95 of 100 runs)", point.half_width);
+      std::printf("\n");
+    }
+  }
+  for (const std::string& note : profile.notes) std::printf("note: %s\n", note.c_str());
+  std::cout << model;
+  return 0;
+}
+
+}  // namespace
+
+Action set_up_plan(CLI::App& verb) {
+  const auto arguments = std::make_shared<PlanArguments>();
+  verb.add_option("PROBLEM", arguments->problem, "robots, overlaps, edges as JSON (libs/scheduling/README.md)")
+      ->required()
+      ->type_name("PROBLEM.json");
+  verb.add_option("--method", arguments->method,
+                  "default, recslam (the paper's algorithms as printed), greedy, random, metis, or exact (16 robots at most)")
+      ->check(CLI::IsMember(scheduling::plan_method_names()))
+      ->capture_default_str();
+  verb.add_option("--seed", arguments->options.seed, "of random numbers")->capture_default_str();
+  verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")->type_name("FILE");
+  verb.add_option("--edges-per-robot", arguments->options.edges_per_robot,
+                  "partial offloading: to how many edges each robot sends its data")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  verb.add_flag("--json", arguments->json, "print JSON");
+  return [arguments] { return plan(*arguments); };
+}
+
+Action set_up_profile(CLI::App& verb) {
+  const auto arguments = std::make_shared<ProfileArguments>();
+  verb.add_option("RUN_DIR", arguments->runs, "folders of results of `mapweave run`")->required();
+  verb.add_option("--out", arguments->out, "write the model there, for `mapweave plan --model`")->type_name("FILE");
+  verb.add_flag("--json", arguments->json, "print JSON");
+  return [arguments] { return profile(*arguments); };
+}
+
+}  // namespace mapweave::app

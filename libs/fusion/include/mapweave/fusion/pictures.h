@@ -1,0 +1,30 @@
+#pragma once
+// Words of keyframes, found once for as long as somebody has the keyframe: speed, never content.
+
+#include <mapweave/maps/map.h>
+#include <mapweave/matching/binary_vocabulary.h>
+
+#include <memory>
+#include <mutex>
+#include <unordered_map>
+
+namespace mapweave::fusion {
+
+// All calls are thread-safe.
+class Pictures {
+ public:
+  // In the shipped vocabulary. The node is a keyframe.
+  std::shared_ptr<const matching::DescribedPicture> words_of(const Node&);
+  // Those of keyframes that nobody else has any more.
+  void forget();
+
+ private:
+  struct Known {
+    std::shared_ptr<const Payload> payload;
+    std::shared_ptr<const matching::DescribedPicture> words;
+  };
+  std::mutex mutex_;
+  std::unordered_map<const Payload*, Known> known_;
+};
+
+}  // namespace mapweave::fusion

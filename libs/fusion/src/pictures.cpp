@@ -1,0 +1,21 @@
+#include <mapweave/fusion/pictures.h>
+
+namespace mapweave::fusion {
+
+std::shared_ptr<const matching::DescribedPicture> Pictures::words_of(const Node& node) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;
+  }
+  auto words =
+      std::make_shared<const matching::DescribedPicture>(matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors));
+  const std::lock_guard lock(mutex_);
+  return known_.try_emplace(node.payload.get(), Known{node.payload, std::move(words)}).first->second.words;
+}
+
+void Pictures::forget() {
+  const std::lock_guard lock(mutex_);
+  for (auto one = known_.begin(); one != known_.end();) one = one->second.payload.use_count() == 1 ? known_.erase(one) : std::next(one);
+}
+
+}  // namespace mapweave::fusion

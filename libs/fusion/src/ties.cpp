@@ -1,0 +1,42 @@
+#include "ties.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace mapweave::fusion {
+
+Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b) {
+  Constraint constraint;
+  constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
+  constraint.from_from_to.pose = w.node_a_from_node_b.pose;
+  constraint.information = spatial(planar(w.information));
+  constraint.because = w.judgement.id;
+  return constraint;
+}
+
+Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
+  // Submaps bend a little once their nodes move on their own.
+  const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
+  const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
+  Constraint constraint =
+      planar_constraint({ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
+                        w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));
+  constraint.because = w.judgement.id;
+  return constraint;
+}
+
+void add_all(Map& map, std::vector<Constraint> constraints) {
+  std::vector<Constraint> all;
+  all.reserve(map.constraints.size() + constraints.size());
+  for (auto& entry : map.constraints) all.push_back(std::move(entry.second));
+  for (auto& constraint : constraints) all.push_back(std::move(constraint));
+  std::stable_sort(all.begin(), all.end(), [](const Constraint& l, const Constraint& r) { return l.id < r.id; });
+  map.constraints = {};
+  map.constraints.reserve(all.size());
+  for (auto& constraint : all) {
+    const ConstraintId id = constraint.id;
+    map.constraints.set(id, std::move(constraint));
+  }
+}
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,23 @@
+#pragma once
+// Where the keyframes of a team begin that was joined before (FusionInput::teams), and which of them the bundle moves: the new ones, those
+// that their client moved, and what those see the most of.
+
+#include "visual_team.h"
+
+#include <optional>
+
+namespace mapweave::fusion {
+
+// The one that has the same members, with poses, all of which know their lengths; null: none.
+const StandingTeam* same_team(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members);
+
+struct WarmStart {
+  std::vector<Pose3> team_from_node;  // of all members' keyframes in a row
+  std::vector<char> is_free;          // of each
+};
+
+// nullopt where the team has to be adjusted as a whole: most of it moves, or its maps or what joins them say that it lies elsewhere.
+std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vector<const VisualMap*>& members,
+                                    const std::vector<VisualJoin>& joins);
+
+}  // namespace mapweave::fusion

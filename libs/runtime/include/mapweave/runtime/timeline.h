@@ -1,0 +1,97 @@
+#pragma once
+// When everything would have been there, had each tier been a machine of its own and each wire what the configuration says (RecSLAM IV-A,
+// equations 1 to 3). Work is what the run measured of itself, in processor time; wires are in virtual time. Never part of a sealed result.
+
+#include <mapweave/core/ids.h>
+#include <mapweave/core/options.h>
+#include <mapweave/transport/link.h>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include <string>
+#include <vector>
+
+namespace mapweave::runtime {
+
+// Who maps and who joins (DESIGN.md, 3): offload: edges map what robots sensed, and join; onboard: robots map, edges join; cloud_only:
+// robots map, the cloud joins alone.
+enum class Mode { offload, onboard, cloud_only };
+
+// A wire between two that are named.
+struct LinkEntry : transport::LinkOptions {
+  std::string from, to;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("from", from, "a robot or an edge");
+    v.text("to", to, "an edge, or cloud");
+    transport::LinkOptions::describe(v);
+  }
+};
+
+struct NetworkOptions {
+  transport::LinkOptions robot_edge, robot_cloud, edge_cloud;
+  std::vector<LinkEntry> links;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.section("robot_edge", robot_edge, "each robot's wire to its edge");
+    v.section("robot_cloud", robot_cloud, "each robot's wire to the cloud (mode cloud-only)");
+    v.section("edge_cloud", edge_cloud, "each edge's wire to the cloud");
+    v.list("links", links, "wires that are otherwise");
+  }
+};
+
+// One core of each, in cores of this machine. What is known of others: libs/runtime/README.md.
+struct ProcessorOptions {
+  double robot = 1.0, edge = 1.0, cloud = 1.0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.positive("robot", robot, "speed of a robot's core; 1: as this machine's (a Raspberry Pi 3B+: about 0.12)");
+    v.positive("edge", edge, "speed of an edge's core");
+    v.positive("cloud", cloud, "speed of the cloud's core");
+  }
+};
+
+// What was done, in seconds of one core of this machine, and what was told.
+struct RobotWork {
+  RobotId id;
+  TierId edge;
+  double log_s = 0.0;                       // of data
+  double packing_s = 0.0, mapping_s = 0.0;  // of its laser; mapping: with the unpacking of what was sensed
+  double seeing_s = 0.0;                    // its cameras' clients, which run on the robot in every mode
+  std::uint64_t sensed_bytes = 0, map_bytes = 0;
+};
+struct EdgeWork {
+  TierId id;
+  double fusing_s = 0.0;
+  std::uint64_t bytes = 0;  // for the cloud
+};
+struct Work {
+  std::vector<RobotWork> robots;  // by id
+  std::vector<EdgeWork> edges;    // by id; of cloud_only none
+  double fusing_s = 0.0;          // in the cloud
+};
+
+// All in seconds since the recordings ended.
+struct Timeline {
+  struct Robot {
+    RobotId id;
+    TierId edge;
+    double packed_s = 0.0, arrived_s = 0.0, mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
+    double load = 0.0;                                       // of its core, while it records: what it computes by what it drives
+  };
+  struct Edge {
+    TierId id;
+    double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there
+  };
+  Mode mode = Mode::offload;
+  std::vector<Robot> robots;
+  std::vector<Edge> edges;
+  double total_s = 0.0;  // t_c
+};
+
+// Throws what reading a link's trace throws.
+Timeline timeline(Mode, const Work&, const NetworkOptions&, const ProcessorOptions&, std::uint64_t seed);
+
+nlohmann::ordered_json timeline_json(const Timeline&, const Work&);
+
+}  // namespace mapweave::runtime

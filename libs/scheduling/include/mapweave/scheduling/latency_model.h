@@ -1,0 +1,73 @@
+#pragma once
+// How long it takes until the global map is there (RecSLAM IV-A, eq. 1 to 4), each term a parameter:
+//   t_r = pack + robot -> edge + SLAM on the edge                          (1), by robot
+//   t_e = max over its robots of t_r + fusion of its maps                  (2), by edge
+//   t_c = max over edges of (t_e + edge -> cloud) + fusion of edge maps    (3)
+// Defaults are for this program on one core of a Xeon at 2.8 GHz (public logs intel and fr079 of README's Results); `mapweave profile`
+// learns them from earlier runs.
+
+#include <mapweave/scheduling/problem.h>
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace mapweave::scheduling {
+
+// Seconds for k maps: fixed_s + per_map_s k + per_pair_s k (k - 1) / 2. Quadratic, as RecSLAM's fig. 7a and 11: pairs are what is matched.
+// All parts are 0 or more.
+struct FusionTime {
+  double fixed_s = 0.0, per_map_s = 0.0, per_pair_s = 0.0;
+  double seconds(double maps) const { return fixed_s + per_map_s * maps + per_pair_s * 0.5 * maps * (maps - 1.0); }
+};
+
+struct LatencyModel {
+  double scans = 1000.0;             // of a robot of which nothing is said
+  double pack_s_per_scan = 2e-5;     // on the robot
+  double scan_bytes = 400.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
+  double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
+  double robot_delay_s = 0.005;
+  double slam_s_per_scan = 0.0015;         // on an edge of speed 1
+  FusionTime edge_fusion{0.0, 0.22, 3.4};  // on an edge of speed 1
+  double map_bytes_per_scan = 650.0;       // of a robot's map as it is sent on
+  double map_bytes_fixed = 20e3;
+  double cloud_delay_s = 0.02;              // edge -> cloud
+  FusionTime cloud_fusion{0.0, 0.17, 2.4};  // of edge maps
+};
+
+// As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing has its default.
+// Throws Error naming file and key.
+LatencyModel read_model(const std::filesystem::path&);
+LatencyModel parse_model(std::string_view json, const std::string& where);
+std::string model_json(const LatencyModel&);
+
+// The terms for one problem. The problem and the model must outlive it. Immutable; thread-safe.
+class Latency {
+ public:
+  Latency(const Problem&, const LatencyModel&);
+
+  double robot_seconds(std::uint32_t robot, std::uint32_t edge) const;  // eq. 1
+  double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
+  // Of the fused map, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree times both sizes;
+  // common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
+  double fused_bytes(const std::vector<std::uint32_t>& robots) const;
+  // What nobody with a lower index has seen of it: whoever it is grouped with, it adds at least this to the fused map.
+  double own_bytes(std::uint32_t robot) const { return own_bytes_[robot]; }
+  // From the beginning until the edge's map is in the cloud: eq. 2 and its part of eq. 3; 0 without robots.
+  double edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
+  double computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;  // eq. 2 alone
+  // Eq. 3. `robots_at`: by edge, ascending; a robot may be at several.
+  double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const;
+
+  const Problem& problem() const { return problem_; }
+  const LatencyModel& model() const { return model_; }
+
+ private:
+  double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
+  const Problem& problem_;
+  const LatencyModel& model_;
+  std::vector<double> map_bytes_, own_bytes_;
+};
+
+}  // namespace mapweave::scheduling

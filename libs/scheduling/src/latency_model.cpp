@@ -1,0 +1,142 @@
+#include <mapweave/scheduling/latency_model.h>
+
+#include "json_fields.h"
+
+#include <mapweave/core/files.h>
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <limits>
+
+namespace mapweave::scheduling {
+namespace {
+
+using Json = nlohmann::json;
+
+// The fields of a struct, by name; `above`: 0 itself would divide.
+struct Field {
+  const char* name;
+  double* value;
+  bool above;
+};
+std::vector<Field> fields_of(LatencyModel& model) {
+  return {{"scans", &model.scans, false},
+          {"pack_s_per_scan", &model.pack_s_per_scan, false},
+          {"scan_bytes", &model.scan_bytes, false},
+          {"robot_bytes_per_s", &model.robot_bytes_per_s, true},
+          {"robot_delay_s", &model.robot_delay_s, false},
+          {"slam_s_per_scan", &model.slam_s_per_scan, false},
+          {"map_bytes_per_scan", &model.map_bytes_per_scan, false},
+          {"map_bytes_fixed", &model.map_bytes_fixed, false},
+          {"cloud_delay_s", &model.cloud_delay_s, false}};
+}
+std::vector<std::pair<const char*, FusionTime*>> fusions_of(LatencyModel& model) {
+  return {{"edge_fusion", &model.edge_fusion}, {"cloud_fusion", &model.cloud_fusion}};
+}
+std::vector<Field> fields_of(FusionTime& fusion) {
+  return {{"fixed_s", &fusion.fixed_s, false}, {"per_map_s", &fusion.per_map_s, false}, {"per_pair_s", &fusion.per_pair_s, false}};
+}
+
+void read(const Json& object, const std::vector<Field>& fields, const std::string& where, const std::string& prefix) {
+  constexpr double kLargest = 1e15;
+  for (const Field& field : fields)
+    if (const auto found = object.find(field.name); found != object.end())
+      *field.value = number(*found, 0.0, kLargest, field.above, where, prefix + field.name);
+}
+
+}  // namespace
+
+LatencyModel parse_model(std::string_view json, const std::string& where) {
+  const Json root = parse_json(json, where);
+  expect_object(root,
+                {"scans", "pack_s_per_scan", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan", "map_bytes_per_scan",
+                 "map_bytes_fixed", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
+                where, "");
+  LatencyModel model;
+  read(root, fields_of(model), where, "");
+  for (const auto& [name, fusion] : fusions_of(model)) {
+    if (!root.contains(name)) continue;
+    expect_object(root[name], {"fixed_s", "per_map_s", "per_pair_s"}, where, name);
+    read(root[name], fields_of(*fusion), where, std::string(name) + ".");
+  }
+  return model;
+}
+
+LatencyModel read_model(const std::filesystem::path& path) {
+  constexpr std::uint64_t kMostBytes = 1 << 20;
+  return parse_model(read_file(path, kMostBytes), path.string());
+}
+
+std::string model_json(const LatencyModel& model) {
+  LatencyModel copy = model;
+  nlohmann::ordered_json root;
+  for (const Field& field : fields_of(copy)) root[field.name] = *field.value;
+  for (const auto& [name, fusion] : fusions_of(copy))
+    for (const Field& field : fields_of(*fusion)) root[name][field.name] = *field.value;
+  return root.dump(2) + "\n";
+}
+
+Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(problem), model_(model) {
+  for (const auto& scans : problem.scans)
+    map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans.value_or(model.scans));
+  for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
+    double own = map_bytes_[robot];
+    for (const Neighbour& other : problem.overlaps.neighbours(robot))
+      if (other.vertex < robot) own *= 1.0 - shared_part(robot, other.vertex, other.weight);
+    own_bytes_.push_back(own);
+  }
+}
+
+double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double degree) const {
+  const double mine = map_bytes_[robot], theirs = map_bytes_[other];
+  return mine > 0.0 ? std::min({1.0, degree * (mine + theirs) / mine, theirs / mine}) : 0.0;
+}
+
+double Latency::robot_seconds(std::uint32_t robot, std::uint32_t edge) const {
+  const double scans = problem_.scans[robot].value_or(model_.scans);
+  const auto link = problem_.links.find({robot, edge});
+  const RobotLink wire = link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
+  return scans * (model_.pack_s_per_scan + model_.scan_bytes / wire.bytes_per_s + model_.slam_s_per_scan / problem_.edges[edge].speed) +
+         wire.delay_s;
+}
+
+double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
+  double all = 0.0, largest = 0.0;
+  for (const std::uint32_t robot : robots) {
+    double fresh = map_bytes_[robot];
+    largest = std::max(largest, fresh);
+    const auto neighbours = problem_.overlaps.neighbours(robot);
+    auto other = robots.begin();
+    for (const Neighbour& neighbour : neighbours) {
+      if (neighbour.vertex >= robot) break;
+      other = std::lower_bound(other, robots.end(), neighbour.vertex);
+      if (other != robots.end() && *other == neighbour.vertex) fresh *= 1.0 - shared_part(robot, neighbour.vertex, neighbour.weight);
+    }
+    all += fresh;
+  }
+  return std::max(all, largest);
+}
+
+double Latency::computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
+  if (robots.empty()) return 0.0;
+  double slowest = 0.0;
+  for (const std::uint32_t robot : robots) slowest = std::max(slowest, robot_seconds(robot, edge));
+  return slowest + model_.edge_fusion.seconds(static_cast<double>(robots.size())) / problem_.edges[edge].speed;
+}
+
+double Latency::edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
+  if (robots.empty()) return 0.0;
+  return computing_seconds(robots, edge) + fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+}
+
+double Latency::total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
+  double last = 0.0, used = 0.0;
+  for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
+    last = std::max(last, edge_seconds(robots_at[edge], edge));
+    used += robots_at[edge].empty() ? 0.0 : 1.0;
+  }
+  return last + model_.cloud_fusion.seconds(used);
+}
+
+}  // namespace mapweave::scheduling

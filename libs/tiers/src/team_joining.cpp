@@ -1,0 +1,65 @@
+#include "team_joining.h"
+
+#include <algorithm>
+
+namespace mapweave::tiers {
+namespace {
+
+constexpr int kLeastPairs = 12;       // of keyframes, compared for a pair of maps
+constexpr int kCompanions = 1;        // of a keyframe that is compared
+constexpr double kAdjustAgain = 2.0;  // times as many keyframes: then all are adjusted again, not only what is new
+constexpr std::size_t kSettled = 5;   // later keyframes of its map: one's companions hardly change any more
+
+}  // namespace
+
+std::vector<Map> TeamJoining::copies(const Snapshots& snapshots) {
+  std::vector<Map> result;
+  for (const auto& [name, map] : snapshots) result.push_back(*map), result.back().id = name;
+  return result;
+}
+
+void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
+                      WorkerPool& pool) {
+  input.maps = copies(maps);
+  for (const Map& map : input.maps) keyframes += map.nodes.size();
+  adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
+  if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {
+    for (fusion::StandingTeam& team : input.teams) team.team_from_node = {};
+    adjusted_keyframes = keyframes;
+  }
+  fusion::VisualFusionOptions& visual = fusion_options.visual;
+  visual.companions = std::min(visual.companions, kCompanions);
+  const int others = std::max(1, static_cast<int>(maps.size()) - 1);
+  visual.most_pairs = std::min(visual.most_pairs, std::max(kLeastPairs, options.judged_pairs / others));
+  fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();
+  auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
+  leave_to_the_next(result);
+  view = std::make_shared<const TeamView>(std::move(result), input.maps, options.index, options.description, *input.pictures, pool);
+  input.pictures->forget();
+  input = {};
+}
+
+void TeamJoining::leave_to_the_next(const fusion::FusionResult& result) {
+  std::set<SubmapId> settled;
+  for (const Map& map : input.maps)
+    for (std::size_t i = 0; i + kSettled < map.nodes.size(); ++i) {
+      const NodeId& id = map.nodes.begin()[static_cast<std::ptrdiff_t>(i)].first;
+      settled.insert({id.session, id.index});
+    }
+  for (const Judgement& judgement : result.judgements) {
+    memo.emplace(judgement.id, judgement);
+    const bool is_same_place = !judgement.hypotheses.empty() && judgement.doubt == Reason::none;
+    if (is_same_place || judgement.a.session == judgement.b.session || (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0))
+      standing.push_back(judgement);
+  }
+  for (const fusion::Component& component : result.components) {
+    fusion::StandingTeam& team = teams.emplace_back();
+    team.members = component.members;
+    for (const auto& [id, node] : component.map.nodes) team.team_from_node.set(id, node.map_from_node);
+    for (const Map& map : input.maps)
+      if (std::binary_search(team.members.begin(), team.members.end(), map.id))
+        for (const auto& [id, node] : map.nodes) team.map_from_node.set(id, node.map_from_node);
+  }
+}
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,32 @@
+#pragma once
+// One joining of a map server's maps, and what it leaves to the next one.
+
+#include "team_view.h"
+
+#include <mapweave/tiers/visual_server.h>
+
+namespace mapweave::tiers {
+
+// Owned by the work too, which may outlive the server.
+struct TeamJoining {
+  // Maps as they were, and their names at the server.
+  using Snapshots = std::vector<std::pair<MapId, std::shared_ptr<const Map>>>;
+  static std::vector<Map> copies(const Snapshots& snapshots);
+
+  fusion::FusionInput input;  // without maps
+  Stamp due;
+  fusion::Memo memo;  // of what was judged
+  // To the next one: judgements that stand, and where the maps lie.
+  std::vector<Judgement> standing;
+  std::vector<fusion::StandingTeam> teams;
+  std::size_t keyframes = 0, adjusted_keyframes = 0;  // joined; and when all were adjusted last
+  std::shared_ptr<const TeamView> view;
+
+  void run(const TeamJoining* last, const Snapshots& maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
+           WorkerPool& pool);
+
+ private:
+  void leave_to_the_next(const fusion::FusionResult& result);
+};
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,86 @@
+#pragma once
+// A wire that messages of known size go over, in virtual time: when does the last byte arrive? For runs whose tiers share a process but
+// not, in what is reported of them, a place.
+
+#include <mapweave/core/options.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace mapweave::transport {
+
+// How a wire is from a time on. Numbers are of one direction.
+struct LinkState {
+  double bytes_per_s = 0.0;              // 0: any number at once
+  double delay_s = 0.0, jitter_s = 0.0;  // of a packet: at least; standard deviation of what comes on top
+  double loss = 0.0;                     // share of packets that are lost and sent again
+};
+
+enum class LinkProfile { none, lan, wifi, lte, nr };  // lte: 4G; nr: 5G
+
+struct LinkOptions {
+  LinkProfile profile = LinkProfile::none;
+  double bytes_per_s = 0.0, delay_s = 0.0, jitter_s = 0.0, loss = 0.0;
+  std::string trace;
+
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("profile", profile,
+             {{"none", LinkProfile::none},
+              {"lan", LinkProfile::lan},
+              {"wifi", LinkProfile::wifi},
+              {"4g", LinkProfile::lte},
+              {"5g", LinkProfile::nr}},
+             "what the link is like; none: everything arrives at once");
+    v.non_negative("bytes_per_s", bytes_per_s, "what it carries; 0: what the profile says");
+    v.non_negative("delay_s", delay_s, "of a packet, one way; 0: what the profile says");
+    v.non_negative("jitter_s", jitter_s, "standard deviation of what comes on top of the delay; 0: what the profile says");
+    v.number("loss", loss, 0.0, 0.9, "share of packets that are lost and sent again; 0: what the profile says");
+    v.text(
+        "trace", trace,
+        "a file of lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that says what the link is like from then on, and begins again "
+        "after its last; empty: it stays as it is");
+  }
+};
+
+// The profile, with the numbers that are given instead of its own.
+LinkState state_of(const LinkOptions&);
+
+// What a link is like from a time on. It begins again where the last entry begins, which says no more than that; a single entry lasts.
+struct LinkTrace {
+  std::vector<double> from_s;  // rising, from 0
+  std::vector<LinkState> states;
+};
+// What a line leaves out is as in `otherwise`. Throws Error: kMissing without such a file, kBadInput with the line of one that is none.
+LinkTrace read_link_trace(const std::filesystem::path&, const LinkState& otherwise);
+
+// Messages leave in the order in which they are handed over and arrive in it; what is lost is sent again a round trip later. Not
+// thread-safe. The same numbers for the same seed.
+class Link {
+ public:
+  Link(LinkState state, std::uint64_t seed) : Link(LinkTrace{{0.0}, {state}}, seed) {}
+  Link(LinkTrace trace, std::uint64_t seed);
+  // The profile, numbers and trace of the options; throws what reading the trace throws.
+  Link(const LinkOptions&, std::uint64_t seed);
+
+  // When the last byte arrives of a message that is handed over at a time, which is never earlier than that of the last.
+  double send(double at_s, std::size_t bytes);
+
+ private:
+  struct Span {
+    const LinkState& state;
+    double until_s;
+  };
+  Span span_at(double at_s) const;
+  double left(double at_s, double bytes) const;  // when so many bytes have left that begin to
+  double uniform();                              // [0, 1)
+
+  LinkTrace trace_;
+  std::uint64_t seed_, drawn_ = 0;
+  double free_s_ = 0.0, arrived_s_ = 0.0;
+};
+
+}  // namespace mapweave::transport

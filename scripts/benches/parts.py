@@ -1,0 +1,114 @@
+"""what single parts of it cost: pictures, places, bundles and graphs, an hour of driving; place recognition on public pictures
+
+Needs the benchmark programs (scripts/build release all) and, for place recognition, visual/ below MAPWEAVE_DATA (default ../shared/data).
+Processor time, so that a busy machine disturbs little. Writes the table between <!-- bench:parts --> and <!-- /bench --> of README.md, and
+out/bench/parts.json. Takes some ten minutes, most of them the hour of driving. A partial run (--parts) keeps the other rows.
+"""
+import json
+import pathlib
+import re
+import subprocess
+
+from benches import common
+
+HEADERS = ("part", "measured", "goal", "by")
+
+
+def told_by(program, *arguments):
+    path = common.need(common.PROGRAM.parent / program, f"run scripts/build release {program} first")
+    run = subprocess.run([path, *map(str, arguments)], capture_output=True, text=True)
+    if run.returncode != 0:
+        common.give_up(f"{program} failed: {run.stderr.strip()}")
+    return run.stdout
+
+
+def found(pattern, text):
+    match = re.search(pattern, text)
+    if not match:
+        common.give_up(f"no '{pattern}' in what was told:\n{text}")
+    return match.groups()
+
+
+def pictures():
+    milliseconds, = found(r"colour RGB-D: .* on 2 thread\(s\) \(([\d.]+) ms of processor time", told_by("renderer_benchmark"))
+    return f"{milliseconds} ms a picture", "100 ms (20 frames/s on 2 cores)"
+
+
+def features():
+    rate, = found(r"([\d.]+) frames/s of processor time", told_by("feature_sensor_benchmark"))
+    return f"{rate} frames/s", "1000 frames/s"
+
+
+def places():
+    median, most = found(r"10000 keyframes: median ([\d.]+) ms, 99 % within ([\d.]+) ms", told_by("place_index_benchmark"))
+    return f"{median} ms, 99 % within {most} ms", "3 ms"
+
+
+def recognition():
+    folders = [path.parent for path in sorted((common.DATA / "visual").glob("*/associations.txt"))]
+    if not folders:
+        common.give_up(f"there are no RGB-D folders below {common.DATA}/visual; set MAPWEAVE_DATA")
+    text = told_by("place_recognition_benchmark", *folders)
+    rows = re.findall(r"(\S+): \d+ pictures; (\d+) judgements believed, precision ([\d.]+); \d+ could be known again, recall ([\d.]+)", text)
+    return "; ".join(f"{pathlib.Path(name).name}: precision {float(precision):.3f} of {count} judgements, recall {float(recall):.2f}"
+                     for name, count, precision, recall in rows), "precision 1, recall 0.5"
+
+
+def landmarks():
+    text = told_by("landmark_index_benchmark")
+    rows = re.findall(r"^\s+(\d+)\s+1\.0\s+\d+\s+([\d.]+)\s+([\d.]+)", text, re.MULTILINE)
+    return "; ".join(f"{side} m: {float(mean):.2f} ms" for side, mean, _ in rows), "0.2 ms (CVS: 1.7)"
+
+
+def bundle():
+    seconds, = found(r"([\d.]+) s of processor time", told_by("bundle_benchmark"))
+    return f"{seconds} s", "1.5 s (CORB-SLAM: 4.5)"
+
+
+def pose_graph():
+    seconds, = found(r"([\d.]+) s of processor time", told_by("pose_graph_benchmark"))
+    return f"{seconds} s", "0.1 s (CVS: 1.12)"
+
+
+def endurance():
+    text = told_by("endurance_benchmark")
+    rows = [line.split() for line in text.splitlines() if re.match(r"^\s+\d+\s", line)]
+    early, late = rows[len(rows) // 6], rows[-1]
+    error, = found(r"error ([\d.]+) m", text)
+    return (f"minute {early[0]}: {early[1]} ms a frame, {early[4]} MB, {early[5]} keyframes; minute {late[0]}: {late[1]} ms, {late[4]} MB, "
+            f"{late[5]} keyframes; error {error} m"), "flat"
+
+
+PARTS = {
+    "pictures": ("simulated colour and depth, 640 x 480", pictures, "renderer_benchmark"),
+    "features": ("simulated features instead of pictures", features, "feature_sensor_benchmark"),
+    "places": ("a place looked for among 10,000 keyframes", places, "place_index_benchmark"),
+    "recognition": ("places known again in public pictures, each as a single keyframe", recognition, "place_recognition_benchmark"),
+    "landmarks": ("landmarks in a camera's view, of 60,000 in halls of 25, 50 and 100 m", landmarks, "landmark_index_benchmark"),
+    "bundle": ("bundle of 456 keyframes, 60,000 landmarks, 300,000 sightings", bundle, "bundle_benchmark"),
+    "pose_graph": ("pose graph of 1000 keyframes", pose_graph, "pose_graph_benchmark"),
+    "endurance": ("an hour of driving by features", endurance, "endurance_benchmark"),
+}
+
+
+def add_arguments(parser):
+    parser.add_argument("--parts", default=",".join(PARTS), metavar="NAME,...", help="default: all of %(default)s")
+    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+
+
+def run(arguments):
+    chosen = [name for name in arguments.parts.split(",") if name]
+    for name in chosen:
+        if name not in PARTS:
+            common.give_up(f"unknown part '{name}'; known: {', '.join(PARTS)}", 2)
+    stored = common.OUT / "parts.json"
+    rows = json.loads(stored.read_text())["rows"] if stored.exists() else {}
+    for name in chosen:
+        rows[name] = PARTS[name][1]()
+        common.write_json("parts", {"machine": common.machine(), "commit": common.commit(), "rows": rows})
+    text = common.table(HEADERS, [(what, *rows[name], f"`{program}`") for name, (what, _, program) in PARTS.items() if name in rows])
+    text += f"\n\nMeasured by `scripts/bench parts` on {common.machine()}: processor time of one core."
+    print(text)
+    if not arguments.dry_run:
+        common.write_readme("parts", text)
+    return 0

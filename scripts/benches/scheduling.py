@@ -1,0 +1,77 @@
+"""which robot to which edge: cut weights and times of groupings against METIS, RecSLAM, greedy, random and the exact answer
+
+Needs grouping_benchmark (scripts/build release grouping_benchmark). Random overlap graphs: robots in a building (discs of what they saw), the same
+gathered around places, sparse and dense graphs of Erdos and Renyi. Writes the table between <!-- bench:scheduling --> and <!-- /bench --> of
+README.md, out/bench/scheduling.json and plots (PNG) beside it. Takes two minutes.
+"""
+import json
+import statistics
+import subprocess
+
+from benches import common, plots
+
+PROGRAM = common.PROGRAM.parent / "grouping_benchmark"
+KINDS = {"building": "building", "clustered": "gathered", "sparse": "random, sparse", "dense": "random, dense"}
+OTHERS = ("metis", "greedy", "recslam", "random")
+
+
+def add_arguments(parser):
+    parser.add_argument("--robots", type=int, default=2000, metavar="N", help="largest graphs that are compared (default: %(default)s)")
+    parser.add_argument("--graphs", type=int, default=200, metavar="N", help="graphs that are solved exactly (default: %(default)s)")
+    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+
+
+def measured(*arguments):
+    run = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True)
+    if run.returncode != 0:
+        common.give_up(f"grouping_benchmark failed: {run.stderr.strip()}")
+    return json.loads(run.stdout)
+
+
+def against(rows, other):
+    """Mean and worst of (ours / theirs - 1) where theirs cuts anything; how often we are worse by more than one percent."""
+    excess = [row["default"] / row[other] - 1 for row in rows if row.get(other, 0) > 1e-9]
+    return (sum(excess) / len(excess), max(excess), sum(one > 0.01 for one in excess)) if excess else None
+
+
+def cell(result):
+    return "-" if result is None else f"{100 * result[0]:+.1f} % (worst {100 * result[1]:+.2f} %)"
+
+
+def median_by_robots(rows, value):
+    found = {}
+    for row in rows:
+        found.setdefault(row["robots"], []).append(value(row))
+    return [(robots, statistics.median(some)) for robots, some in sorted(found.items())]
+
+
+def draw(rows, times):
+    def relative(name):
+        return median_by_robots([row for row in rows if name in row and row["default"] > 1e-9], lambda row: row[name] / row["default"])
+    plots.lines(common.OUT / "scheduling-cut.png", "cut weight, median of all graphs", "robots", "cut / default", {name: relative(name) for name in OTHERS}, log_y=True)
+    plots.lines(common.OUT / "scheduling-tabu.png", "RecSLAM: effect of the tabu search, median", "robots", "cut / default",
+                {label: relative(name) for name, label in (("recslam_no_search", "algorithm 1"), ("recslam", "as printed"), ("recslam_tabu", "list filters"))})
+    plots.lines(common.OUT / "scheduling-time.png", "time of the default grouping, one core", "robots", "ms",
+                {label: median_by_robots([row for row in times if row["kind"] == kind], lambda row: row["ms"]) for kind, label in KINDS.items()}, log_y=True)
+
+
+def run(arguments):
+    common.need(PROGRAM, "run scripts/build release grouping_benchmark first")
+    exact, rows, times = measured("exact", arguments.graphs), measured("compare", arguments.robots), measured("time")
+    common.OUT.mkdir(parents=True, exist_ok=True)
+    draw(rows, times)
+    text = common.table(("graphs", "robots", "against METIS 5", "against greedy", "against recslam", "against random"),
+                        [(label, f"{min(row['robots'] for row in some)} to {max(row['robots'] for row in some)}", *(cell(against(some, other)) for other in OTHERS))
+                         for kind, label in KINDS.items() if (some := [row for row in rows if row["kind"] == kind])])
+    shown = [at for at in (10, 50, 1000, 10000) if any(row["robots"] == at for row in times)]
+    text += "\n\n" + common.table(("robots", "time, ms (least to most)", "goal, ms"),
+                                  [(at, "{:.3g} to {:.3g}".format(min(some), max(some)), {10: 0.1, 50: 1, 1000: 100, 10000: 2000}[at])
+                                   for at in shown for some in [[row["ms"] for row in times if row["robots"] == at]]])
+    text += (f"\n\nMeasured by `scripts/bench scheduling` on {common.machine()}, one core, processor time. {len(rows)} graphs in 2 to 16 groups of equal size, recslam up to 500 robots; METIS: ufactor 1, the "
+             f"better of its two forms, sizes repaired. Against the least cut there is, {exact['graphs']} graphs of 4 to 16 robots: {100 * exact['mean_excess']:.2f} % above on average, "
+             f"{exact['optimal']} of them exactly it.")
+    common.write_json("scheduling", {"machine": common.machine(), "commit": common.commit(), "exact": exact, "compare": rows, "time": times})
+    print(text)
+    if not arguments.dry_run:
+        common.write_readme("scheduling", text)
+    return 0

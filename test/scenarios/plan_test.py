@@ -1,0 +1,108 @@
+"""`mapweave plan` and `mapweave profile`: which robot to which edge, from problem files good and bad."""
+import json
+import random
+
+import support
+from support import BAD_INPUT, USAGE
+
+KEYS = ["groups", "placement", "cut_weight", "in_group_weight", "predicted_seconds", "lower_bound_seconds", "algorithm_seconds", "method"]
+
+
+def problem(robots=10, edges=3, **more):
+    numbers = random.Random(robots)
+    names = [f"r{i}" for i in range(robots)]
+    overlaps = [[a, b, round(numbers.uniform(0.01, 0.5), 3)] for i, a in enumerate(names) for b in names[i + 1:] if numbers.random() < 0.4]
+    return {"robots": names, "overlaps": overlaps,
+            "edges": [{"id": f"e{i}", "bandwidth_bytes_per_s": 2.5e6, "speed": 1.0, "capacity": None} for i in range(edges)], **more}
+
+
+class Plan(support.Scenario):
+    def plan(self, given, *arguments, **how):
+        self.write("problem.json", given if isinstance(given, str) else json.dumps(given))
+        return self.mapweave("plan", "problem.json", *arguments, **how)
+
+    def test_every_method_answers_with_the_same_keys(self):
+        given = problem(robot_scans={"r0": 1200}, links=[["r1", "e2", 1e6, 0.02]])
+        for method in ("default", "recslam", "greedy", "random", "exact"):
+            with self.subTest(method):
+                told = json.loads(self.plan(given, "--method", method, "--json").stdout)
+                self.assertEqual(list(told), KEYS)
+                self.assertEqual(told["method"], method)
+                self.assertEqual(sorted(robot for group in told["groups"] for robot in group), sorted(given["robots"]))
+                self.assertEqual(sorted(map(len, told["groups"])), [3, 3, 4])
+                for group in told["groups"]:
+                    self.assertEqual(len({told["placement"][robot] for robot in group}), 1)
+                inside = {frozenset((a, b)) for group in told["groups"] for a in group for b in group if a != b}
+                cut = sum(weight for a, b, weight in given["overlaps"] if frozenset((a, b)) not in inside)
+                self.assertAlmostEqual(told["cut_weight"], cut, 9)
+                self.assertLessEqual(told["lower_bound_seconds"], told["predicted_seconds"])
+
+    def test_the_default_is_near_the_exact_cut(self):
+        cuts = {method: json.loads(self.plan(problem(14, 4), "--method", method, "--json").stdout)["cut_weight"] for method in ("default", "exact")}
+        self.assertLessEqual(cuts["default"], 1.05 * cuts["exact"])
+
+    def test_the_same_seed_gives_the_same_plan(self):
+        told = []
+        for _ in range(2):
+            told.append(json.loads(self.plan(problem(60, 4), "--seed", "7", "--json").stdout))
+            del told[-1]["algorithm_seconds"]
+        self.assertEqual(told[0], told[1])
+
+    def test_people_are_told_in_words(self):
+        text = self.plan(problem()).stdout
+        for word in ("10 robots in 3 groups", "e0:", "no plan is below"):
+            self.assertIn(word, text)
+
+    def test_partial_offloading_names_further_edges(self):
+        told = json.loads(self.plan(problem(), "--edges-per-robot", "2", "--json").stdout)
+        for robot, edges in told["further_placement"].items():
+            self.assertEqual(len(edges), 1)
+            self.assertNotEqual(edges[0], told["placement"][robot])
+
+    def test_sensible_plans_for_odd_problems(self):
+        zero = problem()
+        zero["overlaps"] = [[a, b, 0] for a, b, _ in zero["overlaps"]]
+        apart = problem(6, 2)
+        apart["overlaps"] = [["r0", "r3", 0.4], ["r1", "r4", 0.4]]
+        for given, groups in ((zero, 3), (apart, 2), (problem(2, 5), 2), (problem(1, 1), 1)):
+            for method in ("default", "recslam", "greedy", "random", "exact"):
+                with self.subTest(f"{method} {groups}"):
+                    self.assertEqual(len(json.loads(self.plan(given, "--method", method, "--json").stdout)["groups"]), groups)
+
+    def test_bad_problems_are_met_with_place_and_remedy(self):
+        full = problem(4, 2)
+        for edge in full["edges"]:
+            edge["capacity"] = 1
+        for given, words in ((problem() | {"overlaps": [["r0", "r11", 0.1]]}, ("problem.json", "overlaps[0]", "r11", "did you mean")),
+                             (problem() | {"overlaps": [["r0", "r1", -0.1]]}, ("overlaps[0]", "-0.1")),
+                             ('{"robots": ["a", "b"], "overlaps": [["a", "b", NaN]], "edges": []}', ("problem.json", "not json")),
+                             (problem() | {"edges": []}, ("edges", "no edges")), (full, ("capacities hold 2 of 4",)),
+                             (problem(robot_scan={}), ("robot_scan", "did you mean 'robot_scans'?")), ("", ("problem.json", "not json")),
+                             ("[" * 100000, ("problem.json",))):
+            with self.subTest(words[-1]):
+                self.assert_says(self.plan(given, code=BAD_INPUT), *words)
+        self.assert_says(self.plan(problem(17), "--method", "exact", code=BAD_INPUT), "17 robots", "--method exact")
+        self.assert_says(self.mapweave("plan", "absent.json", code=BAD_INPUT), "absent.json")
+        self.assert_says(self.plan(problem(), "--method", "best", code=USAGE), "--method")
+        self.write("model.json", '{"slam_s_per_scan": -1}')
+        self.assert_says(self.plan(problem(), "--model", "model.json", code=BAD_INPUT), "model.json", "slam_s_per_scan")
+
+
+class Profile(support.Scenario):
+    def test_a_run_is_profiled_and_planned_with(self):
+        self.write("room.log", "\n".join(support.room_lines(40)) + "\n")
+        self.mapweave("split", "room.log", "--robots", "2", "--overlap", "1", "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "map", code=(0, 4))
+        told = json.loads(self.mapweave("profile", "map", "--out", "model.json", "--json").stdout)
+        self.assertGreater(told["model"]["slam_s_per_scan"], 0)
+        self.assertIn("SLAM", [term["term"] for term in told["terms"]])
+        self.write("problem.json", json.dumps(problem()))
+        self.mapweave("plan", "problem.json", "--model", "model.json")
+        self.assertIn("SLAM", self.mapweave("profile", "map").stdout)
+
+    def test_a_folder_without_results_is_refused(self):
+        self.assert_says(self.mapweave("profile", "nowhere", code=BAD_INPUT), "summary.json")
+
+
+if __name__ == "__main__":
+    support.main()

@@ -1,0 +1,164 @@
+#include <gmock/gmock.h>
+#include <mapweave/core/error.h>
+#include <mapweave/scheduling/plan.h>
+
+#include "random_overlaps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <string>
+
+namespace mapweave::scheduling {
+namespace {
+
+using testing::ElementsAre;
+
+double uniform(std::mt19937_64& random, double low, double high) { return low + (high - low) * testing_graphs::uniform(random); }
+
+// Edges and links of all kinds.
+Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  Problem problem;
+  problem.overlaps = testing_graphs::of_kind(testing_graphs::kKinds[seed % 4], robots, seed);
+  for (std::uint32_t i = 0; i < robots; ++i) {
+    problem.robots.emplace_back("r" + std::to_string(i));
+    problem.scans.push_back(seed % 3 == 0 ? std::optional(std::floor(uniform(random, 10, 3000))) : std::nullopt);
+  }
+  for (std::uint32_t i = 0; i < edges; ++i)
+    problem.edges.push_back(
+        {TierId("e" + std::to_string(i)), uniform(random, 1e5, 1e7), seed % 2 == 0 ? uniform(random, 0.3, 3.0) : 1.0, std::nullopt});
+  if (seed % 5 < 2)
+    for (std::uint32_t r = 0; r < robots; ++r) problem.links[{r, r % edges}] = {uniform(random, 1e5, 1e7), uniform(random, 0.0, 0.5)};
+  return problem;
+}
+
+// Every way to send robots to edges, whatever the sizes.
+double least_of_all(const Latency& latency) {
+  const auto robots = static_cast<std::uint32_t>(latency.problem().robots.size()),
+             edges = static_cast<std::uint32_t>(latency.problem().edges.size());
+  double least = INFINITY;
+  for (std::uint32_t code = 0; code < std::pow(edges, robots); ++code) {
+    Groups robots_at(edges);
+    for (std::uint32_t robot = 0, rest = code; robot < robots; ++robot, rest /= edges) robots_at[rest % edges].push_back(robot);
+    least = std::min(least, latency.total_seconds(robots_at));
+  }
+  return least;
+}
+
+TEST(LowerBound, is_undercut_by_no_plan_at_all) {
+  double tightness = 0.0;
+  constexpr int kProblems = 30;
+  for (int seed = 0; seed < kProblems; ++seed) {
+    const Problem problem = random_problem(3 + seed % 4, 2 + seed % 2, seed);
+    LatencyModel model;
+    if (seed % 4 == 1) model.edge_fusion = {0.5, 0.1, 0.05};
+    if (seed % 4 == 2) model.map_bytes_per_scan = 20e3;
+    const Latency latency(problem, model);
+    const double bound = lower_bound_seconds(latency), least = least_of_all(latency);
+    EXPECT_LE(bound, least) << seed;
+    EXPECT_GT(bound, 0.0);
+    tightness += bound / least / kProblems;
+  }
+  EXPECT_GT(tightness, 0.6);  // it says something
+}
+
+TEST(LowerBound, is_met_where_one_robot_has_one_edge) {
+  Problem problem = random_problem(1, 1, 1);
+  const LatencyModel model;
+  const Plan plan = make_plan(problem, {PlanMethod::standard, 1, model});
+  EXPECT_NEAR(plan.lower_bound_seconds, plan.predicted_seconds, 1e-4 * plan.predicted_seconds);
+}
+
+TEST(Plan, is_never_below_its_bound_and_keeps_sizes) {
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    const Problem problem = random_problem(12 + seed % 4, 3 + seed % 3, seed);
+    for (const PlanMethod method :
+         {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::metis, PlanMethod::exact}) {
+      if (method == PlanMethod::metis && !group_with_metis(problem.overlaps, group_sizes(problem))) continue;
+      const Plan plan = make_plan(problem, {method, seed, {}});
+      EXPECT_LE(plan.lower_bound_seconds, plan.predicted_seconds);
+      std::size_t robots = 0, most = 0, least = 1000;
+      for (const auto& group : plan.groups) {
+        robots += group.size();
+        most = std::max(most, group.size());
+        least = std::min(least, group.size());
+        for (const std::uint32_t robot : group) EXPECT_EQ(plan.edge_of[robot], plan.edge_of[group.front()]);
+      }
+      EXPECT_EQ(robots, problem.robots.size());
+      EXPECT_LE(most, least + 1);
+      EXPECT_NEAR(plan.cut_weight + plan.in_group_weight, problem.overlaps.total_weight(), 1e-9);
+    }
+  }
+}
+
+TEST(Placement, takes_the_least_of_all_permutations) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Problem problem = random_problem(9, 4, seed);
+    const LatencyModel model;
+    const Latency latency(problem, model);
+    const Groups groups{{0, 3, 4}, {1, 2, 8}, {5, 6, 7}};
+    const auto total = [&](const std::vector<std::uint32_t>& edge_of) {
+      Groups robots_at(4);
+      for (std::size_t i = 0; i < groups.size(); ++i) robots_at[edge_of[i]] = groups[i];
+      return latency.total_seconds(robots_at);
+    };
+    std::vector<std::uint32_t> order{0, 1, 2, 3};
+    double least = INFINITY;
+    do least = std::min(least, total(order));
+    while (std::next_permutation(order.begin(), order.end()));
+    EXPECT_DOUBLE_EQ(total(place_optimally(latency, groups)), least);
+    EXPECT_GE(total(place_as_recslam(latency, groups)), least);
+  }
+}
+
+TEST(Placement, keeps_capacities) {
+  Problem problem = random_problem(5, 2, 1);
+  problem.edges[0].capacity = 2;
+  const Plan plan = make_plan(problem, {});
+  EXPECT_EQ(std::count(plan.edge_of.begin(), plan.edge_of.end(), 0u), 2);
+  problem.edges[1].capacity = 2;
+  EXPECT_THROW(make_plan(problem, {}), Error);
+}
+
+TEST(Plan, gives_each_robot_an_edge_of_its_own_where_there_are_more_edges) {
+  Problem problem = random_problem(2, 5, 1);
+  for (const PlanMethod method : {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact}) {
+    const Plan plan = make_plan(problem, {method, 1, {}});
+    EXPECT_EQ(plan.groups.size(), 2u);
+    EXPECT_NE(plan.edge_of[0], plan.edge_of[1]);
+  }
+}
+
+TEST(Plan, is_made_for_graphs_without_links_and_in_pieces) {
+  Problem problem = random_problem(7, 3, 1);
+  problem.overlaps = OverlapGraph(7, {});
+  for (const PlanMethod method : {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact})
+    EXPECT_EQ(make_plan(problem, {method, 1, {}}).groups.size(), 3u);
+  problem.overlaps = OverlapGraph(7, {{0, 6, 0.4}, {1, 5, 0.4}, {2, 4, 0.4}});
+  EXPECT_EQ(make_plan(problem, {}).cut_weight, 0.0);
+}
+
+TEST(Plan, sends_robots_to_further_edges_where_it_is_asked_to) {
+  const Problem problem = random_problem(6, 3, 4);
+  PlanOptions options;
+  const double once = make_plan(problem, options).predicted_seconds;
+  options.edges_per_robot = 2;
+  const Plan plan = make_plan(problem, options);
+  ASSERT_EQ(plan.further_edges_of.size(), 6u);
+  for (std::uint32_t robot = 0; robot < 6; ++robot) {
+    ASSERT_EQ(plan.further_edges_of[robot].size(), 1u);
+    EXPECT_NE(plan.further_edges_of[robot].front(), plan.edge_of[robot]);
+  }
+  EXPECT_GT(plan.predicted_seconds, once);
+  EXPECT_LE(plan.lower_bound_seconds, plan.predicted_seconds);
+  options.edges_per_robot = 4;
+  EXPECT_THROW(make_plan(problem, options), Error);
+}
+
+TEST(Plan, refuses_too_many_robots_for_the_exact_method) {
+  EXPECT_THROW(make_plan(random_problem(17, 3, 1), {PlanMethod::exact, 1, {}}), Error);
+}
+
+}  // namespace
+}  // namespace mapweave::scheduling
