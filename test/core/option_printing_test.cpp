@@ -195,5 +195,43 @@ struct Nothing {
 };
 TEST(ToYaml, has_a_text_for_no_options_at_all) { EXPECT_EQ(to_yaml(Nothing()), "{}\n"); }
 
+struct Named {
+  std::vector<std::string> push_to;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.texts("push_to", push_to, "who hears of it");
+  }
+};
+
+Named named(const std::string& text) {
+  const test::TemporaryFolder folder;
+  write_file(folder / "a.yaml", text);
+  Named options{{"somebody", "else"}};
+  ConfigurationSources sources;
+  sources.files = {folder / "a.yaml"};
+  load(options, sources);
+  return options;
+}
+
+TEST(ToYaml, has_texts_in_one_line) {
+  const Named options{{"alpha", "no", "two words"}};
+  EXPECT_EQ(to_yaml(options), "push_to: [alpha, \"no\", \"two words\"]\n");
+  EXPECT_EQ(named(to_yaml(options)).push_to, options.push_to);
+  EXPECT_EQ(named("push_to: []").push_to, std::vector<std::string>());
+  EXPECT_EQ(named("push_to:\n  - 1\n  - alpha\n").push_to, (std::vector<std::string>{"1", "alpha"}));
+  EXPECT_THAT(reference_page(options, "title"), HasSubstr("# who hears of it\npush_to: [alpha,"));
+}
+
+TEST(ToYaml, refuses_what_is_no_list_of_texts) {
+  for (const char* text : {"push_to: alpha", "push_to: [[alpha]]", "push_to: [{id: alpha}]", "push_to: {a: b}"}) try {
+      named(text);
+      ADD_FAILURE() << text;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr("it must be a list of texts"));
+      EXPECT_THAT(error.what(), HasSubstr("a.yaml:1"));
+    }
+  EXPECT_THROW(named("push_to:"), Error);
+}
+
 }  // namespace
 }  // namespace mapweave

@@ -190,6 +190,7 @@ class Loader {
       throw layer.error(key_line > 0 ? key_line : line, "'" + option.name + "' has no value", remedy_of_null(option));
     note_origin(key, key_line, layer);
     if (auto* list = std::get_if<OptionList>(&option.as)) return apply_list(option, *list, node, key, line, layer);
+    if (auto* texts = std::get_if<OptionTexts>(&option.as)) return apply_texts(option, *texts, node, key, line, layer);
     if (node.kind != Kind::scalar || !set_scalar(option, node, line, layer))
       throw wrong(option.name, node, line, requirement_of_type(option), layer);
   }
@@ -203,6 +204,18 @@ class Loader {
     for (std::size_t i = 0; i < node.items.size(); ++i) {
       OptionFields fields = list.element(i);
       apply_element(fields, node.items[i], joined(key, std::to_string(i)), layer);
+    }
+  }
+
+  void apply_texts(const Option& option, const OptionTexts& texts, const YamlNode& node, const std::string& key, int line,
+                   const Layer& layer) {
+    if (node.kind != Kind::list) throw wrong(option.name, node, line, requirement(option), layer);
+    origins_.forget_below(key);
+    texts.values->clear();
+    for (const YamlNode& item : node.items) {
+      if (item.kind != Kind::scalar) throw wrong(option.name, item, item.line > 0 ? item.line : line, requirement(option), layer);
+      note_origin(joined(key, std::to_string(texts.values->size())), item.line > 0 ? item.line : line, layer);
+      texts.values->push_back(item.text);
     }
   }
 
@@ -262,7 +275,7 @@ class Loader {
 
   static std::string remedy_of_null(const Option& option) {
     if (std::holds_alternative<OptionText>(option.as)) return "write \"\" for an empty text, and quotes around a text like null or ~";
-    if (std::holds_alternative<OptionList>(option.as)) return "write [] for an empty list";
+    if (std::holds_alternative<OptionList>(option.as) || std::holds_alternative<OptionTexts>(option.as)) return "write [] for an empty list";
     return requirement(option);
   }
 

@@ -45,6 +45,11 @@ std::string yaml_of_scalar(const Option& option) {
   if (const auto* integer = std::get_if<OptionInteger>(&option.as)) return std::to_string(integer->get());
   if (const auto* flag = std::get_if<OptionFlag>(&option.as)) return *flag->value ? "true" : "false";
   if (const auto* text = std::get_if<OptionText>(&option.as)) return yaml_of_text(*text->value);
+  if (const auto* texts = std::get_if<OptionTexts>(&option.as)) {
+    std::string list;
+    for (const std::string& one : *texts->values) list += (list.empty() ? "" : ", ") + yaml_of_text(one);
+    return "[" + list + "]";
+  }
   const auto& choice = std::get<OptionChoice>(option.as);
   MAPWEAVE_EXPECT(choice.get() < choice.names.size(), "'" + option.name + "' holds a value without a name");
   return yaml_of_text(choice.names[choice.get()]);

@@ -82,6 +82,7 @@ std::string requirement(const Option& option) {
   }
   if (std::holds_alternative<OptionInteger>(option.as)) return "it must lie in " + range_text(option);
   if (std::holds_alternative<OptionText>(option.as)) return "it must be text";
+  if (std::holds_alternative<OptionTexts>(option.as)) return "it must be a list of texts, like [north, south]";
   if (std::holds_alternative<OptionSection>(option.as)) return "it must be a section with keys of its own";
   if (std::holds_alternative<OptionList>(option.as)) return "it must be a list";
   return "it must be " + range_text(option);

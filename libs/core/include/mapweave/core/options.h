@@ -51,6 +51,9 @@ struct OptionFlag {
 struct OptionText {
   std::string* value;
 };
+struct OptionTexts {
+  std::vector<std::string>* values;
+};
 struct OptionChoice {
   std::vector<std::string> names;
   std::function<std::size_t()> get;  // index into names; names.size() for a value without a name
@@ -67,7 +70,7 @@ struct OptionList {
 };
 struct Option {
   std::string name, doc;
-  std::variant<OptionNumber, OptionInteger, OptionFlag, OptionText, OptionChoice, OptionSection, OptionList> as;
+  std::variant<OptionNumber, OptionInteger, OptionFlag, OptionText, OptionTexts, OptionChoice, OptionSection, OptionList> as;
 };
 
 // The visitor that describe() meets. Names: small letters, digits and single underscores, unique in their struct.
@@ -93,6 +96,7 @@ class OptionVisitor {
   }
   void flag(std::string_view name, bool& value, std::string_view doc) { add(name, doc, OptionFlag{&value}); }
   void text(std::string_view name, std::string& value, std::string_view doc) { add(name, doc, OptionText{&value}); }
+  void texts(std::string_view name, std::vector<std::string>& values, std::string_view doc) { add(name, doc, OptionTexts{&values}); }
   template <class Enum>
   void choice(std::string_view name, Enum& value, std::initializer_list<std::pair<std::string_view, std::common_type_t<Enum>>> choices,
               std::string_view doc) {
