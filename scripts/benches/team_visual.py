@@ -144,34 +144,26 @@ def run(arguments):
     for name in chosen:
         if name in SEQUENCES:
             common.need(common.DATA / "visual" / name, "set MAPWEAVE_DATA to the folder that holds visual/")
-    stored = common.OUT / "team-visual.json"
-    rows = {row["name"]: row for row in json.loads(stored.read_text())["rows"]} if stored.exists() else {}
+    measured = []
     for name in chosen:
-        rows[name] = measure(name, arguments.seeds) if name in SEQUENCES else measure_rig(name) if name in RIGS else measure_team(name)
-        common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(),
-                                          "rows": [rows[key] for key in (*SEQUENCES, *RIGS, *TEAMS) if key in rows]})
-    teams, rigs = [rows[key] for key in SEQUENCES if key in rows], [rows[key] for key in RIGS if key in rows]
-    if teams and any(name in SEQUENCES for name in chosen):
-        text = common.table(HEADERS, [cells(row) for row in teams])
-        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}: each sequence cut into two robots that share some seconds, on an edge each. One "
-                 f"alignment for the whole team; goal: 1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
+        measured.append(measure(name, arguments.seeds) if name in SEQUENCES else measure_rig(name) if name in RIGS else measure_team(name))
+        common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(), "rows": measured})
+
+    def tell(tag, headers, names, cells_of, note):
+        fresh = [row for row in measured if row["name"] in names]
+        if not fresh:
+            return
+        rows = {**common.readme_rows(tag, headers), **{cells_of(row)[0]: cells_of(row) for row in fresh}}
+        text = common.table(headers, rows.values()) + f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}" + note
         print(text)
         if not arguments.dry_run:
-            common.write_readme("team-visual", text)
-    if rigs and any(name in RIGS for name in chosen):
-        text = common.table(RIG_HEADERS, [rig_cells(row) for row in rigs])
-        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}, in simulated apartments. Each alone: the largest of its maps; both: one map of "
-                 "both, and the robot's way by both. Goal: 1.1 times the better one's error. Ties: root mean square before and after the graph is solved.")
-        print(text)
-        if not arguments.dry_run:
-            common.write_readme("rigs", text)
-    larger = [rows[key] for key in TEAMS if key in rows]
-    if larger and any(name in TEAMS for name in chosen):
-        text = common.table(TEAM_HEADERS, [team_cells(row) for row in larger])
-        text += (f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}: simulated robots whose cameras hand over features, 12 frames/s, with their map "
-                 "server. Wrongly: off by more than 0.5 m. Alone: root mean square of robots laid on the truth one by one; goal: 1.1 times that." +
-                 "".join(keyframes_text(row) for row in larger if "keyframes" in row))
-        print(text)
-        if not arguments.dry_run:
-            common.write_readme("teams", text)
+            common.write_readme(tag, text)
+
+    tell("team-visual", HEADERS, SEQUENCES, cells, ": each sequence cut into two robots that share some seconds, on an edge each. One alignment for the whole team; goal: "
+         f"1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
+    tell("rigs", RIG_HEADERS, RIGS, rig_cells, ", in simulated apartments. Each alone: the largest of its maps; both: one map of both, and the robot's way by both. Goal: "
+         "1.1 times the better one's error. Ties: root mean square before and after the graph is solved.")
+    tell("teams", TEAM_HEADERS, TEAMS, team_cells, ": simulated robots whose cameras hand over features, 12 frames/s, with their map server. Wrongly: off by more than 0.5 m. "
+         "Alone: root mean square of robots laid on the truth one by one; goal: 1.1 times that." +
+         "".join(keyframes_text(row) for row in measured if "keyframes" in row))
     return 0

@@ -139,12 +139,12 @@ def run(arguments):
             simulated(known[name]["world"], known[name]["sensor"])
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
-    stored = common.OUT / "visual.json"
-    rows = {row["name"]: row for row in json.loads(stored.read_text())["rows"]} if stored.exists() else {}
+    rows, measured = common.readme_rows("visual", HEADERS), []
     for name in chosen:
-        rows[name] = measure(name, known[name], arguments.seeds)
-        common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": [rows[key] for key in known if key in rows]})
-    text = common.table(HEADERS, [cells(rows[key]) for key in known if key in rows])
+        measured.append(measure(name, known[name], arguments.seeds))
+        rows[name] = cells(measured[-1])
+        common.write_json("visual", {"machine": common.machine(), "commit": common.commit(), "rows": measured})
+    text = common.table(HEADERS, [rows[key] for key in known if key in rows])
     text += (f"\n\nMeasured by `scripts/bench visual` on {common.machine()}; processor time, decoding of pictures included in frames/s. Median "
              f"of the seeds' errors; closed after: from the robot's coming back to where it was until its map was straight; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
     print(text)
