@@ -7,7 +7,7 @@
 namespace mapweave {
 namespace {
 
-constexpr std::uint32_t kVersion = 3, kDenseVersion = 2;  // 1 knows no dense points, 2 nothing sensed
+constexpr std::uint32_t kVersion = 4, kSensedVersion = 3, kDenseVersion = 2;  // 1 knows no dense points, 2 nothing sensed, 3 no reports
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
@@ -51,7 +51,9 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
 }
 
 std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  form.set_version(form.has_sensed() ? kVersion : form.place_request().features().dense().empty() ? 1 : kDenseVersion);
+  form.set_version(form.has_map_report()                                 ? kVersion
+                   : form.has_sensed()                                   ? kSensedVersion
+                   : form.place_request().features().dense().empty() ? 1 : kDenseVersion);
   for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
   return form.SerializeAsString();
 }
@@ -203,6 +205,32 @@ std::string encode(const Sensed& sensed) {
   return written(form);
 }
 
+std::string encode(const MapReport& report) {
+  const MapSummary& summary = report.summary;
+  MAPWEAVE_EXPECT(is_valid_name(report.robot.str()), "a map is a robot's");
+  MAPWEAVE_EXPECT(summary.columns >= 0 && summary.rows >= 0 && summary.looks.size() <= MapSummary::kMostLooks &&
+                      summary.cells.size() == static_cast<std::size_t>(summary.columns) * static_cast<std::size_t>(summary.rows) &&
+                      summary.cells.size() <= static_cast<std::size_t>(MapSummary::kMostCells),
+                  "a summary has as many cells as it says");
+  form::Exchange form;
+  auto& content = *form.mutable_map_report();
+  content.set_robot(report.robot.str());
+  content.set_scans(report.scans);
+  content.set_left(summary.left), content.set_bottom(summary.bottom);
+  content.set_columns(static_cast<std::uint32_t>(summary.columns)), content.set_rows(static_cast<std::uint32_t>(summary.rows));
+  std::string cells((summary.cells.size() + 3) / 4, '\0');
+  for (std::size_t i = 0; i < summary.cells.size(); ++i)
+    cells[i / 4] = static_cast<char>(static_cast<unsigned char>(cells[i / 4]) | static_cast<unsigned>(summary.cells[i]) << 2 * (i % 4));
+  content.set_cells(std::move(cells));
+  for (const MapSummary::Look& look : summary.looks) {
+    auto& line = *content.add_looks();
+    line.set_x_cm(look.x_cm), line.set_y_cm(look.y_cm);
+    line.set_walls(std::string(look.walls.begin(), look.walls.end()));
+  }
+  content.set_is_in_team_frame(summary.is_in_team_frame);
+  return written(form);
+}
+
 Hello decode_hello(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   const auto form = read(bytes, reader, where, form::Exchange::kHello);
@@ -267,6 +295,40 @@ Sensed decode_sensed(std::string_view bytes, const std::string& where) {
     case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
   }
   return sensed;
+}
+
+MapReport decode_map_report(std::string_view bytes, const std::string& where) {
+  FormReader reader(where);
+  const auto form = read(bytes, reader, where, form::Exchange::kMapReport);
+  const auto& content = form.map_report();
+  if (content.robot().empty()) reader.corrupt("it does not say whose map it is of");
+  const std::uint64_t cells = std::uint64_t{content.columns()} * content.rows();
+  constexpr std::int32_t kFarthest = 1 << 24;  // cells from the origin
+  if (content.columns() > kFarthest || content.rows() > kFarthest || cells > static_cast<std::uint64_t>(MapSummary::kMostCells) ||
+      content.cells().size() != (cells + 3) / 4)
+    reader.corrupt(std::to_string(content.columns()) + " x " + std::to_string(content.rows()) + " cells in " +
+                   std::to_string(content.cells().size()) + " bytes");
+  if (std::abs(std::int64_t{content.left()}) > kFarthest || std::abs(std::int64_t{content.bottom()}) > kFarthest)
+    reader.corrupt("a map that lies thousands of kilometres from its origin");
+  if (static_cast<std::size_t>(content.looks_size()) > MapSummary::kMostLooks) reader.corrupt("more viewpoints than a summary has");
+  MapReport report{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.scans(), {}};
+  MapSummary& summary = report.summary;
+  summary.left = content.left(), summary.bottom = content.bottom();
+  summary.columns = static_cast<std::int32_t>(content.columns()), summary.rows = static_cast<std::int32_t>(content.rows());
+  summary.cells.reserve(cells);
+  for (std::size_t i = 0; i < cells; ++i) {
+    const unsigned cell = static_cast<unsigned char>(content.cells()[i / 4]) >> 2 * (i % 4) & 3U;
+    if (cell > static_cast<unsigned>(MapSummary::Cell::wall)) reader.corrupt("a cell that is neither unknown, free nor a wall");
+    summary.cells.push_back(static_cast<MapSummary::Cell>(cell));
+  }
+  for (const auto& line : content.looks()) {
+    MapSummary::Look look{line.x_cm(), line.y_cm(), {}};
+    if (line.walls().size() != look.walls.size()) reader.corrupt("a viewpoint with " + std::to_string(line.walls().size()) + " rings");
+    std::copy(line.walls().begin(), line.walls().end(), look.walls.begin());
+    summary.looks.push_back(look);
+  }
+  summary.is_in_team_frame = content.is_in_team_frame();
+  return report;
 }
 
 }  // namespace mapweave
