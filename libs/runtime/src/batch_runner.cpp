@@ -1,3 +1,4 @@
+#include "coordinated_robots.h"
 #include "results.h"
 #include "shared_cameras.h"
 
@@ -20,11 +21,13 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 }
 
 // Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived with.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
-                                                   WorkerPool& pool, Progress& progress) {
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan,
+                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool, Progress& progress) {
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
+  std::map<RobotId, LaserOutcome> lasers;
   try {
+    if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
     if (configuration.server.share != tiers::Sharing::none) shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kInterrupted) throw;
@@ -33,7 +36,9 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
     try {
       const auto cameras = shared.find(plan.robots[i].id);
+      const auto laser = lasers.find(plan.robots[i].id);
       RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
+                                     laser != lasers.end() ? std::optional(std::move(laser->second)) : std::nullopt,
                                      cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
@@ -67,6 +72,16 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
+// What robots get of the team's maps: the one that they are in.
+void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work) {
+  for (const std::string& name : cloud.push_to)
+    for (const Map& map : team.maps) {
+      const auto members = map.robots();
+      if (std::find(members.begin(), members.end(), RobotId(name)) != members.end())
+        work.pushes.push_back({RobotId(name), tiers::first_update(map, cloud_tier()).size()});
+    }
+}
+
 void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
   const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
   if (by_laser) results.add_map(folder, title, map);
@@ -77,12 +92,16 @@ void add(Results& results, const std::string& folder, const std::string& title, 
 
 }  // namespace
 
-Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
+Report run_batch(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings, WorkerPool& pool,
                  Progress& progress) {
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   report.team.tier = cloud_tier();
-  auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
+  RunPlan plan = given;
+  std::optional<CoordinatedRobots> coordinated;
+  if (configuration.coordinator.method != Coordination::none) coordinated.emplace(configuration, plan);
+  auto robots = map_robots(configuration, plan, coordinated ? &*coordinated : nullptr, settings.keep_going, pool, progress);
+  if (coordinated) report.coordination = coordinated->take_report();
 
   bool anything = false, whole = true;
   for (const auto& robot : robots) {
@@ -114,10 +133,12 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
     for (const TierId& id : plan.edges) {
       const double before_s = process_cpu_seconds();
       EdgeWork work{id};
+      work.speed = edge_entry(configuration, id).speed;
       double hearing_s = 0.0;  // is the cloud's work
       std::vector<RobotId> members;
       for (const PlannedRobot& robot : plan.robots)
         if (robot.edge == id) members.push_back(robot.id);
+      if (members.empty()) continue;  // the coordinator gave it none
       tiers::EdgeServer edge(id, members, configuration.fusion);
       for (tiers::RobotOutcome& outcome : outcomes) {
         if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
@@ -137,8 +158,10 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
       report.work.edges.push_back(work);
     }
   };
+  // Who has no edge tells the cloud; in mode cloud-only that is everyone.
   const auto tell_cloud = [&] {
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
+      if (configuration.mode != Mode::cloud_only && !report.work.robots[i].edge.empty()) continue;
       const auto tell = [&](const Map& map) {
         const std::string update = tiers::first_update(map, TierId(outcomes[i].robot.str()));
         cloud.receive(update, "update of robot " + outcomes[i].robot.str());
@@ -149,7 +172,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
     }
   };
   const auto fuse_all = [&] {
-    configuration.mode == Mode::cloud_only ? tell_cloud() : fuse_at_edges();
+    if (configuration.mode != Mode::cloud_only) fuse_at_edges();
+    tell_cloud();
     const double before_s = process_cpu_seconds();
     if (anything) team = cloud.seal(pool, progress);
     report.work.fusing_s += process_cpu_seconds() - before_s;
@@ -160,7 +184,10 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
       for (const CameraReport& camera : line->cameras) told += camera.sent_bytes;
       robot.sensed_bytes += told > 0 ? told : robot.map_bytes;
     }
-    report.timeline = timeline(configuration.mode, report.work, plan.network, configuration.processors, configuration.seed);
+    push(team, configuration.cloud, report.work);
+    report.timeline = timeline({configuration.mode, plan.network, configuration.processors, configuration.cloud,
+                                report.coordination ? report.coordination->recorded_s : 0.0, configuration.seed},
+                               report.work);
   };
   if (whole && !finished(fuse_all)) acknowledge_interruption(report, anything);
 
@@ -176,7 +203,11 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   }
   report.team = Results::report_of(cloud_tier(), team);
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
-  results.commit("run", effective(configuration, plan), inputs, report);
+  for (const PushWork& pushed : report.work.pushes)
+    for (const Map& map : team.maps)
+      if (const auto there = map.robots(); std::find(there.begin(), there.end(), pushed.robot) != there.end() && !map.submaps.empty())
+        results.add_map("robots/" + pushed.robot.str() + "/team", "team, as robot " + pushed.robot.str() + " has it", map);
+  results.commit("run", effective(configuration, given), inputs, report);
   return report;
 }
 
@@ -185,7 +216,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
-  const auto robots = map_robots(configuration, plan, settings.keep_going, pool, progress);
+  const auto robots = map_robots(configuration, plan, nullptr, settings.keep_going, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
   const RobotResult& robot = *robots.front();
   report.robots = {robot.report};

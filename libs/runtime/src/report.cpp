@@ -96,6 +96,34 @@ Json fusion_json(const FusionReport& fusion) {
           {"members", members}};
 }
 
+Json coordination_json(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
+  Json decisions = Json::array();
+  for (const tiers::CoordinatorDecision& decision : report.decisions) {
+    Json moves = Json::array(), placement = Json::object();
+    for (const auto& move : decision.moves) moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
+    for (const auto& [robot, edge] : decision.edge_of) placement[robot.str()] = edge.str();
+    decisions.push_back({{"at_seconds", decision.at_s},
+                         {"because", decision.because},
+                         {"new_plan", decision.is_new_plan},
+                         {"moves", moves},
+                         {"placement", placement},
+                         {"expected_seconds", decision.expected_s},
+                         {"staying_seconds", decision.staying_s},
+                         {"lower_bound_seconds", decision.lower_bound_s},
+                         {"cut_weight", decision.cut_weight},
+                         {"algorithm_seconds", decision.algorithm_s}});
+  }
+  Json json = {{"method", report.method},
+               {"at", report.at},
+               {"summary_bytes", report.summary_bytes},
+               {"cpu_seconds", report.cpu_seconds},
+               {"decisions", decisions}};
+  // The last decision speaks of all that was sensed: what it expected, and what came.
+  if (timeline && !report.decisions.empty())
+    json["expected_seconds"] = report.decisions.back().expected_s, json["came_seconds"] = timeline->total_s;
+  return json;
+}
+
 Json camera_json(const CameraReport& camera) {
   Json loop_seconds = Json::array();  // of data: found, applied
   for (const CameraReport::Loop& loop : camera.loops) loop_seconds.push_back({loop.found_s, loop.applied_s});
@@ -135,6 +163,25 @@ std::string in_words(const RobotReport& robot) {
                    static_cast<unsigned long long>(camera.keyframes), static_cast<unsigned long long>(camera.landmarks),
                    static_cast<unsigned long long>(camera.loops.size()), camera.tracking_mean_ms);
   }
+  return text;
+}
+
+std::string in_words(const CoordinationReport& report, const std::optional<Timeline>& timeline) {
+  std::string text;
+  for (const tiers::CoordinatorDecision& decision : report.decisions) {
+    if (decision.moves.empty()) continue;
+    std::string because;
+    for (const std::string& why : decision.because) because += (because.empty() ? "" : ", ") + why;
+    text += format("coordinator at %.0f s (%s):", decision.at_s, because.c_str());
+    for (const auto& move : decision.moves)
+      text += format("%s %s to %s", &move == &decision.moves.front() ? "" : ",", move.robot.str().c_str(),
+                     move.to.empty() ? "itself, on board" : move.to.str().c_str());
+    text += format("; all there after %.3g s", decision.expected_s);
+    if (decision.is_new_plan && decision.at_s > 0.0) text += format(" instead of %.3g s", decision.staying_s);
+    text += "\n";
+  }
+  if (timeline && !report.decisions.empty())
+    text += format("coordinator: all was expected after %.3g s and came after %.3g s\n", report.decisions.back().expected_s, timeline->total_s);
   return text;
 }
 
@@ -199,6 +246,7 @@ Json summary_json(const Report& report) {
                   {"wall_seconds", report.wall_seconds},
                   {"peak_rss_bytes", report.peak_rss_bytes},
                   {"stages", stages}};
+  if (report.coordination) summary["coordinator"] = coordination_json(*report.coordination, report.timeline);
   if (report.timeline) summary["timeline"] = timeline_json(*report.timeline, report.work);
   return summary;
 }
@@ -238,6 +286,7 @@ std::string in_words(const Report& report, const std::string& folder) {
     text += in_words(robot);
     if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
+  if (report.coordination) text += in_words(*report.coordination, report.timeline);
   for (const FusionReport& edge : report.edges)
     for (const Verdict& verdict : edge.verdicts) text += "edge " + edge.tier.str() + ": " + in_words(verdict) + "\n";
   for (const Verdict& verdict : report.team.verdicts) text += report.team.tier.str() + ": " + in_words(verdict) + "\n";

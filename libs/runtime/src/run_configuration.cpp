@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/nearest_name.h>
+#include <mapweave/scheduling/latency_model.h>
 
 #include <algorithm>
 #include <cctype>
@@ -52,18 +53,31 @@ void expect_listed(const std::string& edge, const std::vector<EdgeEntry>& edges,
               nearest ? "did you mean '" + *nearest + "'?" : "list it: edges: [{id: " + edge + "}]");
 }
 
+// Throws Error kBadInput for a name that is none of them.
+void expect_known(const std::string& name, const std::vector<std::string>& known, const std::string& what, const std::string& where,
+                  const std::string& remedy) {
+  if (std::find(known.begin(), known.end(), name) != known.end()) return;
+  const auto nearest = nearest_name(name, known);
+  throw Error(ErrorCode::kBadInput, what + " '" + name + "', which there is not", where,
+              nearest ? "did you mean '" + *nearest + "'?" : remedy);
+}
+
+std::vector<std::string> names_of(const std::vector<PlannedRobot>& robots) {
+  std::vector<std::string> names;
+  for (const PlannedRobot& robot : robots) names.push_back(robot.id.str());
+  return names;
+}
+std::vector<std::string> names_of(const std::vector<TierId>& edges) {
+  std::vector<std::string> names;
+  for (const TierId& edge : edges) names.push_back(edge.str());
+  return names;
+}
+
 // Wires between those that there are, with traces by their full paths.
 NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Origins& origins) {
-  std::vector<std::string> senders, hearers;
-  for (const PlannedRobot& robot : plan.robots) senders.push_back(robot.id.str());
-  for (const TierId& edge : plan.edges) senders.push_back(edge.str()), hearers.push_back(edge.str());
-  hearers.push_back(cloud_tier().str());
-  const auto expect_known = [&](const std::string& name, const std::vector<std::string>& known, const std::string& where) {
-    if (std::find(known.begin(), known.end(), name) != known.end()) return;
-    const auto nearest = nearest_name(name, known);
-    throw Error(ErrorCode::kBadInput, "a wire of '" + name + "', which there is not", origins.place_of(where),
-                nearest ? "did you mean '" + *nearest + "'?" : "name a robot or an edge of this run");
-  };
+  std::vector<std::string> all = names_of(plan.robots);
+  for (const std::string& edge : names_of(plan.edges)) all.push_back(edge);
+  all.push_back(cloud_tier().str());
   const auto locate = [&](transport::LinkOptions& link, const std::string& where) {
     if (link.trace.empty()) return;
     const auto path = std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
@@ -74,11 +88,42 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
   locate(network.edge_cloud, "network.edge_cloud");
   for (std::size_t i = 0; i < network.links.size(); ++i) {
     const std::string where = "network.links." + std::to_string(i);
-    expect_known(network.links[i].from, senders, where + ".from");
-    expect_known(network.links[i].to, hearers, where + ".to");
+    for (const auto& [name, end] : {std::pair(&network.links[i].from, ".from"), std::pair(&network.links[i].to, ".to")})
+      expect_known(*name, all, "a wire of", origins.place_of(where + end), "name a robot or an edge of this run");
     locate(network.links[i], where);
   }
   return network;
+}
+
+// Who joins, coordinates and hears, and whether edges can hold everyone.
+void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, const Origins& origins) {
+  const std::vector<std::string> edges = names_of(plan.edges), robots = names_of(plan.robots);
+  const auto expect_edge = [&](const std::string& name, const std::string& key) {
+    if (!name.empty()) expect_known(name, edges, "an edge", origins.place_of(key), "name an edge of this run, or leave it empty");
+  };
+  expect_edge(configuration.cloud.at, "cloud.at");
+  expect_edge(configuration.coordinator.at, "coordinator.at");
+  for (std::size_t i = 0; i < configuration.cloud.push_to.size(); ++i)
+    expect_known(configuration.cloud.push_to[i], robots, "a robot", origins.place_of("cloud.push_to." + std::to_string(i)),
+                 "name a robot of this run");
+  std::uint64_t room = 0;
+  for (std::size_t i = 0; i < plan.edges.size(); ++i) {
+    const EdgeEntry entry = edge_entry(configuration, plan.edges[i]);
+    room += entry.capacity == 0 ? robots.size() : static_cast<std::uint64_t>(entry.capacity);
+    if (entry.until_s > 0.0 && entry.until_s <= entry.from_s)
+      throw Error(ErrorCode::kBadInput, "edge '" + entry.id + "' goes before it comes", origins.place_of("edges"),
+                  "let until_s be later than from_s, or 0 where it stays");
+    if (configuration.coordinator.method != Coordination::none) continue;
+    std::uint64_t robots_there = 0;
+    for (const PlannedRobot& robot : plan.robots) robots_there += robot.edge == plan.edges[i];
+    if (entry.capacity > 0 && robots_there > static_cast<std::uint64_t>(entry.capacity))
+      throw Error(ErrorCode::kBadInput,
+                  "edge '" + entry.id + "' takes " + std::to_string(entry.capacity) + " robots, and " + std::to_string(robots_there) + " use it",
+                  origins.place_of("edges"), "raise its capacity, or let a coordinator place robots: coordinator: {method: default}");
+  }
+  if (room < robots.size())
+    throw Error(ErrorCode::kBadInput, "the edges' capacities hold " + std::to_string(room) + " of " + std::to_string(robots.size()) + " robots",
+                origins.place_of("edges"), "raise capacities, or add an edge");
 }
 
 }  // namespace
@@ -117,26 +162,50 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   std::sort(plan.robots.begin(), plan.robots.end(), [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
 
   const std::vector<std::string> edges = edge_names(configuration, origins);
+  const bool is_coordinated = configuration.coordinator.method != Coordination::none;
   std::size_t turn = 0;
   std::set<TierId> used;
   for (PlannedRobot& robot : plan.robots) {
-    if (robot.edge.empty()) robot.edge = TierId(edges[turn++ % edges.size()]);
+    if (robot.edge.empty() && !is_coordinated) robot.edge = TierId(edges[turn++ % edges.size()]);
     used.insert(robot.edge);
   }
+  if (is_coordinated) used = std::set<TierId>();
+  for (const std::string& edge : edges)
+    if (is_coordinated) used.insert(TierId(edge));
   for (std::size_t i = 0; i < configuration.edges.size(); ++i)
     if (used.count(TierId(configuration.edges[i].id)) == 0)
       throw Error(ErrorCode::kBadInput, "no robot uses edge '" + configuration.edges[i].id + "'", origins.place_of(key("edges", i, "id")),
                   "remove it, or give it a robot: {id: ..., log: ..., edge: " + configuration.edges[i].id + "}");
   plan.edges.assign(used.begin(), used.end());
   plan.network = network_of(configuration.network, plan, origins);
+  expect_tiers(configuration, plan, origins);
+  if (is_coordinated && !configuration.coordinator.model.empty()) {
+    const std::string where = "coordinator.model";
+    plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model).lexically_normal();
+    scheduling::read_model(plan.model);  // says now what is wrong with it
+  }
   return plan;
 }
 
+EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) {
+  for (const EdgeEntry& entry : configuration.edges)
+    if (entry.id == edge.str()) return entry;
+  EdgeEntry entry;
+  entry.id = edge.str();
+  return entry;
+}
+
 RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
+  std::map<std::string, std::vector<RoutePoint>> routes;
+  for (const RobotEntry& robot : configuration.robots) routes[robot.id.empty() ? name_of_file(robot.log) : robot.id] = robot.route;
   configuration.robots.clear();
-  configuration.edges.clear();
+  for (const PlannedRobot& robot : plan.robots)
+    configuration.robots.push_back({robot.id.str(), robot.log.string(), robot.edge.str(), routes[robot.id.str()]});
+  std::vector<EdgeEntry> edges;
+  for (const TierId& edge : plan.edges) edges.push_back(edge_entry(configuration, edge));
+  configuration.edges = std::move(edges);
   configuration.network = plan.network;
-  for (const PlannedRobot& robot : plan.robots) configuration.robots.push_back({robot.id.str(), robot.log.string(), robot.edge.str()});
+  configuration.coordinator.model = plan.model.string();
   return configuration;
 }
 

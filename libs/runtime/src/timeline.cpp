@@ -15,67 +15,86 @@ constexpr const char* kCloud = "cloud";
 // The wires of a run, each made when it is first used.
 class Wires {
  public:
-  Wires(const NetworkOptions& network, std::uint64_t seed) : network_(network), seed_(seed) {}
+  explicit Wires(const TimelineOptions& options) : options_(options) {}
 
   double send(const std::string& from, const std::string& to, const transport::LinkOptions& otherwise, double at_s, std::uint64_t bytes) {
-    const auto known = wires_.find({from, to});
-    if (known != wires_.end()) return known->second.send(at_s, bytes);
-    const auto named = std::find_if(network_.links.begin(), network_.links.end(),
-                                    [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
-    const transport::LinkOptions& options = named != network_.links.end() ? *named : otherwise;
-    std::uint64_t seed = seed_;  // one of its own for each wire
-    for (const char letter : from + ">" + to) seed = mixed(seed ^ static_cast<unsigned char>(letter));
-    return wires_.emplace(std::make_pair(from, to), transport::Link(options, seed)).first->second.send(at_s, bytes);
+    auto known = wires_.find({from, to});
+    if (known == wires_.end()) {
+      std::uint64_t seed = options_.seed;  // one of its own for each wire
+      for (const char letter : from + ">" + to) seed = mixed(seed ^ static_cast<unsigned char>(letter));
+      known = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(options_.network, from, to, otherwise), seed)).first;
+    }
+    return known->second.send(options_.recorded_s + at_s, bytes) - options_.recorded_s;
   }
 
  private:
-  const NetworkOptions& network_;
-  std::uint64_t seed_;
+  const TimelineOptions& options_;
   std::map<std::pair<std::string, std::string>, transport::Link> wires_;
 };
 
 }  // namespace
 
-Timeline timeline(Mode mode, const Work& work, const NetworkOptions& network, const ProcessorOptions& processors, std::uint64_t seed) {
-  Wires wires(network, seed);
+const transport::LinkOptions& wire_between(const NetworkOptions& network, const std::string& from, const std::string& to,
+                                           const transport::LinkOptions& otherwise) {
+  const auto named =
+      std::find_if(network.links.begin(), network.links.end(), [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
+  return named != network.links.end() ? *named : otherwise;
+}
+
+Timeline timeline(const TimelineOptions& options, const Work& work) {
+  const NetworkOptions& network = options.network;
+  const ProcessorOptions& processors = options.processors;
+  const std::string cloud = options.cloud.at.empty() ? kCloud : options.cloud.at;
+  std::map<TierId, double> speed;  // of edges
+  for (const EdgeWork& edge : work.edges) speed[edge.id] = processors.edge * edge.speed;
+  const auto speed_of = [&](const TierId& edge) { return speed.count(edge) != 0 ? speed.at(edge) : processors.edge; };
+  Wires wires(options);
   Timeline result;
-  result.mode = mode;
+  result.mode = options.mode;
   std::map<TierId, double> ready_s;
   double all_there_s = 0.0;
   for (const RobotWork& robot : work.robots) {
     Timeline::Robot line{robot.id, robot.edge};
     const std::string id = robot.id.str(), edge = robot.edge.str();
+    const bool is_alone = edge.empty() || options.mode == Mode::cloud_only;
     double busy_s = 0.0;
-    if (mode == Mode::offload) {
+    if (options.mode == Mode::offload && !is_alone) {
       line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / processors.robot;
       line.arrived_s = wires.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes);
-      line.mapped_s = line.arrived_s + robot.mapping_s / processors.edge;
+      line.mapped_s = line.arrived_s + robot.mapping_s / speed_of(robot.edge);
     } else {
       line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot;
-      line.arrived_s = mode == Mode::onboard ? wires.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes)
-                                             : wires.send(id, kCloud, network.robot_cloud, line.mapped_s, robot.map_bytes);
+      if (is_alone)
+        line.arrived_s = wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge, line.mapped_s, robot.map_bytes);
+      else
+        line.arrived_s = wires.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes);
     }
     if (robot.log_s > 0.0) line.load = busy_s / robot.log_s;
     const double there_s = std::max(line.arrived_s, line.mapped_s);
-    ready_s[robot.edge] = std::max(ready_s[robot.edge], there_s);
-    if (mode == Mode::cloud_only) all_there_s = std::max(all_there_s, there_s);
+    if (is_alone)
+      all_there_s = std::max(all_there_s, there_s);
+    else
+      ready_s[robot.edge] = std::max(ready_s[robot.edge], there_s);
     result.robots.push_back(line);
   }
   for (const EdgeWork& edge : work.edges) {
     Timeline::Edge line{edge.id, ready_s[edge.id]};
-    line.fused_s = line.ready_s + edge.fusing_s / processors.edge;
-    line.arrived_s = wires.send(edge.id.str(), kCloud, network.edge_cloud, line.fused_s, edge.bytes);
+    line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
+    line.arrived_s = edge.id.str() == cloud ? line.fused_s : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s, edge.bytes);
     all_there_s = std::max(all_there_s, line.arrived_s);
     result.edges.push_back(line);
   }
-  result.total_s = all_there_s + work.fusing_s / processors.cloud;
+  result.total_s = all_there_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud : speed_of(TierId(cloud)));
+  for (const PushWork& push : work.pushes)
+    result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
+                                                    result.total_s, push.bytes)});
   return result;
 }
 
 nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work) {
   using Json = nlohmann::ordered_json;
   static constexpr const char* kModes[] = {"offload", "onboard", "cloud-only"};
-  Json robots = Json::array(), edges = Json::array();
+  Json robots = Json::array(), edges = Json::array(), pushes = Json::array();
   for (std::size_t i = 0; i < timeline.robots.size(); ++i) {
     const Timeline::Robot& line = timeline.robots[i];
     const RobotWork& done = work.robots.at(i);
@@ -85,6 +104,8 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                       {"seeing_cpu_seconds", done.seeing_s},
                       {"sensed_bytes", done.sensed_bytes},
                       {"map_bytes", done.map_bytes},
+                      {"repeated_cpu_seconds", done.repeated_s},
+                      {"repeated_bytes", done.repeated_bytes},
                       {"packed_seconds", line.packed_s},
                       {"arrived_seconds", line.arrived_s},
                       {"mapped_seconds", line.mapped_s},
@@ -99,11 +120,16 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                      {"fused_seconds", line.fused_s},
                      {"arrived_seconds", line.arrived_s}});
   }
+  for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
+    pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
+                      {"bytes", work.pushes.at(i).bytes},
+                      {"arrived_seconds", timeline.pushes[i].arrived_s}});
   return {{"mode", kModes[static_cast<int>(timeline.mode)]},
           {"robots", robots},
           {"edges", edges},
           {"cloud", {{"fusing_cpu_seconds", work.fusing_s}}},
-          {"total_seconds", timeline.total_s}};
+          {"total_seconds", timeline.total_s},
+          {"pushes", pushes}};
 }
 
 }  // namespace mapweave::runtime

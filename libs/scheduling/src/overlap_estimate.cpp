@@ -47,6 +47,15 @@ int distance(const MapSummary::Look& a, const MapSummary::Look& b) {
   return sum;
 }
 
+// What a knows and b does not.
+std::size_t unlike_cells(const MapSummary& a, const MapSummary& b) {
+  std::size_t count = 0;
+  for (std::int32_t row = a.bottom; row < a.bottom + a.rows; ++row)
+    for (std::int32_t column = a.left; column < a.left + a.columns; ++column)
+      count += a.at(column, row) != Cell::unknown && b.at(column, row) == Cell::unknown;
+  return count;
+}
+
 struct Guess {
   int score;
   Pose2 a_from_b;
@@ -138,15 +147,13 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
 }
 
 void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {
-  const std::size_t known = summary.known();
-  if (known == 0) return remove(robot);
+  if (summary.known() == 0) return remove(robot);
   Entry& entry = maps_[robot];
   constexpr double kChanged = 0.1;
-  if (entry.summary.is_in_team_frame != summary.is_in_team_frame ||
-      std::abs(static_cast<double>(known) - static_cast<double>(entry.compared_known)) > kChanged * static_cast<double>(entry.compared_known))
-    entry.is_stale = true;
+  entry.is_stale = entry.is_stale || entry.compared.is_in_team_frame != summary.is_in_team_frame ||
+                   static_cast<double>(unlike_cells(entry.compared, summary) + unlike_cells(summary, entry.compared)) >
+                       kChanged * static_cast<double>(entry.compared.known());
   entry.summary = std::move(summary);
-  entry.known = known;
 }
 
 // Up to a few dozen maps all pairs; of more, for each map those that share most words. A word is how many walls stand near, farther and far.
@@ -224,7 +231,7 @@ std::vector<OverlapEstimator::Overlap> OverlapEstimator::overlaps() {
   }
   degrees_ = std::move(degrees);
   for (auto& [robot, entry] : maps_)
-    if (entry.is_stale) entry.is_stale = false, entry.compared_known = entry.known;
+    if (entry.is_stale) entry.is_stale = false, entry.compared = entry.summary;
   return shared;
 }
 

@@ -4,6 +4,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/runtime/timeline.h>
+#include <mapweave/tiers/coordinator.h>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -65,6 +66,15 @@ struct StageReport {
   double seconds = 0.0;
 };
 
+// What the coordinator of a run decided.
+struct CoordinationReport {
+  std::string method, at;  // "default", "cloud"
+  std::vector<tiers::CoordinatorDecision> decisions;
+  std::uint64_t summary_bytes = 0;  // of what it heard of maps
+  double cpu_seconds = 0.0;
+  double recorded_s = 0.0;  // of data, until the last log ended
+};
+
 struct Report {
   std::vector<RobotReport> robots;  // by id
   std::vector<FusionReport> edges;  // by id
@@ -72,6 +82,7 @@ struct Report {
   std::vector<StageReport> stages;
   Work work;                         // run
   std::optional<Timeline> timeline;  // run; none where it was interrupted
+  std::optional<CoordinationReport> coordination;
   std::vector<std::string> notes;    // for people: maps renamed, maps too large to draw
   std::string picture;               // the one to look at first, within the folder; may be empty
   bool interrupted = false;

@@ -4,6 +4,7 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/runtime/camera_task.h>
+#include <mapweave/runtime/laser_task.h>
 #include <mapweave/runtime/manifest.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -24,8 +25,8 @@ struct RobotResult {
 
 // Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. A log that
 // cannot be read and an engine that cannot start are trouble too. Throws Error(kInterrupted) alone: after a signal, or when `give_up`
-// becomes true. `cameras`: where they were mapped together with those of others already.
+// becomes true. `laser`, `cameras`: where they were mapped together with those of others already.
 RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, bool keep_going, const std::atomic<bool>& give_up, Progress&,
-                      std::optional<CamerasOutcome> cameras = std::nullopt);
+                      std::optional<LaserOutcome> laser = std::nullopt, std::optional<CamerasOutcome> cameras = std::nullopt);
 
 }  // namespace mapweave::runtime

@@ -23,13 +23,24 @@
 
 namespace mapweave::runtime {
 
+struct RoutePoint {
+  double x_m = 0.0, y_m = 0.0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("x_m", x_m, -1e6, 1e6, "in a frame that all robots share");
+    v.number("y_m", y_m, -1e6, 1e6, "in a frame that all robots share");
+  }
+};
+
 struct RobotEntry {
   std::string id, log, edge;
+  std::vector<RoutePoint> route;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
     v.text("log", log, "its log, or a folder of pictures; relative to this file");
-    v.text("edge", edge, "the edge that maps it; empty: the edges in turn");
+    v.text("edge", edge, "the edge that maps it, with a coordinator at first; empty: as the coordinator decides, else the edges in turn");
+    v.list("route", route, "the way that it is going to drive, for the coordinator to know before there is a map");
   }
 };
 
@@ -48,9 +59,41 @@ struct VisualOptions {
 
 struct EdgeEntry {
   std::string id;
+  double speed = 1.0, from_s = 0.0, until_s = 0.0;
+  int capacity = 0;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the edge's name");
+    v.positive("speed", speed, "of its processor, relative to processors.edge");
+    v.integer("capacity", capacity, 0, 1000000, "most robots; 0: any number");
+    v.non_negative("from_s", from_s, "it is there from then on, in seconds of data (with a coordinator)");
+    v.non_negative("until_s", until_s, "it goes then, with all that it holds; 0: it stays (with a coordinator)");
+  }
+};
+
+// Which robot to which edge, in `run`.
+enum class Coordination { none, standard, recslam, greedy, random, metis, exact };
+
+struct CoordinatorEntry {
+  Coordination method = Coordination::none;
+  std::string at, model;
+  double overlap_period_s = 10.0, hysteresis = 0.1, route_range_m = 6.0;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.choice("method", method,
+             {{"none", Coordination::none},
+              {"default", Coordination::standard},
+              {"recslam", Coordination::recslam},
+              {"greedy", Coordination::greedy},
+              {"random", Coordination::random},
+              {"metis", Coordination::metis},
+              {"exact", Coordination::exact}},
+             "how robots are grouped (mapweave plan); none: edges are as robots name them, or in turn");
+    v.text("at", at, "the edge that coordinates; empty: the cloud");
+    v.text("model", model, "a latency model as mapweave profile writes it; relative to this file; empty: the program's own");
+    v.positive("overlap_period_s", overlap_period_s, "of data, from one look at what maps share to the next");
+    v.fraction("hysteresis", hysteresis, "robots are moved where that saves more than this share of the expected time");
+    v.positive("route_range_m", route_range_m, "how far robots see to both sides of an announced way");
   }
 };
 
@@ -96,6 +139,8 @@ struct RunConfiguration {
   std::uint64_t seed = 1;
   std::vector<RobotEntry> robots;
   std::vector<EdgeEntry> edges;
+  CoordinatorEntry coordinator;
+  CloudEntry cloud;
   Mode mode = Mode::offload;
   NetworkOptions network;
   ProcessorOptions processors;
@@ -116,6 +161,8 @@ struct RunConfiguration {
     v.list("robots", robots, "who recorded what");
     v.list("edges", edges,
            "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
+    v.section("coordinator", coordinator, "which robot to which edge, as maps grow and edges and wires change");
+    v.section("cloud", cloud, "the tier that joins everything");
     v.choice(
         "mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
         "who maps and joins; offload: edges map what robots sensed, and join; onboard: robots map, edges join; cloud-only: robots map, "
@@ -153,17 +200,21 @@ struct PlannedRobot {
   std::filesystem::path log;
 };
 struct RunPlan {
-  std::vector<PlannedRobot> robots;  // by id
-  std::vector<TierId> edges;         // sorted; each has robots
+  std::vector<PlannedRobot> robots;  // by id; without a coordinator each has an edge
+  std::vector<TierId> edges;         // sorted; without a coordinator each has robots
   NetworkOptions network;            // traces by their full paths
+  std::filesystem::path model;       // the coordinator's, in full; may be empty
 };
+
+// What the configuration says of an edge; the defaults where it lists none of this name.
+EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 
 // The tier that fuses everything; no edge is called so.
 TierId cloud_tier();
 
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput
-// for no robots, two with one id, names that cannot be, an edge that no robot uses, a wire between two that are none; kMissing for a robot
-// without a log, a log or a trace that is not there.
+// for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that cannot hold all robots, a wire between two that are
+// none; kMissing for a robot without a log, a log, a trace or a model that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots by id, each with its edge and the full path of its log.

@@ -22,8 +22,8 @@ struct LinkEntry : transport::LinkOptions {
   std::string from, to;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("from", from, "a robot or an edge");
-    v.text("to", to, "an edge, or cloud");
+    v.text("from", from, "a robot or an edge; or cloud, where it tells robots");
+    v.text("to", to, "an edge, or cloud; or a robot that gets the team's map");
     transport::LinkOptions::describe(v);
   }
 };
@@ -34,11 +34,15 @@ struct NetworkOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("robot_edge", robot_edge, "each robot's wire to its edge");
-    v.section("robot_cloud", robot_cloud, "each robot's wire to the cloud (mode cloud-only)");
+    v.section("robot_cloud", robot_cloud, "each robot's wire to the cloud (mode cloud-only, robots without an edge), and back");
     v.section("edge_cloud", edge_cloud, "each edge's wire to the cloud");
     v.list("links", links, "wires that are otherwise");
   }
 };
+
+// The wire that is named, else the common one.
+const transport::LinkOptions& wire_between(const NetworkOptions&, const std::string& from, const std::string& to,
+                                           const transport::LinkOptions& otherwise);
 
 // One core of each, in cores of this machine. What is known of others: libs/runtime/README.md.
 struct ProcessorOptions {
@@ -51,6 +55,17 @@ struct ProcessorOptions {
   }
 };
 
+// Where everything is joined, and who hears of it.
+struct CloudEntry {
+  std::string at;
+  std::vector<std::string> push_to;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.text("at", at, "the edge that joins everything where there is no cloud; empty: a cloud");
+    v.texts("push_to", push_to, "robots that get the team's map");
+  }
+};
+
 // What was done, in seconds of one core of this machine, and what was told.
 struct RobotWork {
   RobotId id;
@@ -59,16 +74,25 @@ struct RobotWork {
   double packing_s = 0.0, mapping_s = 0.0;  // of its laser; mapping: with the unpacking of what was sensed
   double seeing_s = 0.0;                    // its cameras' clients, which run on the robot in every mode
   std::uint64_t sensed_bytes = 0, map_bytes = 0;
+  // Of what its edge had mapped, mapped again on another one, from the beginning: no part of the timeline.
+  double repeated_s = 0.0;
+  std::uint64_t repeated_bytes = 0;
 };
 struct EdgeWork {
   TierId id;
   double fusing_s = 0.0;
   std::uint64_t bytes = 0;  // for the cloud
+  double speed = 1.0;       // relative to ProcessorOptions::edge
+};
+struct PushWork {
+  RobotId robot;
+  std::uint64_t bytes = 0;  // of the team's map
 };
 struct Work {
   std::vector<RobotWork> robots;  // by id
   std::vector<EdgeWork> edges;    // by id; of cloud_only none
   double fusing_s = 0.0;          // in the cloud
+  std::vector<PushWork> pushes;
 };
 
 // All in seconds since the recordings ended.
@@ -83,14 +107,28 @@ struct Timeline {
     TierId id;
     double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there
   };
+  struct Push {
+    RobotId robot;
+    double arrived_s = 0.0;
+  };
   Mode mode = Mode::offload;
   std::vector<Robot> robots;
   std::vector<Edge> edges;
   double total_s = 0.0;  // t_c
+  std::vector<Push> pushes;
 };
 
-// Throws what reading a link's trace throws.
-Timeline timeline(Mode, const Work&, const NetworkOptions&, const ProcessorOptions&, std::uint64_t seed);
+struct TimelineOptions {
+  Mode mode = Mode::offload;
+  NetworkOptions network;
+  ProcessorOptions processors;
+  CloudEntry cloud;
+  double recorded_s = 0.0;  // how long the wires have been there when the recordings end; traces begin with them
+  std::uint64_t seed = 1;
+};
+
+// Robots without an edge map on board and tell the cloud, in every mode. Throws what reading a link's trace throws.
+Timeline timeline(const TimelineOptions&, const Work&);
 
 nlohmann::ordered_json timeline_json(const Timeline&, const Work&);
 

@@ -49,8 +49,7 @@ class OverlapEstimator {
 
  private:
   struct Entry {
-    MapSummary summary;
-    std::size_t known = 0, compared_known = 0;  // cells; when it was compared last
+    MapSummary summary, compared;  // as it is; as it was when it was compared last
     bool is_stale = true;
   };
   std::vector<std::pair<RobotId, RobotId>> candidates() const;

@@ -26,6 +26,8 @@ class RobotSlam {
   // The outcome, once: at the end of the stream, or where the engine failed. What comes after it, and what came before, is ignored; a
   // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
   std::optional<RobotOutcome> step(Sensed);
+  // Empty after the outcome, and where the engine shows none before its end.
+  Map map_so_far() const { return mapper_ != nullptr && anything_ ? mapper_->snapshot() : Map(); }
 
  private:
   std::optional<RobotOutcome> act(Sensed);

@@ -68,6 +68,7 @@ class Link {
 
   // When the last byte arrives of a message that is handed over at a time, which is never earlier than that of the last.
   double send(double at_s, std::size_t bytes);
+  LinkState state_at(double at_s) const { return span_at(at_s).state; }
 
  private:
   struct Span {

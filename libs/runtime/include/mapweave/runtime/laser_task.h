@@ -1,0 +1,47 @@
+#pragma once
+// One robot's laser from its log to its map, a moment at a time: the log's reader, the robot's agent and its SLAM instance, wired in one
+// thread.
+
+#include <mapweave/core/progress.h>
+#include <mapweave/runtime/run_configuration.h>
+#include <mapweave/tiers/robot_slam.h>
+
+#include <atomic>
+#include <memory>
+#include <optional>
+
+namespace mapweave::runtime {
+
+struct LaserOutcome {
+  tiers::RobotOutcome outcome;
+  RobotWork work;  // packing_s, mapping_s, sensed_bytes, repeated_s, repeated_bytes
+  std::uint64_t scans = 0;
+  double log_seconds = 0.0;  // of data
+  double cpu_seconds = 0.0;  // the helper's left out
+};
+
+// Not thread-safe, but each call may come from another thread.
+class LaserTask {
+ public:
+  // `may_move`: what the robot sensed is kept, as it went over the wire, until finish().
+  LaserTask(const PlannedRobot&, const RunConfiguration&, bool keep_going, bool may_move, Progress&);
+  ~LaserTask();
+  LaserTask(LaserTask&&) noexcept;
+
+  std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
+  // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Error(kInterrupted) alone: after a
+  // signal, or when `give_up` becomes true.
+  void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
+  // Another edge maps from now on: it hears all that was sensed, from the beginning. Nothing happens where the robot maps itself.
+  void move();
+  const std::optional<Error>& trouble() const;
+  std::uint64_t scans() const;
+  Map map_so_far() const;  // empty where the engine shows none before its end
+  LaserOutcome finish();   // once
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace mapweave::runtime

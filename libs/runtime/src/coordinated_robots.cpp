@@ -1,0 +1,158 @@
+#include "coordinated_robots.h"
+
+#include <mapweave/core/stopwatch.h>
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/runtime/sensor_choice.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace mapweave::runtime {
+namespace {
+
+// In cores of this machine, as the configuration has the tiers.
+scheduling::LatencyModel model_of(const RunConfiguration& configuration, const std::filesystem::path& file) {
+  scheduling::LatencyModel model = file.empty() ? scheduling::LatencyModel() : scheduling::read_model(file);
+  const ProcessorOptions& processors = configuration.processors;
+  const double cloud_speed = configuration.cloud.at.empty()
+                                 ? processors.cloud
+                                 : processors.edge * edge_entry(configuration, TierId(configuration.cloud.at)).speed;
+  model.pack_s_per_scan /= processors.robot;
+  model.cloud_fusion = model.cloud_fusion.at_speed(cloud_speed);
+  return model;
+}
+
+tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, const RunPlan& plan) {
+  tiers::CoordinatorOptions options;
+  const auto method = static_cast<int>(configuration.coordinator.method) - static_cast<int>(Coordination::standard);
+  options.plan.method = static_cast<scheduling::PlanMethod>(method);
+  options.plan.seed = configuration.seed;
+  options.plan.model = model_of(configuration, plan.model);
+  options.hysteresis = configuration.coordinator.hysteresis;
+  return options;
+}
+static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordination::standard) ==
+                  static_cast<int>(scheduling::PlanMethod::exact),
+              "methods of a run are those of a plan");
+
+constexpr double kAnyBytesPerS = 1e12;  // of a wire without a bound
+double bytes_per_s(const transport::LinkState& wire) { return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS; }
+
+}  // namespace
+
+CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunPlan& plan)
+    : configuration_(configuration), plan_(plan), coordinator_(options_of(configuration, plan)) {
+  report_.method = scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
+  report_.at = configuration.coordinator.at.empty() ? "cloud" : configuration.coordinator.at;
+  for (const PlannedRobot& robot : plan.robots) {
+    std::vector<scheduling::Waypoint> route;
+    for (const RobotEntry& entry : configuration.robots)
+      if ((entry.id.empty() ? name_of_file(entry.log) : entry.id) == robot.id.str())
+        for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
+    coordinator_.hear(tiers::RobotComes{
+        robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, configuration.coordinator.route_range_m)), robot.edge});
+  }
+  hear_edges_and_wires(0.0);
+  decide(0.0);
+}
+
+void CoordinatedRobots::hear_edges_and_wires(double now_s) {
+  const NetworkOptions& network = plan_.network;
+  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkOptions& otherwise) {
+    auto wire = wires_.find({from, to});
+    if (wire == wires_.end())
+      wire = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(network, from, to, otherwise), 0)).first;
+    return wire->second.state_at(now_s);
+  };
+  const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;
+  for (const TierId& id : plan_.edges) {
+    const EdgeEntry entry = edge_entry(configuration_, id);
+    if (now_s < entry.from_s || (entry.until_s > 0.0 && now_s >= entry.until_s)) {
+      coordinator_.hear(tiers::EdgeGoes{id});
+      continue;
+    }
+    scheduling::EdgeResources resources{id};
+    resources.speed = configuration_.processors.edge * entry.speed;
+    resources.bandwidth_bytes_per_s = id.str() == cloud ? kAnyBytesPerS : bytes_per_s(state(id.str(), cloud, network.edge_cloud));
+    if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
+    coordinator_.hear(tiers::EdgeIs{resources});
+    for (const PlannedRobot& robot : plan_.robots) {
+      const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
+      coordinator_.hear(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
+    }
+  }
+}
+
+bool CoordinatedRobots::decide(double now_s) {
+  const double before_s = thread_cpu_seconds();
+  std::optional<tiers::CoordinatorDecision> decision = coordinator_.decide(now_s);
+  report_.cpu_seconds += thread_cpu_seconds() - before_s;
+  if (!decision) return false;
+  for (PlannedRobot& robot : plan_.robots) robot.edge = coordinator_.edge_of().at(robot.id);
+  report_.decisions.push_back(std::move(*decision));
+  return true;
+}
+
+void CoordinatedRobots::decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool& pool) {
+  if (!decide(now_s)) return;
+  const auto& moves = report_.decisions.back().moves;
+  pool.for_each(moves.size(), [&](std::size_t i) {
+    const auto task = tasks.find(moves[i].robot);
+    if (task != tasks.end()) task->second.move();
+  });
+}
+
+std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, WorkerPool& pool, Progress& progress) {
+  std::map<RobotId, LaserTask> tasks;
+  std::vector<LaserTask*> all;
+  std::vector<RobotId> names;
+  for (const PlannedRobot& robot : plan_.robots) {
+    try {
+      if (!choose_sensors(robot.log, configuration_).laser) continue;
+    } catch (const Error& error) {
+      if (error.code() == ErrorCode::kInterrupted) throw;
+      continue;  // is told where the robot is mapped
+    }
+    all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);
+    names.push_back(robot.id);
+  }
+  const std::atomic<bool> give_up{false};
+  const auto expect_no_trouble = [&] {
+    for (const LaserTask* task : all)
+      if (task->trouble() && !keep_going && task->trouble()->code() != ErrorCode::kHelperFailed) throw *task->trouble();
+  };
+  expect_no_trouble();
+  const double period_s = configuration_.coordinator.overlap_period_s;
+  double now_s = 0.0;
+  for (std::optional<Stamp> moment;;) {
+    std::optional<Stamp> earliest;
+    for (const LaserTask* task : all)
+      if (const auto next = task->next(); next && (!earliest || *next < *earliest)) earliest = next;
+    if (!earliest) break;
+    if (!moment || *moment < *earliest) moment = earliest;  // nothing happens in between
+    moment->ns += static_cast<std::int64_t>(1e9 * period_s);
+    std::vector<std::string> reports = pool.map(all.size(), [&](std::size_t i) {
+      if (!all[i]->next()) return std::string();
+      all[i]->advance(moment, give_up);
+      return encode(MapReport{names[i], all[i]->scans(), scheduling::summary_of(all[i]->map_so_far())});
+    });
+    expect_no_trouble();
+    now_s += period_s;
+    for (std::size_t i = 0; i < reports.size(); ++i) {
+      if (reports[i].empty()) continue;
+      MapReport report = decode_map_report(reports[i], "the report of robot " + names[i].str());
+      report_.summary_bytes += reports[i].size();
+      coordinator_.hear(tiers::RobotReports{report.robot, report.scans, std::move(report.summary)});
+      if (!all[i]->next()) coordinator_.hear(tiers::RobotGoes{names[i]});
+    }
+    hear_edges_and_wires(now_s);
+    decide(now_s, tasks, pool);
+  }
+  report_.recorded_s = now_s;
+  std::vector<LaserOutcome> finished = pool.map(all.size(), [&](std::size_t i) { return all[i]->finish(); });
+  std::map<RobotId, LaserOutcome> outcomes;
+  for (std::size_t i = 0; i < all.size(); ++i) outcomes.emplace(names[i], std::move(finished[i]));
+  return outcomes;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,151 @@
+#include <mapweave/core/interrupt.h>
+#include <mapweave/core/log.h>
+#include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/runtime/laser_task.h>
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/tiers/robot_agent.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct LaserTask::State {
+  PlannedRobot robot;
+  const RunConfiguration& configuration;
+  Progress& progress;
+  bool keep_going, is_remote, may_move;
+  tiers::RobotAgent agent;
+  std::optional<tiers::RobotSlam> slam;
+  std::unique_ptr<rawlog::ObservationStream> log;
+  std::optional<rawlog::Record> next;
+  std::optional<ProgressTask> task;
+  std::vector<std::string> sensed;  // kept for another edge
+  RobotWork work;
+  double cpu_seconds = 0.0;
+  std::optional<tiers::RobotOutcome> outcome;
+  std::optional<Error> trouble;
+
+  State(const PlannedRobot& planned, const RunConfiguration& options, Progress& shown, bool lives_with_trouble, bool moves)
+      : robot(planned),
+        configuration(options),
+        progress(shown),
+        keep_going(lives_with_trouble),
+        is_remote(options.mode == Mode::offload),
+        may_move(moves && is_remote),
+        agent(planned.id, options.laser.scan, planned.log.string()) {}
+
+  // Whatever goes wrong ends the stream; an interruption is thrown.
+  template <class Work>
+  void guarded(Work&& do_it) {
+    const double before_s = thread_cpu_seconds();
+    try {
+      do_it();
+    } catch (const Error& error) {
+      if (error.code() == ErrorCode::kInterrupted) throw;
+      trouble = error;
+      next.reset();
+    }
+    cpu_seconds += thread_cpu_seconds() - before_s;
+  }
+
+  void begin_mapping() {
+    slam.emplace(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+  }
+
+  // From the agent to the instance what it packs, if anything: as bytes where they are not in one place. Counts what that costs.
+  template <class Pack>
+  void carry(Pack&& pack) {
+    const double before_s = thread_cpu_seconds();
+    std::optional<Sensed> message = pack();
+    std::string bytes;
+    if (message && is_remote) bytes = encode(*message);
+    const double packed_s = thread_cpu_seconds();
+    (is_remote ? work.packing_s : work.mapping_s) += packed_s - before_s;
+    work.sensed_bytes += bytes.size();
+    if (!message) return;
+    auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
+    work.mapping_s += thread_cpu_seconds() - packed_s;
+    if (may_move) sensed.push_back(std::move(bytes));
+    if (ended) outcome = std::move(*ended), next.reset();
+  }
+};
+
+LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, bool may_move, Progress& progress)
+    : state_(new State(robot, configuration, progress, keep_going, may_move)) {
+  constexpr std::uint64_t kKilobyte = 1000;
+  state_->guarded([&] {
+    state_->begin_mapping();
+    state_->log = rawlog::open_log(robot.log, configuration.reading);
+    state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
+    state_->next = state_->log->next();
+  });
+}
+LaserTask::~LaserTask() = default;
+LaserTask::LaserTask(LaserTask&&) noexcept = default;
+
+std::optional<Stamp> LaserTask::next() const { return state_->next ? std::optional(state_->next->stamp) : std::nullopt; }
+const std::optional<Error>& LaserTask::trouble() const { return state_->trouble; }
+std::uint64_t LaserTask::scans() const { return state_->agent.scans(); }
+
+void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
+  constexpr std::uint64_t kKilobyte = 1000;
+  State& state = *state_;
+  state.guarded([&] {
+    while (state.next && (!until || state.next->stamp < *until)) {
+      throw_if_interrupted();
+      if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + state.robot.id.str());
+      state.carry([&] { return state.agent.step(*state.next); });
+      state.task->advance(state.log->bytes_read() / kKilobyte);
+      if (!state.outcome) state.next = state.log->next();
+    }
+  });
+}
+
+void LaserTask::move() {
+  State& state = *state_;
+  if (!state.may_move || state.sensed.empty() || state.outcome) return;
+  state.guarded([&] {
+    const double before_s = thread_cpu_seconds();
+    state.begin_mapping();
+    for (const std::string& bytes : state.sensed) {
+      state.work.repeated_bytes += bytes.size();
+      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed"))) state.outcome = std::move(*ended), state.next.reset();
+    }
+    state.work.repeated_s += thread_cpu_seconds() - before_s;
+  });
+}
+
+Map LaserTask::map_so_far() const { return state_->slam && !state_->outcome ? state_->slam->map_so_far() : Map(); }
+
+LaserOutcome LaserTask::finish() {
+  State& state = *state_;
+  state.task.reset(), state.log.reset();
+  LaserOutcome result;
+  if (!state.slam || (state.trouble && !state.keep_going)) {
+    state.outcome = {state.robot.id, std::nullopt, state.trouble};
+  } else if (!state.outcome) {
+    state.progress.say("robot " + state.robot.id.str() + ": " + std::to_string(state.agent.scans()) +
+                       " scans read; now the end of the mapping");
+    std::optional<Error> trouble = std::exchange(state.trouble, std::nullopt);
+    state.guarded([&] { state.carry([&] { return std::optional(state.agent.end(std::move(trouble))); }); });
+    if (!state.outcome) state.outcome = {state.robot.id, std::nullopt, state.trouble};
+  }
+  result.outcome = std::move(*state.outcome);
+  result.work = state.work;
+  result.work.mapping_s += result.outcome.helper_cpu_seconds;
+  result.scans = state.agent.scans();
+  result.log_seconds = state.agent.seconds();
+  result.cpu_seconds = state.cpu_seconds;
+  const laser::ScanPacker& packer = state.agent.packer();
+  for (const auto& [label, count] : packer.ignored_lasers())
+    log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
+                            packer.label() + "' is (choose with --set laser.scan.label=...)");
+  if (packer.unusable() > 0)
+    log(LogLevel::warning,
+        "robot " + state.robot.id.str() + ": " + std::to_string(packer.unusable()) + " records made no sense and were left out");
+  return result;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,101 @@
+#pragma once
+// The coordinator's role (RecSLAM III-D, IV): hears what robots' maps show and what edges and wires are like, and tells which robot's data
+// go to which edge; again when the world changes, where that is worth it, and why. A state machine: no thread, no clock, no file.
+
+#include <mapweave/maps/map_summary.h>
+#include <mapweave/scheduling/overlap_estimate.h>
+#include <mapweave/scheduling/plan.h>
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace mapweave::tiers {
+
+struct CoordinatorOptions {
+  scheduling::PlanOptions plan;
+  double hysteresis = 0.1;  // robots are moved where that saves more than this share of the expected time
+};
+
+// What the coordinator hears.
+struct RobotComes {
+  RobotId robot;
+  std::optional<MapSummary> route;  // announced, before there is a map
+  TierId edge;                      // where it is already; empty: nowhere
+};
+struct RobotReports {
+  RobotId robot;
+  std::uint64_t scans = 0;
+  MapSummary summary;
+};
+struct RobotGoes {  // it senses no more; what it sensed stays where it is, and counts
+  RobotId robot;
+};
+struct EdgeIs {  // new, or changed
+  scheduling::EdgeResources resources;
+};
+struct EdgeGoes {
+  TierId edge;
+};
+struct LinkIs {
+  RobotId robot;
+  TierId edge;
+  scheduling::RobotLink link;
+};
+using CoordinatorEvent = std::variant<RobotComes, RobotReports, RobotGoes, EdgeIs, EdgeGoes, LinkIs>;
+
+// What it decided, and why.
+struct CoordinatorDecision {
+  struct Move {
+    RobotId robot;
+    TierId from, to;  // empty: nowhere; the robot maps on board
+  };
+  double at_s = 0.0;
+  std::vector<std::string> because;  // in words, in the order in which it was heard
+  bool is_new_plan = false;          // else robots stay, but for those that have no edge
+  std::vector<Move> moves;           // by robot
+  std::map<RobotId, TierId> edge_of;
+  // Of t_c (eq. 3) for what was sensed so far: as decided, had everybody stayed (those without an edge put where they cost least), and
+  // what no plan undercuts.
+  double expected_s = 0.0, staying_s = 0.0, lower_bound_s = 0.0;
+  double cut_weight = 0.0, algorithm_s = 0.0;
+};
+
+class Coordinator {
+ public:
+  explicit Coordinator(CoordinatorOptions);
+
+  // Robots and edges that were not named before come first; ContractViolation for a report or a link of one that is unknown.
+  void hear(CoordinatorEvent);
+  // nullopt where nothing was heard since the last decision that could change it. Pure in what was heard, but for algorithm_s. Throws
+  // Error what make_plan throws of a method that cannot do what is asked.
+  std::optional<CoordinatorDecision> decide(double now_s);
+
+  const std::map<RobotId, TierId>& edge_of() const { return edge_of_; }  // empty names: on board
+
+ private:
+  struct Robot {
+    std::optional<std::uint64_t> scans;
+  };
+  struct Candidate {
+    std::vector<std::uint32_t> edge_of;  // by robot of the problem
+    double seconds = 0.0;
+  };
+  scheduling::Problem problem(const std::vector<RobotId>& robots);
+  std::vector<RobotId> those_with_room() const;
+  Candidate staying(const scheduling::Latency&) const;
+  Candidate planned(const scheduling::Latency&, CoordinatorDecision&) const;
+
+  CoordinatorOptions options_;
+  scheduling::OverlapEstimator overlaps_;
+  std::map<RobotId, Robot> robots_;
+  std::map<TierId, scheduling::EdgeResources> edges_;
+  std::map<std::pair<RobotId, TierId>, scheduling::RobotLink> links_;
+  std::map<RobotId, TierId> edge_of_;
+  std::vector<std::string> because_;
+};
+
+}  // namespace mapweave::tiers

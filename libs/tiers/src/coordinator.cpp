@@ -1,0 +1,209 @@
+#include <mapweave/core/error.h>
+#include <mapweave/tiers/coordinator.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+namespace mapweave::tiers {
+namespace {
+
+using scheduling::EdgeResources;
+using scheduling::Groups;
+using scheduling::Latency;
+using scheduling::Problem;
+
+template <class... Handlers>
+struct Overloaded : Handlers... {
+  using Handlers::operator()...;
+};
+template <class... Handlers>
+Overloaded(Handlers...) -> Overloaded<Handlers...>;
+
+bool is_same(const EdgeResources& a, const EdgeResources& b) {
+  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity;
+}
+
+Groups robots_at(const std::vector<std::uint32_t>& edge_of, std::size_t edges) {
+  Groups there(edges);
+  for (std::uint32_t robot = 0; robot < edge_of.size(); ++robot) there[edge_of[robot]].push_back(robot);
+  return there;
+}
+
+bool has_room(const EdgeResources& edge, std::size_t robots) { return !edge.capacity || robots < *edge.capacity; }
+
+}  // namespace
+
+Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(options)) {}
+
+void Coordinator::hear(CoordinatorEvent event) {
+  const auto expect_known = [&](const RobotId& robot) { MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came"); };
+  std::visit(
+      Overloaded{
+          [&](RobotComes& comes) {
+            robots_[comes.robot];
+            edge_of_[comes.robot] = comes.edge;
+            if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
+            because_.push_back("robot " + comes.robot.str() + " comes");
+          },
+          [&](RobotReports& reports) {
+            expect_known(reports.robot);
+            robots_[reports.robot].scans = reports.scans;
+            if (reports.summary.known() > 0) overlaps_.put(reports.robot, std::move(reports.summary));
+            const std::string why = "maps have grown";
+            if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
+          },
+          [&](const RobotGoes& goes) {
+            expect_known(goes.robot);
+            because_.push_back("robot " + goes.robot.str() + " has sensed all");
+          },
+          [&](EdgeIs& edge) {
+            const auto known = edges_.find(edge.resources.id);
+            if (known != edges_.end() && is_same(known->second, edge.resources)) return;
+            because_.push_back("edge " + edge.resources.id.str() + (known == edges_.end() ? " comes" : " is otherwise"));
+            edges_.insert_or_assign(edge.resources.id, edge.resources);
+          },
+          [&](const EdgeGoes& goes) {
+            if (edges_.erase(goes.edge) == 0) return;
+            because_.push_back("edge " + goes.edge.str() + " goes");
+            for (auto& [robot, edge] : edge_of_)
+              if (edge == goes.edge) edge = TierId();
+          },
+          [&](const LinkIs& link) {
+            expect_known(link.robot);
+            const auto key = std::make_pair(link.robot, link.edge);
+            const auto known = links_.find(key);
+            if (known != links_.end() && known->second.bytes_per_s == link.link.bytes_per_s && known->second.delay_s == link.link.delay_s)
+              return;
+            if (known != links_.end()) because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
+            links_.insert_or_assign(key, link.link);
+          }},
+      event);
+}
+
+// Where edges cannot hold everyone, who is on one stays first; the others map on board.
+std::vector<RobotId> Coordinator::those_with_room() const {
+  std::size_t room = 0;
+  for (const auto& [id, edge] : edges_) room += std::min<std::size_t>(robots_.size(), edge.capacity.value_or(robots_.size()));
+  std::vector<RobotId> chosen;
+  for (const bool is_placed : {true, false})
+    for (const auto& [robot, edge] : edge_of_)
+      if (edge.empty() != is_placed && chosen.size() < room) chosen.push_back(robot);
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+Problem Coordinator::problem(const std::vector<RobotId>& robots) {
+  Problem problem;
+  std::map<RobotId, std::uint32_t> index;
+  for (const RobotId& robot : robots) {
+    index[robot] = static_cast<std::uint32_t>(problem.robots.size());
+    problem.robots.push_back(robot);
+    const auto& scans = robots_.at(robot).scans;
+    problem.scans.push_back(scans ? std::optional(static_cast<double>(*scans)) : std::nullopt);
+  }
+  std::vector<scheduling::OverlapLink> shared;
+  for (const auto& [a, b, degree] : overlaps_.overlaps())
+    if (index.count(a) != 0 && index.count(b) != 0) shared.push_back({index[a], index[b], degree});
+  problem.overlaps = scheduling::OverlapGraph(problem.robots.size(), shared);
+  for (const auto& [id, edge] : edges_) {
+    for (const RobotId& robot : robots)
+      if (const auto link = links_.find({robot, id}); link != links_.end())
+        problem.links[{index[robot], static_cast<std::uint32_t>(problem.edges.size())}] = link->second;
+    problem.edges.push_back(edge);
+  }
+  return problem;
+}
+
+// As it is; who has no edge goes where it costs least, among the edges with fewest robots that have room.
+Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
+  const Problem& problem = latency.problem();
+  Groups there(problem.edges.size());
+  std::vector<std::uint32_t> homeless;
+  Candidate result;
+  result.edge_of.resize(problem.robots.size());
+  for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
+    const TierId& at = edge_of_.at(problem.robots[robot]);
+    const auto edge = std::find_if(problem.edges.begin(), problem.edges.end(), [&](const EdgeResources& e) { return e.id == at; });
+    const auto place = static_cast<std::uint32_t>(edge - problem.edges.begin());
+    if (edge == problem.edges.end() || !has_room(*edge, there[place].size()))
+      homeless.push_back(robot);
+    else
+      there[place].push_back(robot), result.edge_of[robot] = place;
+  }
+  for (const std::uint32_t robot : homeless) {
+    std::size_t fewest = std::numeric_limits<std::size_t>::max();
+    for (std::size_t edge = 0; edge < there.size(); ++edge)
+      if (has_room(problem.edges[edge], there[edge].size())) fewest = std::min(fewest, there[edge].size());
+    double least = std::numeric_limits<double>::infinity();
+    std::uint32_t chosen = 0;
+    for (std::uint32_t edge = 0; edge < there.size(); ++edge) {
+      if (there[edge].size() != fewest || !has_room(problem.edges[edge], fewest)) continue;
+      auto with = there[edge];
+      with.insert(std::lower_bound(with.begin(), with.end(), robot), robot);
+      if (const double seconds = latency.edge_seconds(with, edge); seconds < least) least = seconds, chosen = edge;
+    }
+    there[chosen].insert(std::lower_bound(there[chosen].begin(), there[chosen].end(), robot), robot);
+    result.edge_of[robot] = chosen;
+  }
+  result.seconds = latency.total_seconds(there);
+  return result;
+}
+
+// The best plan there is, with edges exchanged between its groups where that costs nothing and moves fewer robots.
+Coordinator::Candidate Coordinator::planned(const Latency& latency, CoordinatorDecision& decision) const {
+  const Problem& problem = latency.problem();
+  const scheduling::Plan plan = make_plan(problem, options_.plan);
+  decision.lower_bound_s = plan.lower_bound_seconds;
+  decision.cut_weight = plan.cut_weight;
+  decision.algorithm_s = plan.algorithm_seconds;
+  Candidate result{plan.edge_of, plan.predicted_seconds};
+  const auto moved = [&](const std::vector<std::uint32_t>& edge_of) {
+    std::size_t count = 0;
+    for (std::size_t robot = 0; robot < edge_of.size(); ++robot)
+      count += problem.edges[edge_of[robot]].id != edge_of_.at(problem.robots[robot]);
+    return count;
+  };
+  constexpr std::uint32_t kMostEdges = 64;  // pairs of more are not tried
+  const auto edges = static_cast<std::uint32_t>(problem.edges.size());
+  for (std::uint32_t a = 0; edges <= kMostEdges && a < edges; ++a)
+    for (std::uint32_t b = a + 1; b < edges; ++b) {
+      std::vector<std::uint32_t> exchanged = result.edge_of;
+      for (std::uint32_t& edge : exchanged) edge = edge == a ? b : edge == b ? a : edge;
+      if (moved(exchanged) >= moved(result.edge_of)) continue;
+      const Groups there = robots_at(exchanged, edges);
+      const auto holds = [&](std::uint32_t edge) { return !problem.edges[edge].capacity || there[edge].size() <= *problem.edges[edge].capacity; };
+      if (!holds(a) || !holds(b)) continue;
+      constexpr double kRounding = 1e-9;
+      if (const double seconds = latency.total_seconds(there); seconds <= result.seconds * (1.0 + kRounding))
+        result = {std::move(exchanged), seconds};
+    }
+  return result;
+}
+
+std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
+  if (because_.empty()) return std::nullopt;
+  CoordinatorDecision decision;
+  decision.at_s = now_s;
+  decision.because = std::exchange(because_, {});
+  std::map<RobotId, TierId> chosen;
+  for (const auto& [robot, edge] : edge_of_) chosen[robot] = TierId();
+  if (const std::vector<RobotId> robots = those_with_room(); !robots.empty()) {
+    const Problem problem = this->problem(robots);
+    const Latency latency(problem, options_.plan.model);
+    const Candidate plan = planned(latency, decision), stay = staying(latency);
+    const bool is_first = std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
+    decision.is_new_plan = is_first || plan.seconds < stay.seconds * (1.0 - options_.hysteresis);
+    decision.staying_s = stay.seconds;
+    const Candidate& taken = decision.is_new_plan ? plan : stay;
+    decision.expected_s = taken.seconds;
+    if (!decision.is_new_plan) decision.cut_weight = scheduling::cut_weight(problem.overlaps, taken.edge_of);
+    for (std::size_t robot = 0; robot < robots.size(); ++robot) chosen[robots[robot]] = problem.edges[taken.edge_of[robot]].id;
+  }
+  for (const auto& [robot, edge] : chosen)
+    if (edge_of_.at(robot) != edge) decision.moves.push_back({robot, edge_of_.at(robot), edge});
+  edge_of_ = decision.edge_of = std::move(chosen);
+  return decision;
+}
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,147 @@
+#include <mapweave/core/error.h>
+#include <mapweave/tiers/coordinator.h>
+
+#include <gmock/gmock.h>
+
+namespace mapweave::tiers {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+MapSummary corridor(double from_x, double to_x) { return scheduling::summary_of_route({{from_x, 0.0}, {to_x, 0.0}}, 3.0); }
+
+EdgeIs edge(const char* id, double bytes_per_s = 1e6, std::optional<std::uint32_t> capacity = {}) {
+  return {{TierId(id), bytes_per_s, 1.0, capacity}};
+}
+
+// Robots a and b drive one corridor, c and d another one.
+Coordinator two_corridors(double hysteresis = 0.1) {
+  CoordinatorOptions options;
+  options.hysteresis = hysteresis;
+  Coordinator coordinator(options);
+  coordinator.hear(edge("north")), coordinator.hear(edge("south"));
+  coordinator.hear(RobotComes{RobotId("a"), corridor(0, 20), {}});
+  coordinator.hear(RobotComes{RobotId("c"), corridor(100, 120), {}});
+  coordinator.hear(RobotComes{RobotId("b"), corridor(4, 24), {}});
+  coordinator.hear(RobotComes{RobotId("d"), corridor(104, 124), {}});
+  return coordinator;
+}
+
+TierId at(const Coordinator& coordinator, const char* robot) { return coordinator.edge_of().at(RobotId(robot)); }
+
+TEST(Coordinator, groups_who_announces_the_same_way) {
+  Coordinator coordinator = two_corridors();
+  const auto decision = coordinator.decide(0.0);
+  ASSERT_TRUE(decision);
+  EXPECT_TRUE(decision->is_new_plan);
+  EXPECT_EQ(decision->moves.size(), 4u);
+  EXPECT_EQ(at(coordinator, "a"), at(coordinator, "b"));
+  EXPECT_EQ(at(coordinator, "c"), at(coordinator, "d"));
+  EXPECT_NE(at(coordinator, "a"), at(coordinator, "c"));
+  EXPECT_EQ(decision->cut_weight, 0.0);
+  EXPECT_GT(decision->expected_s, 0.0);
+  EXPECT_LE(decision->lower_bound_s, decision->expected_s);
+  EXPECT_THAT(decision->because, testing::Contains("robot a comes"));
+  EXPECT_FALSE(coordinator.decide(1.0)) << "nothing was heard";
+}
+
+TEST(Coordinator, moves_robots_off_an_edge_that_goes_and_nobody_else) {
+  Coordinator coordinator = two_corridors();
+  coordinator.hear(edge("west"));
+  coordinator.decide(0.0);
+  const auto before = coordinator.edge_of();
+  const TierId gone = at(coordinator, "a");
+  coordinator.hear(EdgeGoes{gone});
+  const auto decision = coordinator.decide(5.0);
+  ASSERT_TRUE(decision);
+  EXPECT_THAT(decision->because, ElementsAre("edge " + gone.str() + " goes"));
+  for (const auto& [robot, edge] : decision->edge_of) {
+    EXPECT_NE(edge, gone);
+    EXPECT_FALSE(edge.empty());
+    if (before.at(robot) != gone && !decision->is_new_plan) {
+      EXPECT_EQ(edge, before.at(robot));
+    }
+  }
+  for (const auto& move : decision->moves)
+    if (before.at(move.robot) == gone) {
+      EXPECT_TRUE(move.from.empty());
+    }
+}
+
+TEST(Coordinator, maps_on_board_where_there_is_no_edge_and_comes_back) {
+  Coordinator coordinator = two_corridors();
+  coordinator.decide(0.0);
+  coordinator.hear(EdgeGoes{TierId("north")}), coordinator.hear(EdgeGoes{TierId("south")});
+  const auto alone = coordinator.decide(1.0);
+  ASSERT_TRUE(alone);
+  for (const auto& [robot, edge] : alone->edge_of) EXPECT_TRUE(edge.empty()) << robot.str();
+  coordinator.hear(edge("south", 1e6, 3));
+  const auto decision = coordinator.decide(2.0);
+  ASSERT_TRUE(decision);
+  int placed = 0;
+  for (const auto& [robot, edge] : decision->edge_of) placed += edge == TierId("south");
+  EXPECT_EQ(placed, 3) << "as many as it holds";
+}
+
+TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
+  for (const double hysteresis : {0.0, 0.9}) {
+    Coordinator coordinator = two_corridors(hysteresis);
+    coordinator.decide(0.0);
+    const auto before = coordinator.edge_of();
+    // From now on a sees what c sees, b what d sees.
+    coordinator.hear(RobotReports{RobotId("a"), 900, corridor(100, 120)});
+    coordinator.hear(RobotReports{RobotId("b"), 900, corridor(200, 220)});
+    coordinator.hear(RobotReports{RobotId("d"), 900, corridor(200, 220)});
+    coordinator.hear(RobotReports{RobotId("c"), 900, corridor(100, 120)});
+    const auto decision = coordinator.decide(10.0);
+    ASSERT_TRUE(decision);
+    EXPECT_EQ(decision->is_new_plan, hysteresis == 0.0);
+    EXPECT_EQ(decision->moves.empty(), hysteresis > 0.0);
+    EXPECT_EQ(coordinator.edge_of() == before, hysteresis > 0.0);
+    EXPECT_LE(decision->expected_s, decision->staying_s);
+    EXPECT_THAT(decision->because, ElementsAre("maps have grown"));
+    if (hysteresis == 0.0) {
+      EXPECT_EQ(at(coordinator, "a"), at(coordinator, "c"));
+      EXPECT_EQ(decision->moves.size(), 2u) << "edges are exchanged so that few robots move";
+    }
+  }
+}
+
+TEST(Coordinator, moves_a_robot_whose_wire_became_slow) {
+  Coordinator coordinator = two_corridors();
+  for (const char* robot : {"a", "b", "c", "d"})
+    for (const char* at : {"north", "south"}) coordinator.hear(LinkIs{RobotId(robot), TierId(at), {1e6, 0.01}});
+  coordinator.decide(0.0);
+  const TierId before = at(coordinator, "a");
+  coordinator.hear(LinkIs{RobotId("a"), before, {1e6, 0.01}});
+  EXPECT_FALSE(coordinator.decide(1.0)) << "as it was";
+  coordinator.hear(LinkIs{RobotId("a"), before, {1e3, 0.01}});
+  const auto decision = coordinator.decide(2.0);
+  ASSERT_TRUE(decision);
+  EXPECT_THAT(decision->because, ElementsAre(HasSubstr("the wire from a to " + before.str())));
+  EXPECT_NE(at(coordinator, "a"), before);
+  EXPECT_LT(decision->expected_s, decision->staying_s);
+}
+
+TEST(Coordinator, decides_the_same_whoever_speaks_first) {
+  CoordinatorOptions options;
+  std::vector<CoordinatorEvent> events{edge("north"), edge("south")};
+  for (const char* robot : {"a", "b", "c", "d", "e"}) events.push_back(RobotComes{RobotId(robot), corridor(8.0 * robot[0], 8.0 * robot[0] + 15.0), {}});
+  Coordinator forth(options), back(options);
+  for (auto event = events.begin(); event != events.end(); ++event) forth.hear(*event);
+  for (auto event = events.rbegin(); event != events.rend(); ++event) back.hear(*event);
+  const auto one = forth.decide(0.0), other = back.decide(0.0);
+  EXPECT_EQ(one->edge_of, other->edge_of);
+  EXPECT_EQ(one->expected_s, other->expected_s);
+}
+
+TEST(Coordinator, knows_nothing_of_robots_that_never_came) {
+  Coordinator coordinator{CoordinatorOptions()};
+  EXPECT_THROW(coordinator.hear(RobotGoes{RobotId("a")}), ContractViolation);
+  EXPECT_THROW(coordinator.hear(RobotReports{RobotId("a"), 1, {}}), ContractViolation);
+  EXPECT_FALSE(coordinator.decide(0.0));
+}
+
+}  // namespace
+}  // namespace mapweave::tiers
