@@ -91,7 +91,8 @@ Json json_of(const scheduling::ProfiledTerm& term) {
           {"unit", term.unit},
           {"samples", term.regression.residuals.size()},
           {"coefficients", term.regression.coefficients},
-          {"standard_error", term.regression.standard_error},
+          {"relative_standard_error", term.regression.standard_error},
+          {"median_off", term.median_off},
           {"r_squared", term.regression.r_squared},
           {"residuals", term.regression.residuals}};
 }
@@ -103,13 +104,13 @@ int profile(const ProfileArguments& arguments) {
   if (arguments.json) {
     Json terms = Json::array();
     for (const auto& term : profile.terms) terms.push_back(json_of(term));
-    std::cout << Json{{"model", Json::parse(model)}, {"terms", terms}}.dump(2) << '\n';
+    std::cout << Json{{"model", Json::parse(model)}, {"terms", terms}, {"notes", profile.notes}}.dump(2) << '\n';
     return 0;
   }
   for (const auto& term : profile.terms) {
     const char* unit = term.unit.c_str();
-    std::printf("%s, by %s (%zu samples): off by %.3g %s, explains %.0f %%\n", term.name.c_str(), term.basis.c_str(),
-                term.regression.residuals.size(), term.regression.standard_error, unit, 100.0 * term.regression.r_squared);
+    std::printf("%s, by %s (%zu samples): half are within %.2g %%, explains %.0f %%\n", term.name.c_str(), term.basis.c_str(),
+                term.regression.residuals.size(), 100.0 * term.median_off, 100.0 * term.regression.r_squared);
     for (const auto& point : term.shown) {
       std::printf("  %g %s: %.3g %s", point.at, term.basis.c_str(), point.value, unit);
       if (std::isfinite(point.half_width)) std::printf(" +- %.2g (95 of 100 runs)", point.half_width);

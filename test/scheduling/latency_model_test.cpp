@@ -4,6 +4,7 @@
 #include <mapweave/scheduling/latency_model.h>
 #include <mapweave/scheduling/profile.h>
 
+#include <nlohmann/json.hpp>
 #include <support/temporary_folder.h>
 
 #include <cmath>
@@ -28,11 +29,11 @@ LatencyModel round_numbers() {
   model.robot_bytes_per_s = 1000;
   model.robot_delay_s = 0.5;
   model.slam_s_per_scan = 0.02;
-  model.edge_fusion = {0.25, 0.5, 2.0};
+  model.edge_fusion = {0.25, 0.005, 2e-4};
   model.map_bytes_per_scan = 20;
   model.map_bytes_fixed = 0;
   model.cloud_delay_s = 0.125;
-  model.cloud_fusion = {0, 1, 4};
+  model.cloud_fusion = {0, 0.01, 4e-4};
   return model;
 }
 
@@ -49,9 +50,35 @@ TEST(LatencyModel, adds_up_by_hand) {
   EXPECT_DOUBLE_EQ(latency.edge_seconds({0, 1}, 0), 7.75 + 3.0 + 0.125);
   // Robot c alone on f: 1 + 1 + 0.5 + 1, fused in half the time, 2000 bytes at 500 a second.
   EXPECT_DOUBLE_EQ(latency.edge_seconds({2}, 1), 3.5 + 0.375 + 4.0 + 0.125);
-  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 10.875 + 2.0 + 4.0);
+  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 10.875 + 3.0 + 8.0);  // 300 scans, 200 x 100 pairs
   EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1, 2}, {}}),
-                   latency.edge_seconds({0, 1, 2}, 0) + 1.0);  // an edge without robots sends nothing
+                   latency.edge_seconds({0, 1, 2}, 0) + 3.0);  // an edge without robots sends nothing
+}
+
+TEST(LatencyModel, counts_pairs_of_scans_between_maps_of_all_sizes) {
+  FusedScans fused;
+  for (const double scans : {10.0, 0.0, 30.0, 2.0}) fused.add(scans);
+  EXPECT_EQ(fused.scans, 42.0);
+  EXPECT_EQ(fused.pairs, 10.0 * 30.0 + 10.0 * 2.0 + 30.0 * 2.0);
+  EXPECT_DOUBLE_EQ((FusionTime{1.0, 0.5, 0.1}.seconds(fused)), 1.0 + 21.0 + 38.0);
+}
+
+TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
+  const Problem problem = two_edges();
+  const LatencyModel model = round_numbers();
+  const LatencyTerms terms = Latency(problem, model).terms({{0, 1}, {2}});
+  ASSERT_EQ(terms.edges.size(), 2u);
+  ASSERT_EQ(terms.edges[0].robots.size(), 2u);
+  const LatencyTerms::Robot& b = terms.edges[0].robots[1];
+  EXPECT_EQ(b.robot, 1u);
+  EXPECT_DOUBLE_EQ(b.pack_s, 1.0);
+  EXPECT_DOUBLE_EQ(b.transfer_s, 1.5);
+  EXPECT_DOUBLE_EQ(b.slam_s, 2.0);
+  EXPECT_DOUBLE_EQ(terms.edges[0].fusion_s, 3.25);
+  EXPECT_DOUBLE_EQ(terms.edges[0].transfer_s, 3.125);
+  EXPECT_DOUBLE_EQ(terms.edges[1].fusion_s, 0.375);
+  EXPECT_DOUBLE_EQ(terms.fusion_s, 11.0);
+  EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 3.125 + 11.0);
 }
 
 TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum) {
@@ -87,7 +114,7 @@ TEST(LatencyModel, refuses_what_cannot_be) {
   };
   EXPECT_THAT(refusal(R"({"slam_s_per_scan": -1})"), AllOf(HasSubstr("m.json"), HasSubstr("slam_s_per_scan")));
   EXPECT_THAT(refusal(R"({"slam_per_scan": 1})"), HasSubstr("did you mean 'slam_s_per_scan'?"));
-  EXPECT_THAT(refusal(R"({"edge_fusion": {"per_pairs_s": 1}})"), HasSubstr("did you mean 'per_pair_s'?"));
+  EXPECT_THAT(refusal(R"({"edge_fusion": {"per_scan_pairs_s": 1}})"), HasSubstr("did you mean 'per_scan_pair_s'?"));
   EXPECT_THAT(refusal(R"({"robot_bytes_per_s": 0})"), HasSubstr("robot_bytes_per_s"));
   EXPECT_THAT(refusal("{"), HasSubstr("not JSON"));
 }
@@ -142,49 +169,171 @@ TEST(Regression, knows_students_quantiles) {
   EXPECT_NEAR(student_quantile(0.975, 1000), 1.96234, 1e-4);
 }
 
-TEST(Profile, learns_from_summaries) {
-  const test::TemporaryFolder folder;
-  const auto summary = [&](const char* name, double scale) {
-    const auto path = folder.path() / name;
-    std::filesystem::create_directories(path);
-    const auto of = [](double number) { return std::to_string(number); };
-    write_file(path / "summary.json", R"({"robots": [{"id": "a", "scans": 100, "cpu_seconds": )" + of(0.2 * scale) +
-                                          R"(, "mapped": true, "edge": "n"},
-                 {"id": "b", "scans": 300, "cpu_seconds": )" +
-                                          of(0.6 * scale) + R"(, "mapped": true, "edge": "n"},
-                 {"id": "c", "scans": 200, "cpu_seconds": )" +
-                                          of(0.4 * scale) + R"(, "mapped": true, "edge": "s"},
-                 {"id": "d", "scans": 0, "cpu_seconds": 9, "mapped": false, "edge": "s"}],
-                "stages": [{"tier": "n", "name": "features", "seconds": 1}, {"tier": "n", "name": "pairwise matching", "seconds": 2},
-                 {"tier": "n", "name": "mapping a", "seconds": 50}, {"tier": "s", "name": "features", "seconds": 0.5},
-                 {"tier": "cloud", "name": "features", "seconds": 4}, {"tier": "", "name": "output", "seconds": 7}]})");
-    return path;
-  };
-  const Profile profile = profile_runs({summary("one", 0.9), summary("two", 1.1)});
-  EXPECT_NEAR(profile.model.slam_s_per_scan, 0.002, 1e-9);
-  EXPECT_EQ(profile.model.scans, 200.0);
-  EXPECT_NEAR(profile.model.edge_fusion.seconds(1), 0.5, 1e-9);
-  EXPECT_NEAR(profile.model.edge_fusion.seconds(2), 3.0, 1e-9);
-  EXPECT_NEAR(profile.model.cloud_fusion.seconds(2), 4.0, 1e-9);
-  EXPECT_EQ(profile.model.map_bytes_per_scan, LatencyModel().map_bytes_per_scan);
-  EXPECT_EQ(profile.notes.size(), 1u);  // the folders hold no maps
+TEST(Regression, fits_short_times_as_well_as_long_ones_where_errors_are_shares) {
+  std::mt19937_64 random(9);
+  const auto share = [&] { return 1.0 + 0.2 * (static_cast<double>(random() >> 11) * 0x1p-53 - 0.5); };  // within 10 %
+  const auto truth = [](double x) { return 0.01 * x + 1e-4 * x * x; };
+  constexpr int kSamples = 240;
+  Eigen::MatrixXd rows(kSamples, 2);
+  Eigen::VectorXd seconds(kSamples);
+  for (int i = 0; i < kSamples; ++i) {
+    const double x = std::pow(10.0, 0.01 * i);
+    rows.row(i) << x, x * x;
+    seconds[i] = truth(x) * share();
+  }
+  const Regression found = fit_relative(rows, seconds);
+  EXPECT_NEAR(found.at({1.0, 1.0}), truth(1.0), 0.05 * truth(1.0));
+  EXPECT_NEAR(found.at({200.0, 4e4}), truth(200.0), 0.05 * truth(200.0));
+  EXPECT_NEAR(found.standard_error, 0.2 / std::sqrt(12.0), 0.006);
+  EXPECT_NEAR(found.residuals[200], seconds[200] - found.at({rows(200, 0), rows(200, 1)}), 1e-9);
+  int within = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const double x = std::pow(10.0, 2.4e-3 * i);
+    within += std::abs(truth(x) * share() - found.at({x, x * x})) < found.interval({x, x * x});
+  }
+  EXPECT_GT(within, 940);
+  // A second for 1, 1300 for 1000: plain least squares listen to the second alone.
+  const Eigen::Vector2d one(1.0, 1000.0), two(1.0, 1300.0);
+  EXPECT_NEAR(fit(one, two).coefficients[0], 1.3, 1e-3);
+  EXPECT_NEAR(fit_relative(one, two).coefficients[0], (1.0 + 1.0 / 1.3) / (1.0 + 1.0 / 1.69), 1e-12);
 }
 
-TEST(Profile, names_the_summary_that_cannot_be_one) {
-  const test::TemporaryFolder folder;
-  EXPECT_THROW(profile_runs({folder.path() / "none"}), Error);
-  for (const char* text : {"", "[]", "{}", R"({"robots": 3, "stages": []})", R"({"robots": [3], "stages": []})",
-                           R"({"robots": [{"id": "../x", "scans": 1, "cpu_seconds": 1, "mapped": true}], "stages": []})",
-                           R"({"robots": [], "stages": [{"tier": 1, "name": "features", "seconds": 1}]})",
-                           R"({"robots": [], "stages": [{"tier": "a", "name": "features", "seconds": -1}]})"}) {
-    write_file(folder.path() / "summary.json", text);
+TEST(Regression, takes_nothing_for_what_took_no_time) {
+  EXPECT_EQ(fit_relative(Eigen::MatrixXd::Ones(3, 1), Eigen::Vector3d::Zero()).coefficients[0], 0.0);
+  const Regression found = fit_relative(Eigen::Vector3d(0.0, 100.0, 200.0), Eigen::Vector3d(0.0, 1.0, 2.0));
+  EXPECT_NEAR(found.coefficients[0], 0.01, 1e-12);
+}
+
+// What a run of three robots on two edges tells, by laws that fits are to find; `scale` of how much each robot drove.
+nlohmann::json summary_of(const std::string& mode, double scale) {
+  using Json = nlohmann::json;
+  const std::pair<const char*, const char*> kRobots[] = {{"a", "n"}, {"b", "n"}, {"c", "s"}};
+  const double scans[] = {100 * scale, 300 * scale, 200 * scale};
+  Json robots = Json::array(), lines = Json::array(), edges = Json::array();
+  for (int i = 0; i < 3; ++i) {
+    robots.push_back({{"id", kRobots[i].first}, {"scans", scans[i]}, {"mapped", true}});
+    if (mode != "cloud-only") robots.back()["edge"] = kRobots[i].second;
+    lines.push_back({{"id", kRobots[i].first},
+                     {"packing_cpu_seconds", mode == "offload" ? 1e-5 * scans[i] : 0.0},
+                     {"mapping_cpu_seconds", 0.002 * scans[i]},
+                     {"sensed_bytes", mode == "offload" ? 500 * scans[i] : 0.0},
+                     {"map_bytes", 1000 + 70 * scans[i]}});
+  }
+  robots.push_back({{"id", "d"}, {"scans", 900}, {"mapped", false}, {"edge", "s"}});
+  lines.push_back({{"id", "d"}, {"packing_cpu_seconds", 0}, {"mapping_cpu_seconds", 7}, {"sensed_bytes", 0}, {"map_bytes", 0}});
+  if (mode != "cloud-only") {
+    edges.push_back({{"id", "n"}, {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1]}});
+    edges.push_back({{"id", "s"}, {"fusing_cpu_seconds", 0.004 * scans[2]}});
+  }
+  double pairs = (scans[0] + scans[1]) * scans[2];
+  if (mode == "cloud-only") pairs += scans[0] * scans[1];
+  const double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]) + 3e-6 * pairs;
+  return {{"robots", robots},
+          {"timeline", {{"mode", mode}, {"robots", lines}, {"edges", edges}, {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
+}
+
+class ProfileOfRuns : public testing::Test {
+ protected:
+  std::filesystem::path run(const std::string& name, const nlohmann::json& summary) {
+    std::filesystem::create_directories(folder_.path() / name);
+    write_file(folder_.path() / name / "summary.json", summary.dump());
+    return folder_.path() / name;
+  }
+  test::TemporaryFolder folder_;
+};
+
+TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
+  const Profile profile = profile_runs({run("1", summary_of("offload", 1)), run("2", summary_of("offload", 2)),
+                                        run("3", summary_of("offload", 5)), run("4", summary_of("offload", 7))});
+  const LatencyModel& model = profile.model;
+  EXPECT_DOUBLE_EQ(model.scans, 200.0 * (1 + 2 + 5 + 7) / 4);
+  EXPECT_NEAR(model.pack_s_per_scan, 1e-5, 1e-12);
+  EXPECT_NEAR(model.scan_bytes, 500.0, 1e-6);
+  EXPECT_NEAR(model.slam_s_per_scan, 0.002, 1e-9);
+  EXPECT_NEAR(model.map_bytes_fixed, 1000.0, 1e-3);
+  EXPECT_NEAR(model.map_bytes_per_scan, 70.0, 1e-6);
+  EXPECT_NEAR(model.edge_fusion.fixed_s, 0.0, 1e-6);
+  EXPECT_NEAR(model.edge_fusion.per_scan_s, 0.004, 1e-8);
+  EXPECT_NEAR(model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
+  EXPECT_NEAR(model.cloud_fusion.fixed_s, 0.25, 1e-6);
+  EXPECT_NEAR(model.cloud_fusion.per_scan_s, 0.001, 1e-8);
+  EXPECT_NEAR(model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
+  EXPECT_TRUE(profile.notes.empty());
+  ASSERT_EQ(profile.terms.size(), 6u);
+  for (const ProfiledTerm& term : profile.terms) EXPECT_LT(term.median_off, 1e-6) << term.name;
+  EXPECT_EQ(profile.terms[4].shown.front().at, 200.0);  // the edge of one robot
+  EXPECT_NEAR(profile.terms[4].shown.front().value, 0.8, 1e-6);
+}
+
+TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_tells) {
+  const LatencyModel unknown;
+  const Profile onboard = profile_runs({run("1", summary_of("onboard", 1)), run("2", summary_of("onboard", 3))});
+  EXPECT_EQ(onboard.model.scan_bytes, unknown.scan_bytes);
+  EXPECT_EQ(onboard.model.pack_s_per_scan, unknown.pack_s_per_scan);
+  EXPECT_NEAR(onboard.model.slam_s_per_scan, 0.002, 1e-9);
+  EXPECT_NEAR(onboard.model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
+  EXPECT_EQ(onboard.notes.size(), 2u);  // packing and what robots send
+  // Of 100, 300 and 200 scans, all three are paired in the cloud.
+  const Profile alone = profile_runs({run("3", summary_of("cloud-only", 1)), run("4", summary_of("cloud-only", 2)),
+                                      run("5", summary_of("cloud-only", 6))});
+  EXPECT_EQ(alone.model.edge_fusion.per_scan_pair_s, unknown.edge_fusion.per_scan_pair_s);
+  EXPECT_NEAR(alone.model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
+  EXPECT_NEAR(alone.model.cloud_fusion.seconds({600.0, 110e3}), 0.25 + 0.6 + 0.33, 1e-6);
+}
+
+TEST_F(ProfileOfRuns, leaves_out_maps_of_cameras_and_says_so) {
+  nlohmann::json summary = summary_of("offload", 1);
+  summary["robots"][2]["cameras"] = nlohmann::json::array({{{"frames", 3}}});
+  const Profile profile = profile_runs({run("1", summary)});
+  ASSERT_EQ(profile.terms.size(), 5u);  // none of the cloud's
+  EXPECT_EQ(profile.terms[1].regression.residuals.size(), 2u);  // what robots send
+  EXPECT_EQ(profile.terms[2].regression.residuals.size(), 3u);  // SLAM is by lasers alone
+  EXPECT_EQ(profile.terms[4].regression.residuals.size(), 1u);  // the edge of a and b
+  EXPECT_THAT(profile.notes, testing::Contains(HasSubstr("cameras")));
+}
+
+TEST_F(ProfileOfRuns, passes_over_a_run_that_was_interrupted_and_says_so) {
+  nlohmann::json interrupted = summary_of("offload", 1);
+  interrupted.erase("timeline");
+  const auto broken = run("broken", interrupted);
+  const Profile profile = profile_runs({run("1", summary_of("offload", 1)), broken});
+  EXPECT_EQ(profile.model.scans, 200.0);
+  ASSERT_EQ(profile.notes.size(), 1u);
+  EXPECT_THAT(profile.notes.front(), AllOf(HasSubstr("broken"), HasSubstr("no timeline")));
+  try {
+    profile_runs({broken});
+    ADD_FAILURE();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("broken"), HasSubstr("timeline")));
+  }
+}
+
+TEST_F(ProfileOfRuns, names_the_summary_that_cannot_be_one) {
+  EXPECT_THROW(profile_runs({folder_.path() / "none"}), Error);
+  const auto refused = [&](const std::string& text) {
+    write_file(folder_.path() / "summary.json", text);
     try {
-      profile_runs({folder.path()});
+      profile_runs({folder_.path()});
       ADD_FAILURE() << text;
     } catch (const Error& error) {
-      EXPECT_THAT(error.what(), HasSubstr("summary.json"));
+      EXPECT_THAT(error.what(), HasSubstr("summary.json")) << text;
     }
-  }
+  };
+  for (const char* text : {"", "[]", "{}", R"({"robots": 3, "timeline": {}})", R"({"robots": [3], "timeline": {}})",
+                           R"({"robots": [], "timeline": 3})", R"({"robots": [], "timeline": {"mode": 1}})",
+                           R"({"robots": [{"id": "../x", "scans": 1, "mapped": true}], "timeline": {}})"})
+    refused(text);
+  const nlohmann::json good = summary_of("offload", 1);
+  for (const char* at : {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots",
+                         "/timeline/edges", "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id",
+                         "/timeline/robots/1/packing_cpu_seconds", "/timeline/robots/1/mapping_cpu_seconds",
+                         "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
+                         "/timeline/edges/0/fusing_cpu_seconds", "/timeline/cloud/fusing_cpu_seconds"})
+    for (const nlohmann::json& wrong : {nlohmann::json(-1), nlohmann::json("a"), nlohmann::json(nullptr)}) {
+      nlohmann::json bad = good;
+      bad[nlohmann::json::json_pointer(at)] = wrong;
+      if (bad.dump() != good.dump() && !(wrong == "a" && std::string(at) == "/robots/1/edge")) refused(bad.dump());
+    }
 }
 
 }  // namespace

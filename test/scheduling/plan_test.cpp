@@ -33,7 +33,7 @@ Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t 
   return problem;
 }
 
-// Every way to send robots to edges, whatever the sizes.
+// Every way to send robots to edges that capacities allow, whatever the sizes.
 double least_of_all(const Latency& latency) {
   const auto robots = static_cast<std::uint32_t>(latency.problem().robots.size()),
              edges = static_cast<std::uint32_t>(latency.problem().edges.size());
@@ -41,19 +41,33 @@ double least_of_all(const Latency& latency) {
   for (std::uint32_t code = 0; code < std::pow(edges, robots); ++code) {
     Groups robots_at(edges);
     for (std::uint32_t robot = 0, rest = code; robot < robots; ++robot, rest /= edges) robots_at[rest % edges].push_back(robot);
-    least = std::min(least, latency.total_seconds(robots_at));
+    const auto too_many = [&](std::uint32_t edge) {
+      return robots_at[edge].size() > latency.problem().edges[edge].capacity.value_or(robots);
+    };
+    bool fits = true;
+    for (std::uint32_t edge = 0; edge < edges; ++edge) fits = fits && !too_many(edge);
+    if (fits) least = std::min(least, latency.total_seconds(robots_at));
   }
   return least;
 }
 
+LatencyModel model_of_kind(std::uint64_t kind) {
+  LatencyModel model;
+  if (kind % 4 == 1) model.edge_fusion = {0.5, 1e-4, 5e-8};
+  if (kind % 4 == 2) model.map_bytes_per_scan = 20e3;
+  if (kind % 4 == 3) {  // the cloud decides
+    model.edge_fusion = {0.1, 1e-3, 1e-6};
+    model.cloud_fusion = {0.3, 2e-3, 1e-5};
+  }
+  return model;
+}
+
 TEST(LowerBound, is_undercut_by_no_plan_at_all) {
   double tightness = 0.0;
-  constexpr int kProblems = 30;
+  constexpr int kProblems = 36;
   for (int seed = 0; seed < kProblems; ++seed) {
     const Problem problem = random_problem(3 + seed % 4, 2 + seed % 2, seed);
-    LatencyModel model;
-    if (seed % 4 == 1) model.edge_fusion = {0.5, 0.1, 0.05};
-    if (seed % 4 == 2) model.map_bytes_per_scan = 20e3;
+    const LatencyModel model = model_of_kind(seed);
     const Latency latency(problem, model);
     const double bound = lower_bound_seconds(latency), least = least_of_all(latency);
     EXPECT_LE(bound, least) << seed;
@@ -61,6 +75,44 @@ TEST(LowerBound, is_undercut_by_no_plan_at_all) {
     tightness += bound / least / kProblems;
   }
   EXPECT_GT(tightness, 0.6);  // it says something
+}
+
+TEST(LowerBound, is_undercut_by_no_plan_of_robots_of_very_different_scans) {
+  double tightness = 0.0;
+  constexpr int kProblems = 48;
+  for (int seed = 0; seed < kProblems; ++seed) {
+    std::mt19937_64 random(seed);
+    Problem problem = random_problem(3 + seed % 4, 2 + seed % 3 / 2, seed);
+    for (auto& scans : problem.scans) scans = std::floor(std::exp(uniform(random, 0.0, 8.0)));
+    if (seed % 7 == 0) problem.scans.front() = 0.0;
+    if (seed % 5 == 0) problem.edges.front().capacity = static_cast<std::uint32_t>(problem.robots.size() / 2);
+    const LatencyModel model = model_of_kind(seed / 3);
+    const Latency latency(problem, model);
+    const double bound = lower_bound_seconds(latency), least = least_of_all(latency);
+    EXPECT_LE(bound, least) << seed;
+    tightness += bound / least / kProblems;
+  }
+  EXPECT_GT(tightness, 0.6);
+}
+
+TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
+  Problem problem = random_problem(6, 3, 1);
+  LatencyModel model;
+  model.cloud_fusion = {0.0, 0.0, 1e-3};
+  const double anywhere = lower_bound_seconds(Latency(problem, model));
+  for (EdgeResources& edge : problem.edges) edge.capacity = 2;
+  const Latency latency(problem, model);
+  const double bound = lower_bound_seconds(latency);
+  EXPECT_GT(bound, 1e-3 * (1000.0 * 5000.0 + 1000.0 * 4000.0));  // two edges but for two robots hold one, and the rest is on the third
+  EXPECT_GT(bound, 2.0 * anywhere);
+  EXPECT_LE(bound, least_of_all(latency));
+}
+
+TEST(LowerBound, holds_for_more_kinds_of_robots_than_it_tells_apart) {
+  Problem problem = random_problem(100, 25, 6);  // scans of their own: 100 kinds of robots, of which 80 are told apart
+  const Plan plan = make_plan(problem, {});
+  EXPECT_LE(plan.lower_bound_seconds, plan.predicted_seconds);
+  EXPECT_GT(plan.lower_bound_seconds, 0.2 * plan.predicted_seconds);
 }
 
 TEST(LowerBound, is_met_where_one_robot_has_one_edge) {

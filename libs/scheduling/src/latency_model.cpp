@@ -35,7 +35,9 @@ std::vector<std::pair<const char*, FusionTime*>> fusions_of(LatencyModel& model)
   return {{"edge_fusion", &model.edge_fusion}, {"cloud_fusion", &model.cloud_fusion}};
 }
 std::vector<Field> fields_of(FusionTime& fusion) {
-  return {{"fixed_s", &fusion.fixed_s, false}, {"per_map_s", &fusion.per_map_s, false}, {"per_pair_s", &fusion.per_pair_s, false}};
+  return {{"fixed_s", &fusion.fixed_s, false},
+          {"per_scan_s", &fusion.per_scan_s, false},
+          {"per_scan_pair_s", &fusion.per_scan_pair_s, false}};
 }
 
 void read(const Json& object, const std::vector<Field>& fields, const std::string& where, const std::string& prefix) {
@@ -57,7 +59,7 @@ LatencyModel parse_model(std::string_view json, const std::string& where) {
   read(root, fields_of(model), where, "");
   for (const auto& [name, fusion] : fusions_of(model)) {
     if (!root.contains(name)) continue;
-    expect_object(root[name], {"fixed_s", "per_map_s", "per_pair_s"}, where, name);
+    expect_object(root[name], {"fixed_s", "per_scan_s", "per_scan_pair_s"}, where, name);
     read(root[name], fields_of(*fusion), where, std::string(name) + ".");
   }
   return model;
@@ -78,9 +80,8 @@ std::string model_json(const LatencyModel& model) {
 }
 
 Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(problem), model_(model) {
-  for (const auto& scans : problem.scans)
-    map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans.value_or(model.scans));
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
+    map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans(robot));
     double own = map_bytes_[robot];
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
       if (other.vertex < robot) own *= 1.0 - shared_part(robot, other.vertex, other.weight);
@@ -93,12 +94,11 @@ double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double deg
   return mine > 0.0 ? std::min({1.0, degree * (mine + theirs) / mine, theirs / mine}) : 0.0;
 }
 
-double Latency::robot_seconds(std::uint32_t robot, std::uint32_t edge) const {
-  const double scans = problem_.scans[robot].value_or(model_.scans);
+LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
   const auto link = problem_.links.find({robot, edge});
   const RobotLink wire = link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
-  return scans * (model_.pack_s_per_scan + model_.scan_bytes / wire.bytes_per_s + model_.slam_s_per_scan / problem_.edges[edge].speed) +
-         wire.delay_s;
+  return {robot, scans(robot) * model_.pack_s_per_scan, scans(robot) * model_.scan_bytes / wire.bytes_per_s + wire.delay_s,
+          scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
 }
 
 double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
@@ -118,25 +118,50 @@ double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
   return std::max(all, largest);
 }
 
+LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
+  LatencyTerms::Edge terms;
+  if (robots.empty()) return terms;
+  FusedScans fused;
+  for (const std::uint32_t robot : robots) {
+    terms.robots.push_back(robot_terms(robot, edge));
+    fused.add(scans(robot));
+  }
+  terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
+  terms.transfer_s = fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+  return terms;
+}
+
 double Latency::computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
-  if (robots.empty()) return 0.0;
-  double slowest = 0.0;
-  for (const std::uint32_t robot : robots) slowest = std::max(slowest, robot_seconds(robot, edge));
-  return slowest + model_.edge_fusion.seconds(static_cast<double>(robots.size())) / problem_.edges[edge].speed;
+  return edge_terms(robots, edge).computing_seconds();
 }
 
 double Latency::edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const {
-  if (robots.empty()) return 0.0;
-  return computing_seconds(robots, edge) + fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+  return edge_terms(robots, edge).seconds();
 }
 
-double Latency::total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
-  double last = 0.0, used = 0.0;
+LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
+  LatencyTerms terms;
+  FusedScans fused;
   for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
-    last = std::max(last, edge_seconds(robots_at[edge], edge));
-    used += robots_at[edge].empty() ? 0.0 : 1.0;
+    terms.edges.push_back(edge_terms(robots_at[edge], edge));
+    double of_edge = 0.0;
+    for (const std::uint32_t robot : robots_at[edge]) of_edge += scans(robot);
+    fused.add(of_edge);
   }
-  return last + model_.cloud_fusion.seconds(used);
+  terms.fusion_s = model_.cloud_fusion.seconds(fused);
+  return terms;
+}
+
+double LatencyTerms::Edge::computing_seconds() const {
+  double slowest = 0.0;
+  for (const Robot& robot : robots) slowest = std::max(slowest, robot.seconds());
+  return slowest + fusion_s;
+}
+
+double LatencyTerms::total_seconds() const {
+  double last = 0.0;
+  for (const Edge& edge : edges) last = std::max(last, edge.seconds());
+  return last + fusion_s;
 }
 
 }  // namespace mapweave::scheduling

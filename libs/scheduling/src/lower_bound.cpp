@@ -1,15 +1,20 @@
-// The relaxation behind lower_bound_seconds. With x the robots of a class at an edge, n their sum, y how far an edge is used, b its share
-// of the bandwidth B of all edges and T the time until the last edge map is in the cloud:
+// The relaxation behind lower_bound_seconds. A robot's weight w is its scans in units of their mean. With x the robots of a class at an
+// edge, n their number and s their weight, y how far an edge is used, b its share of the bandwidth B of all edges, M the part of all scans
+// that is on the fullest edge, T the time until the last edge map is in the cloud and C that of fusion there:
 //
-//   minimise  T + cloud_fusion(sum y)
+//   minimise  T + C
 //   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a class
-//   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= 1,  sum b <= 1
-//   (mean)      robots T >= sum x t + sum_e n_e (fusion_e(n_e) + delay) + sum_e own n_e^2 / (B b_e)
-//   (edges)     T >= fastest_e y_e + fusion_e(n_e) + delay y_e + smallest y_e^2 / (B b_e)
+//   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1
+//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e own s_e^2 / (B b_e)
+//   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
+//   (fullest)   T >= what the fullest edge takes, were it the fastest
+//   (cloud)     C >= what sum y edges leave to it where all but one hold one of the smallest robots
+//               C >= what edges that hold at most M leave to it: sum of s_e^2 <= M sum of s_e
 //   (bytes)     T >= the first edge's readiness + the bytes of one map of all / B;  T >= what the slowest robot takes alone
 //
-// A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the average of that over robots. Where y is a fraction,
-// terms are their perspectives: y f(n / y). Each is convex, so Ipopt's minimum is the minimum.
+// A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
+// are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. Where y is a
+// fraction, terms are their perspectives: y f(s / y). Each is convex, so Ipopt's minimum is the minimum.
 
 #include <mapweave/scheduling/placement.h>
 
@@ -28,16 +33,68 @@ namespace {
 
 using Ipopt::Index;
 using Ipopt::Number;
-constexpr double kUnused = 1e-6;  // y and b of an edge that is not used
+constexpr double kUnused = 1e-6;          // y and b of an edge that is not used
+constexpr double kMoreRoom = 1.0 + 1e-4;  // Ipopt searches within bounds, and where all rooms are full nothing is within
 
 struct Relaxation {
   std::size_t edges = 0;
   double robots = 0.0, bandwidth = 0.0, least_own_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0, delay_s = 0.0;
-  std::vector<double> count;                 // by class
-  std::vector<std::vector<double>> seconds;  // eq. 1, by class, by edge
-  std::vector<double> fastest, speed, room;  // by edge
-  FusionTime edge_fusion, cloud_fusion;
+  double least_weight = 0.0, weights = 0.0;        // of one robot, of all; own_bytes: by weight
+  std::vector<double> count, weight;               // by class
+  std::vector<std::vector<double>> seconds;        // eq. 1, by class, by edge
+  std::vector<double> fastest, speed, room;        // by edge
+  FusionTime edge_fusion;                          // by weight
+  double fewest_edges = 1.0;                       // that have room for everyone
+  double cloud_s = 0.0, cloud_s_per_edge = 0.0;    // with the fewest edges, and each further one
+  double spread_s = 0.0, cloud_pairs_s = 0.0;      // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
+  double full_s = 0.0, full_linear_s = 0.0, full_square_s = 0.0;  // of the fullest edge, by its share of all scans
 };
+
+// Robots with the same links and scans; where there are too many kinds, those of like scans by the least of each.
+void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& result) {
+  constexpr std::size_t kMostVariables = 2000;
+  const std::size_t most = std::max<std::size_t>(1, std::min(kinds.size(), kMostVariables / result.edges));
+  std::size_t index = 0;
+  for (const auto& [kind, count] : kinds) {
+    const std::size_t to = index++ * most / kinds.size();
+    if (to == result.count.size()) {
+      result.count.push_back(count);
+      result.weight.push_back(kind.front());
+      result.seconds.emplace_back(kind.begin() + 1, kind.end());
+      continue;
+    }
+    result.count[to] += count;
+    result.weight[to] = std::min(result.weight[to], kind.front());
+    for (std::size_t e = 0; e < result.edges; ++e) result.seconds[to][e] = std::min(result.seconds[to][e], kind[e + 1]);
+  }
+  for (std::size_t c = 0; c < result.count.size(); ++c) result.weights += result.count[c] * result.weight[c];
+}
+
+// What is left to the cloud, whoever is where.
+void add_cloud(const FusionTime& time, std::vector<double> scans, Relaxation& result) {
+  std::sort(scans.begin(), scans.end());
+  double all = 0.0, alone = 0.0, squares = 0.0, fewest_pairs = 0.0, pairs = 0.0, slope = std::numeric_limits<double>::infinity();
+  for (const double one : scans) {
+    all += one;
+    squares += one * one;
+  }
+  std::vector<double> rooms = result.room;
+  std::sort(rooms.rbegin(), rooms.rend());
+  double room = 0.0;
+  std::size_t fewest = 0;
+  while (fewest < rooms.size() && (room < result.robots || fewest == 0)) room += rooms[fewest++];
+  for (std::size_t used = 2; used <= std::min(result.edges, scans.size()); ++used) {
+    alone += scans[used - 2];
+    pairs += scans[used - 2] * (all - alone);
+    if (used == fewest) fewest_pairs = pairs;
+    if (used > fewest) slope = std::min(slope, (pairs - fewest_pairs) / static_cast<double>(used - fewest));
+  }
+  result.fewest_edges = static_cast<double>(fewest);
+  result.cloud_s = time.seconds({all, fewest_pairs});
+  result.cloud_s_per_edge = std::isfinite(slope) ? time.per_scan_pair_s * slope : 0.0;
+  result.spread_s = time.seconds({all, 0.5 * all * all});
+  result.cloud_pairs_s = time.per_scan_pair_s * 0.5 * all * all;
+}
 
 Relaxation relaxed(const Latency& latency) {
   const Problem& problem = latency.problem();
@@ -46,60 +103,66 @@ Relaxation relaxed(const Latency& latency) {
   const auto robots = static_cast<std::uint32_t>(problem.robots.size());
   result.edges = problem.edges.size();
   result.robots = robots;
-  result.edge_fusion = model.edge_fusion;
-  result.cloud_fusion = model.cloud_fusion;
   result.delay_s = model.cloud_delay_s;
-  double fastest_link = 0.0;
+  double highest_speed = 0.0;
   for (const EdgeResources& edge : problem.edges) {
     result.bandwidth += edge.bandwidth_bytes_per_s;
-    fastest_link = std::max(fastest_link, edge.bandwidth_bytes_per_s);
+    highest_speed = std::max(highest_speed, edge.speed);
     result.speed.push_back(edge.speed);
     result.room.push_back(std::min<double>(robots, edge.capacity.value_or(robots)));
   }
-  std::map<std::vector<double>, double> classes;
-  std::vector<double> fastest(result.edges, std::numeric_limits<double>::infinity());
+  std::vector<double> scans;
+  double all_scans = 0.0, most_scans = 0.0;
+  for (std::uint32_t robot = 0; robot < robots; ++robot) {
+    scans.push_back(latency.scans(robot));
+    all_scans += scans.back();
+    most_scans = std::max(most_scans, scans.back());
+  }
+  const double unit = all_scans > 0.0 ? all_scans / robots : 1.0;
+  std::map<std::vector<double>, double> kinds;  // weight and seconds by edge
+  result.fastest.assign(result.edges, std::numeric_limits<double>::infinity());
   double all_bytes = 0.0;
-  result.least_own_bytes = result.smallest_bytes = std::numeric_limits<double>::infinity();
+  result.least_own_bytes = result.smallest_bytes = result.least_weight = std::numeric_limits<double>::infinity();
   double first_ready = std::numeric_limits<double>::infinity();
   for (std::uint32_t robot = 0; robot < robots; ++robot) {
-    std::vector<double> seconds;
+    const double weight = all_scans > 0.0 ? scans[robot] / unit : 1.0;
+    std::vector<double> kind{weight};
     double alone = std::numeric_limits<double>::infinity();
     for (std::uint32_t edge = 0; edge < result.edges; ++edge) {
-      seconds.push_back(latency.robot_seconds(robot, edge));
-      fastest[edge] = std::min(fastest[edge], seconds.back());
-      const double ready = seconds.back() + model.edge_fusion.seconds(1.0) / problem.edges[edge].speed;
+      kind.push_back(latency.robot_seconds(robot, edge));
+      result.fastest[edge] = std::min(result.fastest[edge], kind.back());
+      const double ready = kind.back() + model.edge_fusion.seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
       first_ready = std::min(first_ready, ready);
       alone = std::min(alone, ready + latency.map_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s);
     }
     result.least_seconds = std::max(result.least_seconds, alone + model.cloud_delay_s);
     all_bytes += latency.own_bytes(robot);
-    result.least_own_bytes = std::min(result.least_own_bytes, latency.own_bytes(robot));
+    result.least_weight = std::min(result.least_weight, weight);
+    if (weight > 0.0) result.least_own_bytes = std::min(result.least_own_bytes, latency.own_bytes(robot) / weight);
     result.smallest_bytes = std::min(result.smallest_bytes, latency.map_bytes(robot));
-    classes[std::move(seconds)] += 1.0;
+    kinds[std::move(kind)] += 1.0;
   }
   result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + model.cloud_delay_s);
-  result.fastest = fastest;
-  constexpr std::size_t kMostVariables = 2000;
-  if (classes.size() * result.edges <= kMostVariables) {
-    for (const auto& [seconds, count] : classes) {
-      result.seconds.push_back(seconds);
-      result.count.push_back(count);
-    }
-  } else {  // one class of the fastest
-    result.seconds.push_back(fastest);
-    result.count.push_back(robots);
-  }
+  const FusionTime& fusion = model.edge_fusion;
+  result.edge_fusion = all_scans > 0.0 ? FusionTime{fusion.fixed_s, fusion.per_scan_s * unit, fusion.per_scan_pair_s * unit * unit}
+                                       : FusionTime{fusion.fixed_s, 0.0, 0.0};
+  result.full_s = *std::min_element(result.fastest.begin(), result.fastest.end()) + model.cloud_delay_s + fusion.fixed_s / highest_speed;
+  result.full_linear_s = all_scans * (fusion.per_scan_s - 0.5 * fusion.per_scan_pair_s * most_scans) / highest_speed;
+  result.full_square_s = 0.5 * fusion.per_scan_pair_s * all_scans * all_scans / highest_speed;
+  add_classes(kinds, result);
+  add_cloud(model.cloud_fusion, std::move(scans), result);
+  for (double& room : result.room) room *= kMoreRoom;
   return result;
 }
 
-// A convex function of one edge's n, y and b: value, gradient, lower half of the Hessian (nn, yn, yy, bn, by, bb).
+// A convex function of one edge's n, s, y and b: value, gradient, lower half of the Hessian (nn, sn, ss, yn, ys, yy, bn, bs, by, bb).
 struct OfEdge {
   double value;
-  std::array<double, 3> slope;
-  std::array<double, 6> curve;
+  std::array<double, 4> slope;
+  std::array<double, 10> curve;
 };
 
-// Variables: x class by class, n, y, b, then k (edges in use) and T.
+// Variables: x class by class, n, s, y, b, then k (edges in use), M (share of all), C and T.
 class Program : public Ipopt::TNLP {
  public:
   explicit Program(const Relaxation& relaxation) : r_(relaxation), edges_(r_.edges), classes_(r_.count.size()) {
@@ -109,10 +172,13 @@ class Program : public Ipopt::TNLP {
     for (std::size_t e = 0; e < edges_; ++e) {
       for (std::size_t c = 0; c < classes_; ++c) values_[x(c, e)] = r_.count[c] * r_.room[e] / room;
       values_[n(e)] = r_.robots * r_.room[e] / room;
-      values_[y(e)] = std::min({1.0, r_.room[e], values_[n(e)]});
+      values_[s(e)] = r_.weights * r_.room[e] / room;
+      values_[y(e)] = std::max(kUnused, std::min({1.0, r_.room[e], values_[n(e)]}));
       values_[b(e)] = 1.0 / static_cast<double>(edges_);
       values_[used()] += values_[y(e)];
     }
+    values_[used()] = std::max(values_[used()], r_.fewest_edges);
+    values_[fullest()] = 1.0 / static_cast<double>(edges_);
     visit_slopes(values_.data(), [this](std::size_t row, std::size_t column, double) {
       row_.push_back(static_cast<Index>(row));
       column_.push_back(static_cast<Index>(column));
@@ -122,15 +188,16 @@ class Program : public Ipopt::TNLP {
     double time_needed = r_.least_seconds;
     for (std::size_t row = mean_row(); row < rows(); ++row) time_needed = std::max(time_needed, start[row]);
     values_[time()] = 1.1 * time_needed;  // the start is feasible
+    values_[cloud()] = 1.1 * std::max({r_.cloud_s, start[cloud_row()], start[cloud_row() + 1]});
   }
 
-  double objective() const { return values_[time()] + r_.cloud_fusion.seconds(values_[used()]); }
+  double objective() const { return values_[time()] + values_[cloud()]; }
 
   bool get_nlp_info(Index& variables, Index& constraints, Index& jacobian, Index& hessian, IndexStyleEnum& style) override {
     variables = static_cast<Index>(values_.size());
     constraints = static_cast<Index>(rows());
     jacobian = static_cast<Index>(row_.size());
-    hessian = static_cast<Index>(6 * edges_ + 1);
+    hessian = static_cast<Index>(kCurves * edges_ + 1);
     style = C_STYLE;
     return true;
   }
@@ -138,21 +205,25 @@ class Program : public Ipopt::TNLP {
     for (std::size_t e = 0; e < edges_; ++e) {
       for (std::size_t c = 0; c < classes_; ++c) {
         low[x(c, e)] = 0.0;
-        high[x(c, e)] = std::min(r_.count[c], r_.room[e]);
+        high[x(c, e)] = std::min(r_.count[c] * kMoreRoom, r_.room[e]);
       }
-      low[n(e)] = 0.0;
+      low[n(e)] = low[s(e)] = 0.0;
       high[n(e)] = r_.room[e];
+      high[s(e)] = r_.weights * kMoreRoom;
       low[y(e)] = low[b(e)] = kUnused;
       high[y(e)] = high[b(e)] = 1.0;
     }
-    low[used()] = 1.0;
+    low[used()] = r_.fewest_edges - 2.0 * kUnused * static_cast<double>(edges_);
     high[used()] = static_cast<double>(edges_);
+    low[fullest()] = 0.0;
+    high[fullest()] = 1.0;
+    low[cloud()] = r_.cloud_s;
     low[time()] = r_.least_seconds;
-    high[time()] = 1e19;
+    high[cloud()] = high[time()] = 1e19;
     std::fill(row_low, row_low + rows(), -1e19);
     std::fill(row_high, row_high + rows(), 0.0);
     for (std::size_t c = 0; c < classes_; ++c) row_low[c] = row_high[c] = r_.count[c];
-    for (std::size_t e = 0; e < edges_; ++e) row_low[classes_ + e] = 0.0;
+    for (std::size_t e = 0; e < 2 * edges_; ++e) row_low[classes_ + e] = 0.0;
     row_low[used_row()] = 0.0;
     return true;
   }
@@ -161,13 +232,12 @@ class Program : public Ipopt::TNLP {
     return true;
   }
   bool eval_f(Index, const Number* at, bool, Number& value) override {
-    value = at[time()] + r_.cloud_fusion.seconds(at[used()]);
+    value = at[time()] + at[cloud()];
     return true;
   }
-  bool eval_grad_f(Index count, const Number* at, bool, Number* gradient) override {
+  bool eval_grad_f(Index count, const Number*, bool, Number* gradient) override {
     std::fill(gradient, gradient + count, 0.0);
-    gradient[time()] = 1.0;
-    gradient[used()] = r_.cloud_fusion.per_map_s + r_.cloud_fusion.per_pair_s * (at[used()] - 0.5);
+    gradient[time()] = gradient[cloud()] = 1.0;
     return true;
   }
   bool eval_g(Index, const Number* at, bool, Index, Number* g) override {
@@ -175,19 +245,25 @@ class Program : public Ipopt::TNLP {
     g[used_row()] = -at[used()] - kUnused * static_cast<double>(edges_);
     g[used_row() + 1] = -1.0 - kUnused * static_cast<double>(edges_);
     g[mean_row()] = -at[time()];
+    g[full_row()] = r_.full_s + r_.full_linear_s * at[fullest()] + r_.full_square_s * at[fullest()] * at[fullest()] - at[time()];
+    g[cloud_row()] = r_.cloud_s + r_.cloud_s_per_edge * (at[used()] - r_.fewest_edges) - at[cloud()];
+    g[cloud_row() + 1] = r_.spread_s - r_.cloud_pairs_s * at[fullest()] - at[cloud()];
     for (std::size_t e = 0; e < edges_; ++e) {
       g[classes_ + e] = -at[n(e)];
+      g[classes_ + edges_ + e] = -at[s(e)];
+      g[mean_row() + 1 + e] = alone(at, e).value - at[time()];
       for (std::size_t c = 0; c < classes_; ++c) {
         g[c] += at[x(c, e)];
         g[classes_ + e] += at[x(c, e)];
-        g[mean_row()] += at[x(c, e)] * r_.seconds[c][e] / r_.robots;
+        g[classes_ + edges_ + e] += at[x(c, e)] * r_.weight[c];
+        g[mean_row()] += at[x(c, e)] * of_robot_in_mean(c, e);
+        g[mean_row() + 1 + e] += at[x(c, e)] * of_robot_alone(c, e);
       }
-      g[classes_ + edges_ + e] = at[n(e)] - r_.room[e] * at[y(e)];
-      g[classes_ + 2 * edges_ + e] = at[y(e)] - kUnused - at[n(e)];
+      g[classes_ + 2 * edges_ + e] = at[n(e)] - r_.room[e] * at[y(e)];
+      g[classes_ + 3 * edges_ + e] = at[y(e)] - kUnused - at[n(e)];
       g[used_row()] += at[y(e)];
       g[used_row() + 1] += at[b(e)];
       g[mean_row()] += mean(at, e).value;
-      g[mean_row() + 1 + e] = alone(at, e).value - at[time()];
     }
     return true;
   }
@@ -200,25 +276,27 @@ class Program : public Ipopt::TNLP {
     }
     return true;
   }
-  bool eval_h(Index, const Number* at, bool, Number weight, Index, const Number* multipliers, bool, Index, Index* row, Index* column,
+  bool eval_h(Index, const Number* at, bool, Number, Index, const Number* multipliers, bool, Index, Index* row, Index* column,
               Number* values) override {
     std::size_t next = 0;
     for (std::size_t e = 0; e < edges_; ++e) {
-      const std::array<std::size_t, 3> variables{n(e), y(e), b(e)};
-      for (std::size_t i = 0, entry = 0; i < 3; ++i)
-        for (std::size_t j = 0; j <= i; ++j, ++entry, ++next) {
-          if (values == nullptr) {
+      const std::array<std::size_t, 4> variables = of_edge(e);
+      if (values == nullptr) {
+        for (std::size_t i = 0; i < variables.size(); ++i)
+          for (std::size_t j = 0; j <= i; ++j, ++next) {
             row[next] = static_cast<Index>(variables[i]);
             column[next] = static_cast<Index>(variables[j]);
-          } else {
-            values[next] = multipliers[mean_row()] * mean(at, e).curve[entry] + multipliers[mean_row() + 1 + e] * alone(at, e).curve[entry];
           }
-        }
+        continue;
+      }
+      const auto of_mean = mean(at, e).curve, of_alone = alone(at, e).curve;
+      for (std::size_t entry = 0; entry < kCurves; ++entry, ++next)
+        values[next] = multipliers[mean_row()] * of_mean[entry] + multipliers[mean_row() + 1 + e] * of_alone[entry];
     }
     if (values == nullptr)
-      row[next] = column[next] = static_cast<Index>(used());
+      row[next] = column[next] = static_cast<Index>(fullest());
     else
-      values[next] = weight * r_.cloud_fusion.per_pair_s;
+      values[next] = 2.0 * multipliers[full_row()] * r_.full_square_s;
     return true;
   }
   void finalize_solution(Ipopt::SolverReturn, Index count, const Number* at, const Number*, const Number*, Index, const Number*,
@@ -227,37 +305,49 @@ class Program : public Ipopt::TNLP {
   }
 
  private:
+  static constexpr std::size_t kCurves = 10;
   std::size_t x(std::size_t c, std::size_t e) const { return c * edges_ + e; }
   std::size_t n(std::size_t e) const { return classes_ * edges_ + e; }
-  std::size_t y(std::size_t e) const { return (classes_ + 1) * edges_ + e; }
-  std::size_t b(std::size_t e) const { return (classes_ + 2) * edges_ + e; }
-  std::size_t used() const { return (classes_ + 3) * edges_; }
-  std::size_t time() const { return used() + 1; }
-  std::size_t used_row() const { return classes_ + 3 * edges_; }  // then the shares of bandwidth
-  std::size_t mean_row() const { return used_row() + 2; }         // then one for each edge alone
-  std::size_t rows() const { return mean_row() + 1 + edges_; }
+  std::size_t s(std::size_t e) const { return (classes_ + 1) * edges_ + e; }
+  std::size_t y(std::size_t e) const { return (classes_ + 2) * edges_ + e; }
+  std::size_t b(std::size_t e) const { return (classes_ + 3) * edges_ + e; }
+  std::array<std::size_t, 4> of_edge(std::size_t e) const { return {n(e), s(e), y(e), b(e)}; }
+  std::size_t used() const { return (classes_ + 4) * edges_; }
+  std::size_t fullest() const { return used() + 1; }
+  std::size_t cloud() const { return used() + 2; }
+  std::size_t time() const { return used() + 3; }
+  std::size_t used_row() const { return classes_ + 4 * edges_; }  // then the shares of bandwidth
+  std::size_t cloud_row() const { return used_row() + 2; }        // and the next
+  std::size_t mean_row() const { return cloud_row() + 2; }        // then one for each edge alone
+  std::size_t full_row() const { return mean_row() + 1 + edges_; }
+  std::size_t rows() const { return full_row() + 1; }
 
-  // What (mean) says of an edge beyond x: n (fusion(n) + delay) in perspective, and bytes; over all robots.
+  // What a robot of a class adds to (mean) and to its edge's own line beyond what n and s say.
+  double of_robot_in_mean(std::size_t c, std::size_t e) const { return r_.weight[c] * r_.seconds[c][e] / r_.weights; }
+  double of_robot_alone(std::size_t c, std::size_t e) const {
+    return -0.5 * r_.edge_fusion.per_scan_pair_s / r_.speed[e] * r_.weight[c] * r_.weight[c];
+  }
+  // What (mean) says of an edge beyond x: s (fusion + delay) in perspective, and bytes; by the weight of all robots.
   OfEdge mean(const Number* at, std::size_t e) const {
-    const double many = at[n(e)], use = at[y(e)], share = at[b(e)], m = many / use, speed = r_.speed[e] * r_.robots,
-                 bytes = r_.least_own_bytes / r_.bandwidth / r_.robots;
-    const double fixed = r_.edge_fusion.fixed_s / speed, map = r_.edge_fusion.per_map_s / speed,
-                 pair = 0.5 * r_.edge_fusion.per_pair_s / speed;
-    return {many * r_.delay_s / r_.robots + fixed * many + map * many * m + pair * many * (m * m - m) + bytes * many * many / share,
-            {r_.delay_s / r_.robots + fixed + 2.0 * map * m + pair * (3.0 * m * m - 2.0 * m) + 2.0 * bytes * many / share,
-             -map * m * m - pair * (2.0 * m * m * m - m * m), -bytes * many * many / (share * share)},
-            {(2.0 * map + pair * (6.0 * m - 2.0)) / use + 2.0 * bytes / share, (-2.0 * map * m - pair * (6.0 * m * m - 2.0 * m)) / use,
-             (2.0 * map * m * m + pair * (6.0 * m * m * m - 2.0 * m * m)) / use, -2.0 * bytes * many / (share * share), 0.0,
-             2.0 * bytes * many * many / (share * share * share)}};
+    const double many = at[n(e)], heavy = at[s(e)], use = at[y(e)], share = at[b(e)], m = many / use, k = heavy / use,
+                 speed = r_.speed[e] * r_.weights, bytes = r_.least_own_bytes / r_.bandwidth / r_.weights;
+    const double start = r_.delay_s / r_.weights + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
+                 pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed * r_.least_weight * r_.least_weight * r_.least_weight;
+    return {start * heavy + scan * heavy * k + pair * many * (m * m - m) + bytes * heavy * heavy / share,
+            {pair * (3.0 * m * m - 2.0 * m), start + 2.0 * scan * k + 2.0 * bytes * heavy / share,
+             -scan * k * k - pair * (2.0 * m * m * m - m * m), -bytes * heavy * heavy / (share * share)},
+            {pair * (6.0 * m - 2.0) / use, 0.0, 2.0 * scan / use + 2.0 * bytes / share, -pair * (6.0 * m * m - 2.0 * m) / use,
+             -2.0 * scan * k / use, (2.0 * scan * k * k + pair * (6.0 * m * m * m - 2.0 * m * m)) / use, 0.0,
+             -2.0 * bytes * heavy / (share * share), 0.0, 2.0 * bytes * heavy * heavy / (share * share * share)}};
   }
   OfEdge alone(const Number* at, std::size_t e) const {
-    const double many = at[n(e)], use = at[y(e)], share = at[b(e)], m = many / use, speed = r_.speed[e],
+    const double heavy = at[s(e)], use = at[y(e)], share = at[b(e)], k = heavy / use, speed = r_.speed[e],
                  bytes = r_.smallest_bytes / r_.bandwidth;
-    const double start = r_.fastest[e] + r_.delay_s + r_.edge_fusion.fixed_s / speed, map = r_.edge_fusion.per_map_s / speed,
-                 pair = 0.5 * r_.edge_fusion.per_pair_s / speed;
-    return {start * use + map * many + pair * (many * m - many) + bytes * use * use / share,
-            {map + pair * (2.0 * m - 1.0), start - pair * m * m + 2.0 * bytes * use / share, -bytes * use * use / (share * share)},
-            {2.0 * pair / use, -2.0 * pair * m / use, 2.0 * pair * m * m / use + 2.0 * bytes / share, 0.0,
+    const double start = r_.fastest[e] + r_.delay_s + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
+                 pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed;
+    return {start * use + scan * heavy + pair * heavy * k + bytes * use * use / share,
+            {0.0, scan + 2.0 * pair * k, start - pair * k * k + 2.0 * bytes * use / share, -bytes * use * use / (share * share)},
+            {0.0, 0.0, 2.0 * pair / use, 0.0, -2.0 * pair * k / use, 2.0 * pair * k * k / use + 2.0 * bytes / share, 0.0, 0.0,
              -2.0 * bytes * use / (share * share), 2.0 * bytes * use * use / (share * share * share)}};
   }
 
@@ -268,25 +358,34 @@ class Program : public Ipopt::TNLP {
       for (std::size_t c = 0; c < classes_; ++c) {
         slope(c, x(c, e), 1.0);
         slope(classes_ + e, x(c, e), 1.0);
-        slope(mean_row(), x(c, e), r_.seconds[c][e] / r_.robots);
+        slope(classes_ + edges_ + e, x(c, e), r_.weight[c]);
+        slope(mean_row(), x(c, e), of_robot_in_mean(c, e));
+        slope(mean_row() + 1 + e, x(c, e), of_robot_alone(c, e));
       }
       slope(classes_ + e, n(e), -1.0);
-      slope(classes_ + edges_ + e, n(e), 1.0);
-      slope(classes_ + edges_ + e, y(e), -r_.room[e]);
-      slope(classes_ + 2 * edges_ + e, y(e), 1.0);
-      slope(classes_ + 2 * edges_ + e, n(e), -1.0);
+      slope(classes_ + edges_ + e, s(e), -1.0);
+      slope(classes_ + 2 * edges_ + e, n(e), 1.0);
+      slope(classes_ + 2 * edges_ + e, y(e), -r_.room[e]);
+      slope(classes_ + 3 * edges_ + e, y(e), 1.0);
+      slope(classes_ + 3 * edges_ + e, n(e), -1.0);
       slope(used_row(), y(e), 1.0);
       slope(used_row() + 1, b(e), 1.0);
       const auto of_mean = mean(at, e).slope, of_alone = alone(at, e).slope;
-      for (std::size_t i = 0; i < 3; ++i) {
-        const std::size_t variable = i == 0 ? n(e) : i == 1 ? y(e) : b(e);
-        slope(mean_row(), variable, of_mean[i]);
-        slope(mean_row() + 1 + e, variable, of_alone[i]);
+      const std::array<std::size_t, 4> variables = of_edge(e);
+      for (std::size_t i = 0; i < variables.size(); ++i) {
+        slope(mean_row(), variables[i], of_mean[i]);
+        slope(mean_row() + 1 + e, variables[i], of_alone[i]);
       }
       slope(mean_row() + 1 + e, time(), -1.0);
     }
     slope(used_row(), used(), -1.0);
     slope(mean_row(), time(), -1.0);
+    slope(full_row(), fullest(), r_.full_linear_s + 2.0 * r_.full_square_s * at[fullest()]);
+    slope(full_row(), time(), -1.0);
+    slope(cloud_row(), used(), r_.cloud_s_per_edge);
+    slope(cloud_row(), cloud(), -1.0);
+    slope(cloud_row() + 1, fullest(), -r_.cloud_pairs_s);
+    slope(cloud_row() + 1, cloud(), -1.0);
   }
 
   const Relaxation& r_;
@@ -299,7 +398,7 @@ class Program : public Ipopt::TNLP {
 
 double lower_bound_seconds(const Latency& latency) {
   const Relaxation relaxation = relaxed(latency);
-  const double simple = relaxation.least_seconds + relaxation.cloud_fusion.seconds(1.0);
+  const double simple = relaxation.least_seconds + relaxation.cloud_s;
   static std::mutex one_at_a_time;  // its linear solver keeps state in memory that all calls share
   const std::lock_guard lock(one_at_a_time);
   Ipopt::SmartPtr<Program> program = new Program(relaxation);

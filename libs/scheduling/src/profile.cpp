@@ -9,8 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
-#include <system_error>
+#include <optional>
 
 namespace mapweave::scheduling {
 namespace {
@@ -18,10 +19,16 @@ namespace {
 using Json = nlohmann::json;
 constexpr double kMost = 1e12;
 
+struct Sample {
+  double scans, value;
+  std::vector<double> basis;
+};
+
 struct Samples {
-  std::vector<std::pair<double, double>> slam_s, map_bytes;          // by scans
-  std::vector<std::pair<double, double>> edge_fusion, cloud_fusion;  // seconds by maps
+  std::vector<Sample> packing_s, sensed_bytes, slam_s, map_bytes, edge_fusion_s, cloud_fusion_s;
   double scans = 0.0, robots = 0.0;
+  std::vector<std::string> notes;
+  bool cameras = false;
 };
 
 const Json& list(const Json& root, const char* name, const std::string& where) {
@@ -42,62 +49,116 @@ std::string text(const Json& object, const char* name, const std::string& where,
   return value.get<std::string>();
 }
 
+struct RobotOfRun {
+  double scans = 0.0;
+  bool mapped = false, cameras = false;
+  std::string edge;
+};
+
+std::map<std::string, RobotOfRun> robots_of(const Json& root, const std::string& where) {
+  std::map<std::string, RobotOfRun> robots;
+  for (const Json& given : list(root, "robots", where)) {
+    RobotOfRun robot;
+    robot.scans = field(given, "scans", where, "robots");
+    const Json& mapped = member(given, "mapped", where, "robots");
+    if (!mapped.is_boolean()) refuse("true or false was expected", where, "robots.mapped", "");
+    robot.mapped = mapped.get<bool>();
+    robot.cameras = given.contains("cameras");
+    if (given.contains("edge")) robot.edge = text(given, "edge", where, "robots");
+    const std::string id = name(member(given, "id", where, "robots"), where, "robots.id");
+    if (!robots.emplace(id, robot).second) refuse("robot '" + id + "' stands there twice", where, "robots", "");
+  }
+  return robots;
+}
+
+Sample of_fusion(const FusedScans& fused, double seconds) { return {fused.scans, seconds, {1.0, fused.scans, fused.pairs}}; }
+
+void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const std::string& where, Samples& samples) {
+  constexpr const char* kKey = "timeline.robots";
+  const double scans = robot.scans, packing_s = field(line, "packing_cpu_seconds", where, kKey),
+               mapping_s = field(line, "mapping_cpu_seconds", where, kKey), sensed_bytes = field(line, "sensed_bytes", where, kKey),
+               map_bytes = field(line, "map_bytes", where, kKey);
+  if (!robot.mapped || scans == 0.0) return;
+  samples.scans += scans;
+  samples.robots += 1.0;
+  samples.slam_s.push_back({scans, mapping_s, {scans}});
+  if (offload) samples.packing_s.push_back({scans, packing_s, {scans}});
+  if (robot.cameras) return;  // what they sent and hold of cameras is no matter of scans
+  if (offload) samples.sensed_bytes.push_back({scans, sensed_bytes, {scans}});
+  samples.map_bytes.push_back({scans, map_bytes, {1.0, scans}});
+}
+
 void add_run(const std::filesystem::path& folder, Samples& samples) {
   const std::filesystem::path path = folder / "summary.json";
   constexpr std::uint64_t kMostBytes = 1 << 26;
   const std::string where = path.string();
   const Json root = parse_json(read_file(path, kMostBytes), where);
   if (!root.is_object()) refuse("an object was expected", where, "", "");
-  std::map<std::string, double> maps_at;
-  for (const Json& robot : list(root, "robots", where)) {
-    const double scans = field(robot, "scans", where, "robots");
-    const Json& mapped = member(robot, "mapped", where, "robots");
-    if (!mapped.is_boolean() || !mapped.get<bool>() || scans == 0.0) continue;
-    samples.slam_s.emplace_back(scans, field(robot, "cpu_seconds", where, "robots"));
-    samples.scans += scans;
-    samples.robots += 1.0;
-    const std::string id = name(member(robot, "id", where, "robots"), where, "robots.id");
-    std::error_code none;
-    const auto bytes = std::filesystem::file_size(folder / "robots" / id / "map.mwdb", none);
-    if (!none) samples.map_bytes.emplace_back(scans, static_cast<double>(bytes));
-    if (robot.contains("edge")) maps_at[text(robot, "edge", where, "robots")] += 1.0;
+  const auto robots = robots_of(root, where);
+  if (!root.contains("timeline")) {
+    samples.notes.push_back(where + " has no timeline, which only runs of teams to their end have: nothing is learnt from it");
+    return;
   }
-  std::map<std::string, double> seconds_at;
-  for (const Json& stage : list(root, "stages", where)) {
-    static const char* const kFusion[] = {"features", "pairwise matching", "component connection", "transform optimisation", "composing"};
-    const std::string what = text(stage, "name", where, "stages");
-    if (std::find(std::begin(kFusion), std::end(kFusion), what) != std::end(kFusion))
-      seconds_at[text(stage, "tier", where, "stages")] += field(stage, "seconds", where, "stages");
+  const Json& timeline = root["timeline"];
+  if (!timeline.is_object()) refuse("an object was expected", where, "timeline", "");
+  const std::string mode = text(timeline, "mode", where, "timeline");
+  if (mode != "offload" && mode != "onboard" && mode != "cloud-only")
+    refuse("there is no mode '" + mode.substr(0, 64) + "'", where, "timeline.mode", "offload, onboard, cloud-only");
+  for (const Json& line : list(timeline, "robots", where)) {
+    const auto robot = robots.find(text(line, "id", where, "timeline.robots"));
+    if (robot == robots.end()) refuse("a robot that is not among the robots of the run", where, "timeline.robots", "");
+    add_robot(line, robot->second, mode == "offload", where, samples);
   }
-  for (const auto& [tier, seconds] : seconds_at) {
-    if (const auto maps = maps_at.find(tier); maps != maps_at.end())
-      samples.edge_fusion.emplace_back(maps->second, seconds);
-    else if (!maps_at.empty())
-      samples.cloud_fusion.emplace_back(static_cast<double>(maps_at.size()), seconds);
+  const bool cloud_only = mode == "cloud-only";
+  std::map<std::string, FusedScans> at;  // by edge; where there are none, by robot
+  std::map<std::string, bool> sees;      // has a robot with cameras
+  bool anybody_sees = false;
+  for (const auto& [id, robot] : robots) {
+    if (!robot.mapped) continue;
+    const std::string& where_fused = cloud_only ? id : robot.edge;
+    at[where_fused].add(robot.scans);
+    sees[where_fused] = sees[where_fused] || robot.cameras;
+    anybody_sees = anybody_sees || robot.cameras;
   }
+  samples.cameras = samples.cameras || anybody_sees;
+  for (const Json& line : list(timeline, "edges", where)) {
+    const std::string id = text(line, "id", where, "timeline.edges");
+    const double seconds = field(line, "fusing_cpu_seconds", where, "timeline.edges");
+    if (const auto fused = at.find(id); fused != at.end() && fused->second.scans > 0.0 && !sees[id])
+      samples.edge_fusion_s.push_back(of_fusion(fused->second, seconds));
+  }
+  const double seconds = field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
+  FusedScans all;
+  for (const auto& [ignored, fused] : at) all.add(fused.scans);
+  if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));
 }
 
-// Fits seconds (or bytes) to the functions of `basis`, and tells a few predictions.
-template <class Basis>
-Regression fitted(const std::string& name, const std::string& by, const std::string& unit,
-                  const std::vector<std::pair<double, double>>& samples, Basis basis, Profile& profile) {
-  const std::size_t columns = basis(0.0).size();
-  Eigen::MatrixXd rows(static_cast<Eigen::Index>(samples.size()), static_cast<Eigen::Index>(columns));
-  Eigen::VectorXd measured(static_cast<Eigen::Index>(samples.size()));
-  double least = samples.front().first, most = least;
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    const std::vector<double> row = basis(samples[i].first);
-    for (std::size_t k = 0; k < columns; ++k) rows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = row[k];
-    measured[static_cast<Eigen::Index>(i)] = samples[i].second;
-    least = std::min(least, samples[i].first);
-    most = std::max(most, samples[i].first);
+// Fits seconds (or bytes) to their basis, and tells a few predictions. Nothing without samples.
+std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples,
+                                          Profile& profile) {
+  if (samples.empty()) {
+    profile.notes.push_back(name + " is not told by these runs: its default stands");
+    return std::nullopt;
   }
-  ProfiledTerm term{name, by, unit, fit(rows, measured), {}};
-  for (const double at : {least, 0.5 * (least + most), most})
-    if (term.shown.empty() || at > term.shown.back().at)
-      term.shown.push_back({at, term.regression.at(basis(at)), term.regression.interval(basis(at))});
+  std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.scans < b.scans; });
+  Eigen::MatrixXd rows(static_cast<Eigen::Index>(samples.size()), static_cast<Eigen::Index>(samples.front().basis.size()));
+  Eigen::VectorXd measured(static_cast<Eigen::Index>(samples.size()));
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    for (std::size_t k = 0; k < samples[i].basis.size(); ++k)
+      rows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = samples[i].basis[k];
+    measured[static_cast<Eigen::Index>(i)] = samples[i].value;
+  }
+  ProfiledTerm term{name, "scans", unit, fit_relative(rows, measured), 0.0, {}};
+  std::vector<double> off;
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    if (samples[i].value > 0.0) off.push_back(std::abs(term.regression.residuals[i]) / samples[i].value);
+  std::sort(off.begin(), off.end());
+  if (!off.empty()) term.median_off = off[off.size() / 2];
+  for (const Sample* shown : {&samples.front(), &samples[samples.size() / 2], &samples.back()})
+    if (term.shown.empty() || shown->scans > term.shown.back().at)
+      term.shown.push_back({shown->scans, term.regression.at(shown->basis), term.regression.interval(shown->basis)});
   profile.terms.push_back(term);
-  return term.regression;
+  return term.regression.coefficients;
 }
 
 }  // namespace
@@ -105,44 +166,26 @@ Regression fitted(const std::string& name, const std::string& by, const std::str
 Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
   Samples samples;
   for (const auto& folder : folders) add_run(folder, samples);
+  if (!folders.empty() && samples.notes.size() == folders.size())
+    throw Error(ErrorCode::kBadInput, "no run has a timeline", folders.front().string(),
+                "give folders of results of `mapweave run` that came to its end");
   Profile profile;
+  profile.notes = samples.notes;
+  if (samples.cameras)
+    profile.notes.push_back("some robots have cameras: nothing is learnt of fusing their maps, nor of what they send");
   LatencyModel& model = profile.model;
-  const auto missing = [&](const char* what) {
-    profile.notes.push_back(std::string(what) + " is not told by these runs: its default stands");
-  };
-  if (samples.robots > 0.0) {
-    model.scans = samples.scans / samples.robots;
-    // Packing is measured within it: logs are read and packed where they are mapped.
-    model.slam_s_per_scan = fitted(
-                                "SLAM", "scans", "s", samples.slam_s, [](double scans) { return std::vector<double>{scans}; }, profile)
-                                .coefficients[0];
-  } else {
-    missing("SLAM");
+  if (samples.robots > 0.0) model.scans = samples.scans / samples.robots;
+  if (const auto found = fitted("packing", "s", samples.packing_s, profile)) model.pack_s_per_scan = found->front();
+  if (const auto found = fitted("what robots send", "bytes", samples.sensed_bytes, profile)) model.scan_bytes = found->front();
+  if (const auto found = fitted("SLAM", "s", samples.slam_s, profile)) model.slam_s_per_scan = found->front();
+  if (const auto found = fitted("size of a robot's map", "bytes", samples.map_bytes, profile)) {
+    model.map_bytes_fixed = (*found)[0];
+    model.map_bytes_per_scan = (*found)[1];
   }
-  if (!samples.map_bytes.empty()) {
-    const Regression bytes = fitted(
-        "size of a robot's map", "scans", "bytes", samples.map_bytes,
-        [](double scans) {
-          return std::vector<double>{1.0, scans};
-        },
-        profile);
-    model.map_bytes_fixed = bytes.coefficients[0];
-    model.map_bytes_per_scan = bytes.coefficients[1];
-  } else {
-    missing("the size of maps");
-  }
-  const auto fusion = [&](const char* what, const std::vector<std::pair<double, double>>& seconds, FusionTime& time) {
-    if (seconds.empty()) return missing(what);
-    const Regression found = fitted(
-        what, "maps", "s", seconds,
-        [](double maps) {
-          return std::vector<double>{1.0, maps, 0.5 * maps * (maps - 1.0)};
-        },
-        profile);
-    time = {found.coefficients[0], found.coefficients[1], found.coefficients[2]};
-  };
-  fusion("fusion on an edge", samples.edge_fusion, model.edge_fusion);
-  fusion("fusion in the cloud", samples.cloud_fusion, model.cloud_fusion);
+  if (const auto found = fitted("fusion on an edge", "s", samples.edge_fusion_s, profile))
+    model.edge_fusion = {(*found)[0], (*found)[1], (*found)[2]};
+  if (const auto found = fitted("fusion in the cloud", "s", samples.cloud_fusion_s, profile))
+    model.cloud_fusion = {(*found)[0], (*found)[1], (*found)[2]};
   return profile;
 }
 

@@ -15,11 +15,20 @@
 
 namespace mapweave::scheduling {
 
-// Seconds for k maps: fixed_s + per_map_s k + per_pair_s k (k - 1) / 2. Quadratic, as RecSLAM's fig. 7a and 11: pairs are what is matched.
-// All parts are 0 or more.
+// Maps that are fused: how many scans they hold together, and over each two of them the product of theirs. On an edge, of its robots; in
+// the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
+struct FusedScans {
+  double scans = 0.0, pairs = 0.0;
+  void add(double of_map) {
+    pairs += scans * of_map;
+    scans += of_map;
+  }
+};
+
+// Quadratic in the number of scans, as RecSLAM's fig. 7a and 11 have it: what is matched are pairs. All parts are 0 or more.
 struct FusionTime {
-  double fixed_s = 0.0, per_map_s = 0.0, per_pair_s = 0.0;
-  double seconds(double maps) const { return fixed_s + per_map_s * maps + per_pair_s * 0.5 * maps * (maps - 1.0); }
+  double fixed_s = 0.0, per_scan_s = 0.0, per_scan_pair_s = 0.0;
+  double seconds(const FusedScans& fused) const { return fixed_s + per_scan_s * fused.scans + per_scan_pair_s * fused.pairs; }
 };
 
 struct LatencyModel {
@@ -28,12 +37,12 @@ struct LatencyModel {
   double scan_bytes = 400.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
   double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
   double robot_delay_s = 0.005;
-  double slam_s_per_scan = 0.0015;         // on an edge of speed 1
-  FusionTime edge_fusion{0.0, 0.22, 3.4};  // on an edge of speed 1
-  double map_bytes_per_scan = 650.0;       // of a robot's map as it is sent on
+  double slam_s_per_scan = 0.0015;               // on an edge of speed 1
+  FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};   // on an edge of speed 1
+  double map_bytes_per_scan = 650.0;             // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
-  double cloud_delay_s = 0.02;              // edge -> cloud
-  FusionTime cloud_fusion{0.0, 0.17, 2.4};  // of edge maps
+  double cloud_delay_s = 0.02;                   // edge -> cloud
+  FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps
 };
 
 // As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing has its default.
@@ -42,12 +51,31 @@ LatencyModel read_model(const std::filesystem::path&);
 LatencyModel parse_model(std::string_view json, const std::string& where);
 std::string model_json(const LatencyModel&);
 
-// The terms for one problem. The problem and the model must outlive it. Immutable; thread-safe.
+// The terms of eq. 1 to 3 for one placement, each in seconds, so that a run can be compared with them one by one.
+struct LatencyTerms {
+  struct Robot {
+    std::uint32_t robot = 0;
+    double pack_s = 0.0, transfer_s = 0.0, slam_s = 0.0;
+    double seconds() const { return pack_s + transfer_s + slam_s; }  // eq. 1
+  };
+  struct Edge {  // without robots: 0 throughout
+    std::vector<Robot> robots;
+    double fusion_s = 0.0, transfer_s = 0.0;  // transfer: to the cloud
+    double computing_seconds() const;         // eq. 2
+    double seconds() const { return computing_seconds() + transfer_s; }
+  };
+  std::vector<Edge> edges;
+  double fusion_s = 0.0;  // in the cloud
+  double total_seconds() const;  // eq. 3
+};
+
+// What the model says of one problem. The problem and the model must outlive it. Immutable; thread-safe.
 class Latency {
  public:
   Latency(const Problem&, const LatencyModel&);
 
-  double robot_seconds(std::uint32_t robot, std::uint32_t edge) const;  // eq. 1
+  double scans(std::uint32_t robot) const { return problem_.scans[robot].value_or(model_.scans); }
+  double robot_seconds(std::uint32_t robot, std::uint32_t edge) const { return robot_terms(robot, edge).seconds(); }  // eq. 1
   double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
   // Of the fused map, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree times both sizes;
   // common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
@@ -58,12 +86,15 @@ class Latency {
   double edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;  // eq. 2 alone
   // Eq. 3. `robots_at`: by edge, ascending; a robot may be at several.
-  double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const;
+  LatencyTerms terms(const std::vector<std::vector<std::uint32_t>>& robots_at) const;
+  double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const { return terms(robots_at).total_seconds(); }
 
   const Problem& problem() const { return problem_; }
   const LatencyModel& model() const { return model_; }
 
  private:
+  LatencyTerms::Robot robot_terms(std::uint32_t robot, std::uint32_t edge) const;
+  LatencyTerms::Edge edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
   const Problem& problem_;
   const LatencyModel& model_;

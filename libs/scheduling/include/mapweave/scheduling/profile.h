@@ -1,5 +1,6 @@
 #pragma once
-// The latency model learnt from folders of results (`summary.json`, maps) of earlier runs.
+// The latency model learnt from folders of results of earlier runs: from the "timeline" in their `summary.json` (libs/runtime,
+// timeline.h), which tells what each tier did in seconds of one core, and what was sent.
 
 #include <mapweave/scheduling/latency_model.h>
 #include <mapweave/scheduling/regression.h>
@@ -11,12 +12,13 @@
 namespace mapweave::scheduling {
 
 struct ProfiledTerm {
-  std::string name, basis, unit;  // "fusion on an edge", "maps", "s"
-  Regression regression;
+  std::string name, basis, unit;  // "fusion on an edge", "scans", "s"
+  Regression regression;          // fit_relative
+  double median_off = 0.0;        // half of the samples are predicted within this share of what was measured
   struct Point {
     double at, value, half_width;  // of the 95 % prediction interval; infinite where it cannot be told
   };
-  std::vector<Point> shown;
+  std::vector<Point> shown;  // at the smallest, the middle and the largest sample
 };
 
 struct Profile {
@@ -25,7 +27,9 @@ struct Profile {
   std::vector<std::string> notes;  // what was not told
 };
 
-// Throws Error kMissing, kCorrupt or kBadInput, naming the file, for a folder without a summary or a summary that cannot be one.
+// Seconds are of this machine's core at speed 1. Modes tell what they can: only `offload` packs; `cloud-only` has no edges, so the cloud
+// fuses robots' maps. Runs that were interrupted have no timeline: a note says so. Throws Error kMissing, kCorrupt or kBadInput, naming the
+// file, for a folder without a summary, a summary that cannot be one, or where no run has a timeline.
 Profile profile_runs(const std::vector<std::filesystem::path>& folders);
 
 }  // namespace mapweave::scheduling
