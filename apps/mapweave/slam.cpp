@@ -36,7 +36,7 @@ Action set_up_slam(CLI::App& verb) {
     LoadedConfiguration loaded = load_configuration({}, settings, arguments->flags);
     if (!loaded.configuration.robots.empty())
       throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots", "use mapweave run for several robots");
-    loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), {}}};
+    loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), ""}};
     expect_outside(arguments->flags.out, {arguments->log});
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     WorkerPool pool(threads_of(arguments->flags));

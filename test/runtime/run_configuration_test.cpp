@@ -136,5 +136,39 @@ TEST(NameOfFile, is_fit_for_a_robot) {
   EXPECT_EQ(name_of_file(std::string(100, 'x') + ".rawlog"), std::string(64, 'x'));
 }
 
+TEST_F(PlanTest, leaves_robots_to_the_coordinator_and_edges_without_robots) {
+  configuration.robots = {{"alpha", "a.rawlog", ""}, {"beta", "b.rawlog", "south"}};
+  configuration.edges = {{"north"}, {"south"}, {"west"}};
+  configuration.coordinator.method = Coordination::standard;
+  const RunPlan made = plan();
+  EXPECT_EQ(made.edges.size(), 3u);
+  EXPECT_TRUE(made.robots[0].edge.empty());
+  EXPECT_EQ(made.robots[1].edge, TierId("south"));
+  EXPECT_EQ(effective(configuration, made).edges.size(), 3u);
+  configuration.coordinator.at = "sout";
+  EXPECT_THAT(complaint(), HasSubstr("did you mean 'south'?"));
+  configuration.coordinator.at.clear();
+  configuration.coordinator.model = "model.json";
+  EXPECT_THAT(complaint(), HasSubstr("model.json"));
+}
+
+TEST_F(PlanTest, refuses_edges_that_cannot_be) {
+  configuration.robots = {{"alpha", "a.rawlog", ""}, {"beta", "b.rawlog", ""}, {"gamma", "c.rawlog", ""}};
+  configuration.edges = {{"north"}};
+  configuration.edges[0].capacity = 2;
+  EXPECT_THAT(complaint(), HasSubstr("takes 2 robots, and 3 use it"));
+  configuration.coordinator.method = Coordination::standard;
+  EXPECT_THAT(complaint(), HasSubstr("hold 2 of 3 robots"));
+  configuration.edges[0].capacity = 0, configuration.edges[0].from_s = 5.0, configuration.edges[0].until_s = 4.0;
+  EXPECT_THAT(complaint(), HasSubstr("goes before it comes"));
+  configuration.edges[0].until_s = 0.0;
+  configuration.cloud.at = "cloud";
+  EXPECT_THAT(complaint(), HasSubstr("an edge 'cloud', which there is not"));
+  configuration.cloud.at = "north", configuration.cloud.push_to = {"alpha", "delta"};
+  EXPECT_THAT(complaint(), HasSubstr("a robot 'delta'"));
+  configuration.cloud.push_to = {"alpha"};
+  EXPECT_EQ(complaint(), "none");
+}
+
 }  // namespace
 }  // namespace mapweave::runtime

@@ -19,10 +19,16 @@ NetworkOptions wires() {
   return network;
 }
 
+TimelineOptions with(Mode mode, const NetworkOptions& network, const ProcessorOptions& processors = {}) {
+  TimelineOptions options;
+  options.mode = mode, options.network = network, options.processors = processors;
+  return options;
+}
+
 TEST(Timeline, adds_what_edges_wait_for) {
   ProcessorOptions processors;
   processors.robot = 0.5, processors.edge = 2.0;
-  const Timeline line = timeline(Mode::offload, two_robots(), wires(), processors, 1);
+  const Timeline line = timeline(with(Mode::offload, wires(), processors), two_robots());
   ASSERT_EQ(line.robots.size(), 2U);
   EXPECT_NEAR(line.robots[0].packed_s, 2.0, 1e-9);
   EXPECT_NEAR(line.robots[0].arrived_s, 3.0, 1e-6);
@@ -38,14 +44,14 @@ TEST(Timeline, adds_what_edges_wait_for) {
 TEST(Timeline, has_robots_map_where_no_edge_does) {
   ProcessorOptions processors;
   processors.robot = 0.5;
-  const Timeline onboard = timeline(Mode::onboard, two_robots(), wires(), processors, 1);
+  const Timeline onboard = timeline(with(Mode::onboard, wires(), processors), two_robots());
   EXPECT_NEAR(onboard.robots[1].mapped_s, 40.0, 1e-9);
   EXPECT_NEAR(onboard.robots[1].arrived_s, 40.4, 1e-6);
   EXPECT_NEAR(onboard.robots[1].load, 0.4, 1e-9);
   EXPECT_NEAR(onboard.total_s, 40.4 + 4.0 + 1.0 + 5.0, 1e-6);
   Work work = two_robots();
   work.edges.clear();
-  const Timeline alone = timeline(Mode::cloud_only, work, wires(), processors, 1);
+  const Timeline alone = timeline(with(Mode::cloud_only, wires(), processors), work);
   EXPECT_NEAR(alone.robots[1].arrived_s, 44.0, 1e-6);
   EXPECT_NEAR(alone.total_s, 44.0 + 5.0, 1e-6);
 }
@@ -55,9 +61,35 @@ TEST(Timeline, takes_the_wire_that_is_named) {
   LinkEntry slow;
   slow.from = "alpha", slow.to = "north", slow.bytes_per_s = 1e5;
   network.links = {slow};
-  const Timeline line = timeline(Mode::offload, two_robots(), network, {}, 1);
+  const Timeline line = timeline(with(Mode::offload, network), two_robots());
   EXPECT_NEAR(line.robots[0].arrived_s, 1.0 + 10.0, 1e-6);
   EXPECT_NEAR(line.robots[1].arrived_s, 2.0 + 2.0, 1e-6);
+}
+
+TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
+  TimelineOptions options = with(Mode::offload, wires());
+  options.cloud.at = "south";
+  Work work = two_robots();
+  work.edges[1].speed = 2.0;
+  work.pushes = {{RobotId("alpha"), 1'000'000}};
+  const Timeline line = timeline(options, work);
+  EXPECT_NEAR(line.edges[1].fused_s, 2.0 + 2.0 + 10.0 + 2.0, 1e-6) << "an edge of twice the speed";
+  EXPECT_EQ(line.edges[1].arrived_s, line.edges[1].fused_s) << "it is there";
+  EXPECT_NEAR(line.edges[0].arrived_s, 1.0 + 1.0 + 10.0 + 3.0 + 0.6, 1e-6);
+  EXPECT_NEAR(line.total_s, 16.0 + 2.5, 1e-6);
+  ASSERT_EQ(line.pushes.size(), 1U);
+  EXPECT_NEAR(line.pushes[0].arrived_s, 18.5 + 1.0, 1e-6);
+}
+
+TEST(Timeline, has_a_robot_without_an_edge_map_on_board) {
+  Work work = two_robots();
+  work.robots[0].edge = TierId();
+  work.edges.erase(work.edges.begin());
+  const Timeline line = timeline(with(Mode::offload, wires()), work);
+  EXPECT_NEAR(line.robots[0].mapped_s, 10.0, 1e-9);
+  EXPECT_NEAR(line.robots[0].arrived_s, 12.0, 1e-6) << "over its wire to the cloud";
+  EXPECT_NEAR(line.robots[1].mapped_s, 24.0, 1e-6);
+  EXPECT_NEAR(line.total_s, 24.0 + 4.0 + 1.0 + 5.0, 1e-6);
 }
 
 }  // namespace

@@ -25,8 +25,8 @@ def without(data, keys):
     return data
 
 
-TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes", "load", "total_seconds",
-         *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing")),
+TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes", "load", "total_seconds", "algorithm_seconds", "came_seconds",
+         *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing", "repeated")),
          *(f"{done}_seconds" for done in ("packed", "arrived", "mapped", "ready", "fused"))}
 WITHOUT_TIMES = {
     "summary.json": lambda data: without(json.loads(data), TIMES),
@@ -50,6 +50,13 @@ class Determinism(support.Scenario):
     def assert_same(self, one, other):
         self.assertEqual(list(one), list(other))
         self.assertEqual([name for name in one if one[name] != other[name]], [])
+
+    def test_coordinators_decide_the_same(self):
+        flags = ("--set", "coordinator.method=default", "--set", "coordinator.overlap_period_s=10",
+                 "--set", "edges=[{id: north, until_s: 25}, {id: south}]")
+        first = self.run_team("first", self.robots, "--threads", "1", *flags)
+        self.assertGreater(len(first["summary.json"]["coordinator"]["decisions"]), 2)
+        self.assert_same(first, self.run_team("second", self.robots[::-1], "--threads", "2", *flags))
 
     def test_threads_time_and_order_of_robots_change_no_byte(self):
         first = self.run_team("first", self.robots, "--threads", "1")

@@ -72,14 +72,18 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
   clear_interrupt();
 }
 
+// The one that holds what the robot mapped; null where it left no map.
+const fusion::Component* component_of(const fusion::FusionResult& team, const RobotId& robot) {
+  for (const fusion::Component& component : team.components)
+    if (std::find(component.members.begin(), component.members.end(), MapId(robot.str())) != component.members.end()) return &component;
+  return nullptr;
+}
+
 // What robots get of the team's maps: the one that they are in.
 void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work) {
   for (const std::string& name : cloud.push_to)
-    for (const Map& map : team.maps) {
-      const auto members = map.robots();
-      if (std::find(members.begin(), members.end(), RobotId(name)) != members.end())
-        work.pushes.push_back({RobotId(name), tiers::first_update(map, cloud_tier()).size()});
-    }
+    if (const auto* component = component_of(team, RobotId(name)))
+      work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size()});
 }
 
 void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
@@ -203,10 +207,12 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   }
   report.team = Results::report_of(cloud_tier(), team);
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
-  for (const PushWork& pushed : report.work.pushes)
-    for (const Map& map : team.maps)
-      if (const auto there = map.robots(); std::find(there.begin(), there.end(), pushed.robot) != there.end() && !map.submaps.empty())
-        results.add_map("robots/" + pushed.robot.str() + "/team", "team, as robot " + pushed.robot.str() + " has it", map);
+  for (const PushWork& pushed : report.work.pushes) {
+    const std::string name = pushed.robot.str();
+    fusion::FusionResult told;
+    told.components = {*component_of(team, pushed.robot)};
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, told, cameras, report);
+  }
   results.commit("run", effective(configuration, given), inputs, report);
   return report;
 }

@@ -5,6 +5,8 @@
 #include <mapweave/runtime/sensor_choice.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <utility>
 
 namespace mapweave::runtime {
@@ -44,16 +46,20 @@ CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunP
     : configuration_(configuration), plan_(plan), coordinator_(options_of(configuration, plan)) {
   report_.method = scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
   report_.at = configuration.coordinator.at.empty() ? "cloud" : configuration.coordinator.at;
-  for (const PlannedRobot& robot : plan.robots) {
-    std::vector<scheduling::Waypoint> route;
-    for (const RobotEntry& entry : configuration.robots)
-      if ((entry.id.empty() ? name_of_file(entry.log) : entry.id) == robot.id.str())
-        for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
-    coordinator_.hear(tiers::RobotComes{
-        robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, configuration.coordinator.route_range_m)), robot.edge});
-  }
+  hear_robots(0.0);
   hear_edges_and_wires(0.0);
   decide(0.0);
+}
+
+void CoordinatedRobots::hear_robots(double now_s) {
+  for (const PlannedRobot& robot : plan_.robots) {
+    const RobotEntry entry = robot_entry(configuration_, robot.id);
+    if (now_s < entry.from_s || coordinator_.edge_of().count(robot.id) != 0) continue;
+    std::vector<scheduling::Waypoint> route;
+    for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
+    const double range_m = configuration_.coordinator.route_range_m;
+    coordinator_.hear(tiers::RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
+  }
 }
 
 void CoordinatedRobots::hear_edges_and_wires(double now_s) {
@@ -71,12 +77,14 @@ void CoordinatedRobots::hear_edges_and_wires(double now_s) {
       coordinator_.hear(tiers::EdgeGoes{id});
       continue;
     }
-    scheduling::EdgeResources resources{id};
+    scheduling::EdgeResources resources;
+    resources.id = id;
     resources.speed = configuration_.processors.edge * entry.speed;
     resources.bandwidth_bytes_per_s = id.str() == cloud ? kAnyBytesPerS : bytes_per_s(state(id.str(), cloud, network.edge_cloud));
     if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
     coordinator_.hear(tiers::EdgeIs{resources});
     for (const PlannedRobot& robot : plan_.robots) {
+      if (coordinator_.edge_of().count(robot.id) == 0) continue;
       const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
       coordinator_.hear(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
     }
@@ -88,7 +96,8 @@ bool CoordinatedRobots::decide(double now_s) {
   std::optional<tiers::CoordinatorDecision> decision = coordinator_.decide(now_s);
   report_.cpu_seconds += thread_cpu_seconds() - before_s;
   if (!decision) return false;
-  for (PlannedRobot& robot : plan_.robots) robot.edge = coordinator_.edge_of().at(robot.id);
+  for (PlannedRobot& robot : plan_.robots)
+    if (const auto edge = decision->edge_of.find(robot.id); edge != decision->edge_of.end()) robot.edge = edge->second;
   report_.decisions.push_back(std::move(*decision));
   return true;
 }
@@ -123,21 +132,23 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   };
   expect_no_trouble();
   const double period_s = configuration_.coordinator.overlap_period_s;
+  std::vector<std::optional<Stamp>> begin(all.size());  // of each robot's own data
+  std::vector<double> from_s;
+  for (std::size_t i = 0; i < all.size(); ++i) begin[i] = all[i]->next(), from_s.push_back(robot_entry(configuration_, names[i]).from_s);
   double now_s = 0.0;
-  for (std::optional<Stamp> moment;;) {
-    std::optional<Stamp> earliest;
-    for (const LaserTask* task : all)
-      if (const auto next = task->next(); next && (!earliest || *next < *earliest)) earliest = next;
-    if (!earliest) break;
-    if (!moment || *moment < *earliest) moment = earliest;  // nothing happens in between
-    moment->ns += static_cast<std::int64_t>(1e9 * period_s);
+  for (;;) {
+    double due_s = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (const auto next = all[i]->next()) due_s = std::min(due_s, from_s[i] + seconds_between(*begin[i], *next));
+    if (std::isinf(due_s)) break;
+    now_s = period_s * (1.0 + std::max(now_s / period_s, std::floor(due_s / period_s)));  // nothing happens in between
     std::vector<std::string> reports = pool.map(all.size(), [&](std::size_t i) {
-      if (!all[i]->next()) return std::string();
-      all[i]->advance(moment, give_up);
+      if (!all[i]->next() || now_s <= from_s[i]) return std::string();
+      all[i]->advance(Stamp{begin[i]->ns + static_cast<std::int64_t>(1e9 * (now_s - from_s[i]))}, give_up);
       return encode(MapReport{names[i], all[i]->scans(), scheduling::summary_of(all[i]->map_so_far())});
     });
     expect_no_trouble();
-    now_s += period_s;
+    hear_robots(now_s);
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (reports[i].empty()) continue;
       MapReport report = decode_map_report(reports[i], "the report of robot " + names[i].str());

@@ -22,6 +22,7 @@ class CoordinatedRobots {
   CoordinationReport take_report() { return std::move(report_); }
 
  private:
+  void hear_robots(double now_s);  // those that come
   void hear_edges_and_wires(double now_s);
   void decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool&);
   bool decide(double now_s);

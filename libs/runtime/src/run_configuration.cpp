@@ -75,9 +75,11 @@ std::vector<std::string> names_of(const std::vector<TierId>& edges) {
 
 // Wires between those that there are, with traces by their full paths.
 NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Origins& origins) {
-  std::vector<std::string> all = names_of(plan.robots);
-  for (const std::string& edge : names_of(plan.edges)) all.push_back(edge);
-  all.push_back(cloud_tier().str());
+  const std::vector<std::string> robots = names_of(plan.robots);
+  std::vector<std::string> tiers = names_of(plan.edges);
+  tiers.push_back(cloud_tier().str());
+  std::vector<std::string> all = robots;
+  all.insert(all.end(), tiers.begin(), tiers.end());
   const auto locate = [&](transport::LinkOptions& link, const std::string& where) {
     if (link.trace.empty()) return;
     const auto path = std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
@@ -88,8 +90,10 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
   locate(network.edge_cloud, "network.edge_cloud");
   for (std::size_t i = 0; i < network.links.size(); ++i) {
     const std::string where = "network.links." + std::to_string(i);
-    for (const auto& [name, end] : {std::pair(&network.links[i].from, ".from"), std::pair(&network.links[i].to, ".to")})
-      expect_known(*name, all, "a wire of", origins.place_of(where + end), "name a robot or an edge of this run");
+    const std::string &from = network.links[i].from, &to = network.links[i].to;
+    expect_known(from, all, "a wire of", origins.place_of(where + ".from"), "name a robot or an edge of this run");
+    const bool is_of_robot = std::find(robots.begin(), robots.end(), from) != robots.end();
+    expect_known(to, is_of_robot ? tiers : all, "a wire of", origins.place_of(where + ".to"), "name an edge of this run, or cloud");
     locate(network.links[i], where);
   }
   return network;
@@ -187,6 +191,14 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
   return plan;
 }
 
+RobotEntry robot_entry(const RunConfiguration& configuration, const RobotId& robot) {
+  const auto entry = std::find_if(configuration.robots.begin(), configuration.robots.end(), [&](const RobotEntry& one) {
+    return (one.id.empty() ? name_of_file(one.log) : one.id) == robot.str();
+  });
+  MAPWEAVE_EXPECT(entry != configuration.robots.end(), "robot '" + robot.str() + "' is of this run");
+  return *entry;
+}
+
 EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) {
   for (const EdgeEntry& entry : configuration.edges)
     if (entry.id == edge.str()) return entry;
@@ -196,11 +208,12 @@ EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) 
 }
 
 RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) {
-  std::map<std::string, std::vector<RoutePoint>> routes;
-  for (const RobotEntry& robot : configuration.robots) routes[robot.id.empty() ? name_of_file(robot.log) : robot.id] = robot.route;
-  configuration.robots.clear();
-  for (const PlannedRobot& robot : plan.robots)
-    configuration.robots.push_back({robot.id.str(), robot.log.string(), robot.edge.str(), routes[robot.id.str()]});
+  std::vector<RobotEntry> robots;
+  for (const PlannedRobot& robot : plan.robots) {
+    robots.push_back(robot_entry(configuration, robot.id));
+    robots.back().id = robot.id.str(), robots.back().log = robot.log.string(), robots.back().edge = robot.edge.str();
+  }
+  configuration.robots = std::move(robots);
   std::vector<EdgeEntry> edges;
   for (const TierId& edge : plan.edges) edges.push_back(edge_entry(configuration, edge));
   configuration.edges = std::move(edges);

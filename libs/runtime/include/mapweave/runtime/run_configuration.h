@@ -34,12 +34,14 @@ struct RoutePoint {
 
 struct RobotEntry {
   std::string id, log, edge;
-  std::vector<RoutePoint> route;
+  double from_s = 0.0;
+  std::vector<RoutePoint> route = {};
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
     v.text("log", log, "its log, or a folder of pictures; relative to this file");
     v.text("edge", edge, "the edge that maps it, with a coordinator at first; empty: as the coordinator decides, else the edges in turn");
+    v.non_negative("from_s", from_s, "it begins then, in seconds since the team did (with a coordinator)");
     v.list("route", route, "the way that it is going to drive, for the coordinator to know before there is a map");
   }
 };
@@ -66,7 +68,7 @@ struct EdgeEntry {
     v.text("id", id, "the edge's name");
     v.positive("speed", speed, "of its processor, relative to processors.edge");
     v.integer("capacity", capacity, 0, 1000000, "most robots; 0: any number");
-    v.non_negative("from_s", from_s, "it is there from then on, in seconds of data (with a coordinator)");
+    v.non_negative("from_s", from_s, "it is there from then on, in seconds since the team began (with a coordinator)");
     v.non_negative("until_s", until_s, "it goes then, with all that it holds; 0: it stays (with a coordinator)");
   }
 };
@@ -206,6 +208,8 @@ struct RunPlan {
   std::filesystem::path model;       // the coordinator's, in full; may be empty
 };
 
+// What the configuration says of a robot; ContractViolation where it lists none of this name.
+RobotEntry robot_entry(const RunConfiguration&, const RobotId&);
 // What the configuration says of an edge; the defaults where it lists none of this name.
 EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 

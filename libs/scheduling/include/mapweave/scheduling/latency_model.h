@@ -29,6 +29,7 @@ struct FusedScans {
 struct FusionTime {
   double fixed_s = 0.0, per_scan_s = 0.0, per_scan_pair_s = 0.0;
   double seconds(const FusedScans& fused) const { return fixed_s + per_scan_s * fused.scans + per_scan_pair_s * fused.pairs; }
+  FusionTime at_speed(double speed) const { return {fixed_s / speed, per_scan_s / speed, per_scan_pair_s / speed}; }
 };
 
 struct LatencyModel {

@@ -1,0 +1,124 @@
+// Runs whose robots a coordinator gives to edges.
+
+#include "simulated_team.h"
+
+#include <mapweave/runtime/batch_runner.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/files.h>
+#include <nlohmann/json.hpp>
+
+namespace mapweave::runtime {
+namespace {
+
+using nlohmann::json;
+using test_support::simulated_team;
+namespace fs = std::filesystem;
+
+json parsed(const fs::path& file) { return json::parse(read_file(file)); }
+
+struct CoordinatedRun : testing::Test {
+  CoordinatedRun() {
+    for (RobotEntry& robot : configuration.robots) robot.edge.clear();
+    configuration.edges = {{"north"}, {"south"}};
+    configuration.coordinator.overlap_period_s = 3.0;
+  }
+  Report run(const std::string& out, int threads = 1) {
+    WorkerPool pool(threads);
+    return run_batch(configuration, make_plan(configuration, {}), {folder / out, false, false}, pool, *silent);
+  }
+  void expect_same(const std::string& one, const std::string& other, const std::vector<std::string>& files) {
+    for (const std::string& file : files) EXPECT_TRUE(read_file(folder / one / file) == read_file(folder / other / file)) << other << " " << file;
+  }
+  const std::vector<std::string> kMaps{"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/trajectory.tum"};
+  test::TemporaryFolder folder;
+  RunConfiguration configuration = simulated_team().configuration();
+  std::unique_ptr<Progress> silent = make_silent_progress();
+};
+
+TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
+  run("alone");
+  configuration.coordinator.method = Coordination::standard;
+  const Report report = run("coordinated");
+  expect_same("alone", "coordinated", kMaps);
+  ASSERT_TRUE(report.coordination);
+  const auto& decisions = report.coordination->decisions;
+  ASSERT_GT(decisions.size(), 2u);
+  EXPECT_EQ(decisions.front().at_s, 0.0);
+  EXPECT_EQ(decisions.front().moves.size(), 2u);
+  EXPECT_GT(decisions.back().expected_s, 0.0);
+  EXPECT_GT(report.coordination->summary_bytes, 100u);
+  const json told = parsed(folder / "coordinated/summary.json")["coordinator"];
+  EXPECT_EQ(told["method"], "default");
+  EXPECT_EQ(told["decisions"].size(), decisions.size());
+  EXPECT_EQ(told["decisions"].back()["placement"].size(), 2u);
+  EXPECT_EQ(told["came_seconds"], report.timeline->total_s);
+}
+
+TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {
+  configuration.coordinator.method = Coordination::standard;
+  configuration.edges[1].until_s = 5.0;
+  const Report one = run("one", 1), two = run("two", 2);
+  EXPECT_EQ(parsed(folder / "one/manifest.json")["outputs"], parsed(folder / "two/manifest.json")["outputs"]);
+  ASSERT_EQ(one.coordination->decisions.size(), two.coordination->decisions.size());
+  for (std::size_t i = 0; i < one.coordination->decisions.size(); ++i) {
+    EXPECT_EQ(one.coordination->decisions[i].edge_of, two.coordination->decisions[i].edge_of);
+    EXPECT_EQ(one.coordination->decisions[i].expected_s, two.coordination->decisions[i].expected_s);
+    EXPECT_EQ(one.coordination->decisions[i].because, two.coordination->decisions[i].because);
+  }
+}
+
+TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {
+  run("alone");
+  configuration.coordinator.method = Coordination::standard;
+  configuration.edges[1].until_s = 5.0;
+  const Report report = run("gone");
+  expect_same("alone", "gone", kMaps);
+  EXPECT_FALSE(fs::exists(folder / "gone/edges/south"));
+  std::uint64_t repeated = 0;
+  for (const RobotWork& robot : report.work.robots) {
+    EXPECT_EQ(robot.edge, TierId("north"));
+    repeated += robot.repeated_bytes;
+  }
+  EXPECT_GT(repeated, 1000u) << "what was sensed before went to the other edge";
+  configuration.edges[0].until_s = 7.0;
+  run("both-gone");
+  expect_same("alone", "both-gone", kMaps);
+  EXPECT_FALSE(fs::exists(folder / "both-gone/edges"));
+}
+
+TEST_F(CoordinatedRun, hears_of_a_robot_when_it_comes) {
+  configuration.coordinator.method = Coordination::greedy;
+  configuration.robots[1].from_s = 6.0;
+  const Report report = run("late");
+  const auto& decisions = report.coordination->decisions;
+  EXPECT_EQ(decisions.front().edge_of.size(), 1u);
+  EXPECT_EQ(decisions.back().edge_of.size(), 2u);
+  EXPECT_NE(decisions.back().edge_of.begin()->second, decisions.back().edge_of.rbegin()->second);
+}
+
+TEST_F(CoordinatedRun, joins_at_an_edge_and_tells_a_robot) {
+  configuration.cloud.at = "north", configuration.cloud.push_to = {"beta"};
+  const Report report = run("pushed");
+  const auto& first = report.team.components.front();
+  const bool is_first = std::find(first.begin(), first.end(), MapId("beta")) != first.end();
+  const std::string its_team = is_first ? "team" : "team-1";
+  EXPECT_TRUE(read_file(folder / "pushed/robots/beta/team/map.pgm") == read_file(folder / "pushed" / its_team / "map.pgm"));
+  EXPECT_FALSE(fs::exists(folder / "pushed/robots/alpha/team"));
+  ASSERT_EQ(report.timeline->pushes.size(), 1u);
+  EXPECT_GT(report.work.pushes[0].bytes, 1000u);
+  EXPECT_GE(report.timeline->pushes[0].arrived_s, report.timeline->total_s);
+}
+
+TEST_F(CoordinatedRun, ends_when_a_log_is_cut) {
+  const std::string bytes = read_file(simulated_team().log("beta"));
+  write_file(folder / "beta.rawlog", std::string_view(bytes).substr(0, bytes.size() / 2));
+  for (RobotEntry& entry : configuration.robots)
+    if (entry.id == "beta") entry.log = folder / "beta.rawlog";
+  configuration.coordinator.method = Coordination::standard;
+  EXPECT_THROW(run("cut"), Error);
+  EXPECT_FALSE(fs::exists(folder / "cut"));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime
