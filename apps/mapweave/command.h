@@ -44,6 +44,7 @@ Action set_up_export(CLI::App&);
 Action set_up_evaluate(CLI::App&);
 Action set_up_plan(CLI::App&);
 Action set_up_profile(CLI::App&);
+Action set_up_timeline(CLI::App&);
 Action set_up_vocabulary(CLI::App&);
 Action set_up_config(CLI::App&);
 

@@ -34,6 +34,8 @@ const std::vector<Command> commands = {
     {"plan", "robots, what their maps share, edges -> which robot to which edge", "mapweave plan problem.json --method default --json",
      set_up_plan},
     {"profile", "folders of results -> how long things take, for plan", "mapweave profile maps/office --out model.json", set_up_profile},
+    {"timeline", "a folder of results -> when all would be there over other wires",
+     "mapweave timeline maps/office --set network.robot_edge.profile=4g --set processors.robot=0.12", set_up_timeline},
     {"vocabulary", "the words by which cameras know places: train them, look at them",
      "mapweave vocabulary train alpha.rawlog --out words.txt.gz", set_up_vocabulary},
     {"config", "show, check or explain configurations", "mapweave config reference", set_up_config},

@@ -51,6 +51,7 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   Wires wires(options);
   Timeline result;
   result.mode = options.mode;
+  result.recorded_s = options.recorded_s;
   std::map<TierId, double> ready_s;
   double all_there_s = 0.0;
   for (const RobotWork& robot : work.robots) {
@@ -99,6 +100,8 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
     const Timeline::Robot& line = timeline.robots[i];
     const RobotWork& done = work.robots.at(i);
     robots.push_back({{"id", line.id.str()},
+                      {"edge", line.edge.str()},
+                      {"log_seconds", done.log_s},
                       {"packing_cpu_seconds", done.packing_s},
                       {"mapping_cpu_seconds", done.mapping_s},
                       {"seeing_cpu_seconds", done.seeing_s},
@@ -116,6 +119,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
     edges.push_back({{"id", line.id.str()},
                      {"fusing_cpu_seconds", work.edges.at(i).fusing_s},
                      {"bytes", work.edges.at(i).bytes},
+                     {"speed", work.edges.at(i).speed},
                      {"ready_seconds", line.ready_s},
                      {"fused_seconds", line.fused_s},
                      {"arrived_seconds", line.arrived_s}});
@@ -129,6 +133,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
           {"edges", edges},
           {"cloud", {{"fusing_cpu_seconds", work.fusing_s}}},
           {"total_seconds", timeline.total_s},
+          {"recorded_seconds", timeline.recorded_s},
           {"pushes", pushes}};
 }
 

@@ -1,4 +1,4 @@
-#include "json_fields.h"
+#include <mapweave/scheduling/json_fields.h>
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/ids.h>

@@ -1,6 +1,6 @@
 #include <mapweave/scheduling/latency_model.h>
 
-#include "json_fields.h"
+#include <mapweave/scheduling/json_fields.h>
 
 #include <mapweave/core/files.h>
 

@@ -1,6 +1,6 @@
 #include <mapweave/scheduling/problem.h>
 
-#include "json_fields.h"
+#include <mapweave/scheduling/json_fields.h>
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>

@@ -8,6 +8,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -116,6 +117,7 @@ struct Timeline {
   std::vector<Edge> edges;
   double total_s = 0.0;  // t_c
   std::vector<Push> pushes;
+  double recorded_s = 0.0;  // as in the options
 };
 
 struct TimelineOptions {
@@ -131,5 +133,8 @@ struct TimelineOptions {
 Timeline timeline(const TimelineOptions&, const Work&);
 
 nlohmann::ordered_json timeline_json(const Timeline&, const Work&);
+// What a run did, from its summary.json; `recorded_s` (may be null): TimelineOptions::recorded_s. Throws Error kMissing, kCorrupt or
+// kBadInput, naming file and key.
+Work read_work(const std::filesystem::path& summary, double* recorded_s);
 
 }  // namespace mapweave::runtime

@@ -1,0 +1,80 @@
+#include <mapweave/core/files.h>
+#include <mapweave/runtime/timeline.h>
+#include <mapweave/scheduling/json_fields.h>
+
+#include <nlohmann/json.hpp>
+
+namespace mapweave::runtime {
+namespace {
+
+using Json = nlohmann::json;
+using scheduling::member;
+using scheduling::refuse;
+
+constexpr double kMost = 1e15;
+
+double field(const Json& object, const char* name, const std::string& where, const std::string& key) {
+  if (!object.is_object()) refuse("an object was expected", where, key, "");
+  return scheduling::number(member(object, name, where, key), 0.0, kMost, false, where, key + "." + name);
+}
+std::uint64_t count(const Json& object, const char* name, const std::string& where, const std::string& key) {
+  return static_cast<std::uint64_t>(field(object, name, where, key));
+}
+const Json& list(const Json& object, const char* name, const std::string& where) {
+  const Json& value = member(object, name, where, "timeline");
+  if (!value.is_array()) refuse("a list was expected", where, std::string("timeline.") + name, "");
+  return value;
+}
+std::string name_or_nothing(const Json& value, const std::string& where, const std::string& key) {
+  if (value.is_string() && value.get_ref<const std::string&>().empty()) return {};
+  return scheduling::name(value, where, key);
+}
+
+}  // namespace
+
+Work read_work(const std::filesystem::path& summary, double* recorded_s) {
+  constexpr std::uint64_t kMostBytes = 1 << 26;
+  const std::string where = summary.string();
+  const Json root = scheduling::parse_json(read_file(summary, kMostBytes), where);
+  if (!root.is_object() || !root.contains("timeline") || !root["timeline"].is_object())
+    refuse("there is no timeline", where, "timeline", "it is written by `mapweave run` where nothing interrupts it");
+  const Json& line = root["timeline"];
+  Work work;
+  for (const Json& robot : list(line, "robots", where)) {
+    const std::string key = "timeline.robots";
+    if (!robot.is_object()) refuse("an object was expected", where, key, "");
+    RobotWork done;
+    done.id = RobotId(scheduling::name(member(robot, "id", where, key), where, key + ".id"));
+    done.edge = TierId(name_or_nothing(member(robot, "edge", where, key), where, key + ".edge"));
+    done.log_s = field(robot, "log_seconds", where, key);
+    done.packing_s = field(robot, "packing_cpu_seconds", where, key);
+    done.mapping_s = field(robot, "mapping_cpu_seconds", where, key);
+    done.seeing_s = field(robot, "seeing_cpu_seconds", where, key);
+    done.sensed_bytes = count(robot, "sensed_bytes", where, key);
+    done.map_bytes = count(robot, "map_bytes", where, key);
+    done.repeated_s = field(robot, "repeated_cpu_seconds", where, key);
+    done.repeated_bytes = count(robot, "repeated_bytes", where, key);
+    work.robots.push_back(done);
+  }
+  for (const Json& edge : list(line, "edges", where)) {
+    const std::string key = "timeline.edges";
+    if (!edge.is_object()) refuse("an object was expected", where, key, "");
+    EdgeWork done;
+    done.id = TierId(scheduling::name(member(edge, "id", where, key), where, key + ".id"));
+    done.fusing_s = field(edge, "fusing_cpu_seconds", where, key);
+    done.bytes = count(edge, "bytes", where, key);
+    done.speed = scheduling::number(member(edge, "speed", where, key), 0.0, kMost, true, where, key + ".speed");
+    work.edges.push_back(done);
+  }
+  work.fusing_s = field(member(line, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
+  for (const Json& push : list(line, "pushes", where)) {
+    const std::string key = "timeline.pushes";
+    if (!push.is_object()) refuse("an object was expected", where, key, "");
+    work.pushes.push_back(
+        {RobotId(scheduling::name(member(push, "robot", where, key), where, key + ".robot")), count(push, "bytes", where, key)});
+  }
+  if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", where, "timeline");
+  return work;
+}
+
+}  // namespace mapweave::runtime
