@@ -1,6 +1,7 @@
 // How groupings compare on random graphs: cut weight and processor time.
 //   grouping_benchmark exact [GRAPHS]         the default against the least cut there is, 4 to 16 robots
 //   grouping_benchmark compare [MOST_ROBOTS]  the default against METIS, greedy and recslam
+//   grouping_benchmark worse [SEEDS]          how often, and by how much, another of them is better on graphs of 10 to 64 robots
 //   grouping_benchmark time                   milliseconds of the default on one core
 // Prints JSON.
 #include <mapweave/scheduling/grouping.h>
@@ -75,6 +76,37 @@ void compare(std::uint32_t most_robots) {
   std::printf("\n]\n");
 }
 
+void worse(std::uint32_t seeds) {
+  std::printf("[");
+  const char* comma = "";
+  for (const std::uint32_t robots : {10u, 16u, 20u, 32u, 50u, 64u}) {
+    std::uint32_t graphs = 0, behind = 0, far_behind = 0;
+    double worst = 0.0, before = cpu_seconds(), seconds = 0.0;
+    for (std::uint32_t seed = 1; seed <= seeds; ++seed)
+      for (const char* kind : testing_graphs::kKinds)
+        for (const std::uint32_t groups : {2u, 3u, 5u, 8u}) {
+          if (groups * 2 > robots) continue;
+          const OverlapGraph graph = testing_graphs::of_kind(kind, robots, 1000 + 7 * seed + groups);
+          const auto sizes = testing_graphs::even_sizes(robots, groups);
+          before = cpu_seconds();
+          const double ours = cut_weight(graph, group_balanced(graph, sizes));
+          seconds += cpu_seconds() - before;
+          double best = std::min(cut_weight(graph, group_greedy(graph, sizes)), cut_weight(graph, group_recslam(graph, groups)));
+          if (const auto metis = group_with_metis(graph, sizes)) best = std::min(best, cut_weight(graph, *metis));
+          const double excess = ours <= best + 1e-9 ? 0.0 : best > 0.0 ? ours / best - 1.0 : 1.0;
+          ++graphs;
+          behind += excess > 0.0;
+          far_behind += excess > 0.01;
+          worst = std::max(worst, excess);
+        }
+    std::printf("%s\n{\"robots\": %u, \"graphs\": %u, \"behind\": %u, \"behind_by_a_percent\": %u, \"worst\": %.4f, \"ms\": %.4g}", comma,
+                robots, graphs, behind, far_behind, worst, 1e3 * seconds / graphs);
+    std::fflush(stdout);
+    comma = ",";
+  }
+  std::printf("\n]\n");
+}
+
 void time() {
   std::printf("[");
   const char* comma = "";
@@ -106,9 +138,11 @@ int main(int argc, char** argv) {
     exact(number > 0 ? static_cast<std::uint32_t>(number) : 200);
   else if (what == "compare")
     compare(number > 0 ? static_cast<std::uint32_t>(number) : 2000);
+  else if (what == "worse")
+    worse(number > 0 ? static_cast<std::uint32_t>(number) : 10);
   else if (what == "time")
     time();
   else
-    return std::fprintf(stderr, "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | time\n"), 2;
+    return std::fprintf(stderr, "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | worse [SEEDS] | time\n"), 2;
   return 0;
 }

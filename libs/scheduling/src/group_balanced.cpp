@@ -28,15 +28,29 @@ struct Candidate {
   std::int64_t cut = 0;
 };
 
+// How a grouping is made. Few robots: many short tries reach more than few long ones do.
+struct Habits {
+  std::uint32_t few_vertices;                   // contracting fewer brings nothing
+  std::uint32_t tries;                          // on the smallest graph
+  std::uint32_t patience, vertices_for_a_step;  // steps that may bring nothing: patience and one for so many vertices
+  std::uint32_t fresh;                          // one in so many begins anew
+};
+
 class Search {
  public:
   Search(const ContractedGraph& graph, const std::vector<std::uint32_t>& sizes, const GroupingOptions& options)
-      : graph_(graph), bounds_(bounds_of(sizes)), random_(options.seed), budget_(budget(options.effort)) {}
+      : graph_(graph),
+        bounds_(bounds_of(sizes)),
+        random_(options.seed),
+        habits_(graph.size() <= kSmall ? Habits{16, 1, 10, 8, 4} : Habits{30, 3, 20, 4, 2}),
+        budget_(budget(options.effort)) {}
 
-  GroupOf run() {
+  GroupOf run(const std::vector<GroupOf>& starts) {
     std::vector<Candidate> kept{cycle(std::vector<std::uint32_t>(graph_.size(), 0), nullptr)};
+    for (const GroupOf& start : starts) kept.push_back(searched(start));
+    std::stable_sort(kept.begin(), kept.end(), [](const Candidate& a, const Candidate& b) { return a.cut < b.cut; });
     while (spent_ < budget_) {
-      const Candidate found = kept.size() < kKept || random_.below(kFresh) == 0
+      const Candidate found = kept.size() < kKept || random_.below(habits_.fresh) == 0
                                   ? cycle(std::vector<std::uint32_t>(graph_.size(), 0), nullptr)
                                   : recombine(kept);
       const bool known = std::any_of(kept.begin(), kept.end(), [&](const Candidate& one) { return one.cut == found.cut; });
@@ -51,19 +65,27 @@ class Search {
 
  private:
   static constexpr std::size_t kKept = 4;
-  static constexpr std::uint32_t kFresh = 4;  // one in so many begins anew
-  static constexpr std::uint32_t kTries = 3, kPatience = 20;
-  static constexpr std::uint32_t kFewVertices = 30;  // contracting fewer brings nothing
+  static constexpr std::uint32_t kSmall = 100;
+  static constexpr std::uint32_t kMostDisturbed = 30;
 
   // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by powers.
   std::uint64_t budget(double effort) const {
-    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},   {10, 8e3},    {20, 7e4},     {50, 2e5},      {100, 2.5e6},
-                                                      {200, 8e6}, {1000, 28e6}, {10'000, 9e8}, {100'000, 2e10}};
+    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},   {10, 2e4},    {20, 1.2e5},   {50, 1.9e5},    {100, 2.5e6},
+                                                      {200, 10e6}, {1000, 16e6}, {10'000, 9e8}, {100'000, 2e10}};
     std::size_t i = 1;
     while (i + 1 < std::size(kBudgets) && graph_.size() > kBudgets[i].first) ++i;
     const auto [robots, units] = kBudgets[i - 1];
     const double power = std::log(kBudgets[i].second / units) / std::log(kBudgets[i].first / robots);
     return static_cast<std::uint64_t>(effort * units * std::pow(graph_.size() / robots, power));
+  }
+
+  Candidate searched(const GroupOf& start) {
+    TabuSearch search(graph_, bounds_, start, random_);
+    search.rebalance();
+    search.search(budget_ / 8, habits_.patience + graph_.size() / habits_.vertices_for_a_step);
+    constexpr std::uint64_t kMaking = 12;  // of a start, per pair of robots
+    spent_ += search.spent() + kMaking * graph_.size() * graph_.size();
+    return {search.group_of(), search.cut()};
   }
 
   // What two of the kept ones have in common is contracted, then the better one is searched on.
@@ -80,7 +102,7 @@ class Search {
   Candidate cycle(std::vector<std::uint32_t> labels, const GroupOf* start) {
     std::vector<Contraction> levels;
     const auto groups = static_cast<std::uint32_t>(bounds_.size());
-    const std::uint32_t enough = std::max(kFewVertices, 6 * groups);
+    const std::uint32_t enough = std::max(habits_.few_vertices, 6 * groups);
     const std::uint32_t heaviest = 1 + 3 * graph_.size() / (2 * enough);
     GroupOf group_of = start != nullptr ? *start : GroupOf();
     const ContractedGraph* graph = &graph_;
@@ -102,10 +124,10 @@ class Search {
       graphs.push_back(graph);
     }
     Candidate result;
-    for (std::uint32_t tries = start != nullptr || graphs.size() == 1 ? 0 : kTries; tries > 0; --tries) {
+    for (std::uint32_t tries = start != nullptr || graphs.size() == 1 ? 0 : habits_.tries; tries > 0; --tries) {
       TabuSearch search(*graph, loosened(*graph), grow_groups(*graph, bounds_, random_), random_);
       search.rebalance();
-      search.search(budget_ / 8, kPatience + graph->size());
+      search.search(budget_ / 8, habits_.patience + graph->size());
       spent_ += search.spent() + std::uint64_t{graph->size()} * graph->size() + graph->links.size();
       if (!group_of.empty() && search.cut() >= result.cut) continue;
       result.cut = search.cut();
@@ -124,8 +146,8 @@ class Search {
       }
       TabuSearch search(at, loosened(at), std::move(group_of), random_);
       search.rebalance();
-      if (start != nullptr && level + 1 == graphs.size()) search.disturb(1 + random_.below(std::max(2u, at.size() / 8)));
-      search.search(budget_ / 8, kPatience + at.size() / 4);
+      if (start != nullptr && level + 1 == graphs.size()) search.disturb(1 + random_.below(std::clamp(at.size() / 8, 2u, kMostDisturbed)));
+      search.search(budget_ / 8, habits_.patience + at.size() / habits_.vertices_for_a_step);
       spent_ += search.spent();
       group_of = search.group_of();
       result.cut = search.cut();
@@ -155,6 +177,7 @@ class Search {
   const ContractedGraph& graph_;
   const std::vector<SizeBounds> bounds_;
   RandomBits random_;
+  const Habits habits_;
   const std::uint64_t budget_;
   std::uint64_t spent_ = 0;
 };
@@ -222,8 +245,15 @@ GroupOf group_balanced(const OverlapGraph& overlaps, const std::vector<std::uint
     return group_of;
   }
   if (is_large(overlaps.size(), sizes.size())) return group_by_parts(overlaps, sizes, options);
+  constexpr std::size_t kExactly = 10;  // which takes no longer
+  if (overlaps.size() <= kExactly) return group_exactly(overlaps, sizes);
+  // What others find is cheap on small graphs, and then never better than what is found from there.
+  constexpr std::size_t kFew = 40;
+  std::vector<GroupOf> starts;
+  if (overlaps.size() <= kFew)
+    starts = {group_greedy(overlaps, sizes), group_recslam(overlaps, static_cast<std::uint32_t>(sizes.size()))};
   const ContractedGraph graph = contracted(overlaps);
-  return Search(graph, sizes, options).run();
+  return Search(graph, sizes, options).run(starts);
 }
 
 }  // namespace mapweave::scheduling

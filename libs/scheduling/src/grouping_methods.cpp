@@ -220,13 +220,16 @@ GroupOf group_exactly(const OverlapGraph& graph, const std::vector<std::uint32_t
   most[0] = 0.0;
   for (const std::uint32_t size : sizes) {
     std::vector<std::uint32_t> next;
+    const bool all_alike = size == sizes.back();  // from here on: then who comes first of those who are left may as well be in this group
     for (const std::uint32_t set : reached) {
       std::vector<std::uint32_t> rest;
       for (std::uint32_t v = 0; v < vertices; ++v)
         if ((set >> v & 1u) == 0) rest.push_back(v);
+      const std::uint32_t first = all_alike ? 1u << rest.front() : 0u, chosen = size - (all_alike ? 1 : 0);
+      if (all_alike) rest.erase(rest.begin());
       // All subsets of `rest` of this size (Gosper's hack), spread over the vertices that are left.
-      for (std::uint32_t pick = (1u << size) - 1; pick < (1u << rest.size());) {
-        std::uint32_t group = 0;
+      for (std::uint32_t pick = (1u << chosen) - 1; pick < (1u << rest.size());) {
+        std::uint32_t group = first;
         for (std::uint32_t bits = pick; bits != 0; bits &= bits - 1) group |= 1u << rest[static_cast<std::size_t>(__builtin_ctz(bits))];
         const std::uint32_t together = set | group;
         if (most[together] < 0.0) next.push_back(together);
@@ -234,6 +237,7 @@ GroupOf group_exactly(const OverlapGraph& graph, const std::vector<std::uint32_t
           most[together] = weight;
           taken[together] = group;
         }
+        if (pick == 0) break;
         const std::uint32_t low = pick & -pick, ripple = pick + low;
         pick = (((ripple ^ pick) >> 2) / low) | ripple;
       }

@@ -13,13 +13,15 @@ TabuSearch::TabuSearch(const ContractedGraph& graph, std::vector<SizeBounds> bou
       random_(random),
       groups_(static_cast<std::uint32_t>(bounds_.size())),
       linked_(std::size_t{graph.size()} * groups_, 0),
-      best_(std::size_t{groups_} * groups_, Best{0, kUnknown}),
+      best_(std::size_t{groups_} * groups_, Best{std::numeric_limits<std::int32_t>::max(), kUnknown}),
       members_(groups_),
       place_(graph.size()),
       active_(groups_, 0),
       all_(graph.size(), 0),
       link_to_(graph.size(), 0),
       robots_(groups_, 0),
+      may_give_(groups_),
+      may_take_(groups_),
       held_(graph.size(), 0),
       next_held_(graph.size(), kNobody) {
   for (std::uint32_t v = 0; v < graph.size(); ++v) {
@@ -90,6 +92,10 @@ bool TabuSearch::may_resize(std::uint32_t from, std::uint32_t to, std::int64_t r
 }
 
 void TabuSearch::consider(std::uint32_t a, std::uint32_t b, Step& step) {
+  if (best(a, b).vertex == kUnknown) {
+    best_known(a, b);
+    if (!may_beat(a, b, step.gain)) return;
+  }
   const Best there = best_known(a, b), back = best_known(b, a);
   const bool some = there.vertex != kNobody, others = back.vertex != kNobody;
   if (some && there.gain > step.gain && may_resize(a, b, graph_.robots[there.vertex])) step = {there.gain, there.vertex, kNobody, b};
@@ -199,7 +205,7 @@ void TabuSearch::let_all_go() {
     for (std::uint32_t v = first; v != kNobody; v = next_held_[v]) held_[v] = 0;
     first = kNobody;
   }
-  for (Best& known : best_) known.vertex = kUnknown;
+  for (Best& known : best_) known = {std::numeric_limits<std::int32_t>::max(), kUnknown};
 }
 
 void TabuSearch::rebalance() {
@@ -258,18 +264,33 @@ void TabuSearch::search(std::uint64_t work, std::uint64_t patience) {
     ++step_;
     let_go();
     Step step{std::numeric_limits<std::int64_t>::min(), kNobody, kNobody, 0};
+    for (std::uint32_t g = 0; g < groups_; ++g) {
+      may_give_[g] = robots_[g] > bounds_[g].low;
+      may_take_[g] = robots_[g] < bounds_[g].high;
+    }
+    open_.clear();
+    const auto look = [&](std::uint32_t one, std::uint32_t two) {
+      if (!may_beat(one, two, step.gain)) return;
+      if (best(one, two).vertex == kUnknown || best(two, one).vertex == kUnknown)
+        open_.emplace_back(one, two);
+      else
+        consider(one, two, step);
+    };
     if (groups_ <= kFewGroups) {
       for (std::uint32_t a = 0; a < groups_; ++a)
-        for (std::uint32_t b = a + 1; b < groups_; ++b) consider(a, b, step);
+        for (std::uint32_t b = a + 1; b < groups_; ++b) look(a, b);
       spent_ += groups_ * groups_;
     } else {
-      for (std::uint32_t look = 0; look < kLooks; ++look) {
+      for (std::uint32_t i = 0; i < kLooks; ++i) {
         const std::uint32_t a = random_.below(groups_);
         for (std::uint32_t b = 0; b < groups_; ++b)
-          if (b != a) consider(std::min(a, b), std::max(a, b), step);
+          if (b != a) look(std::min(a, b), std::max(a, b));
       }
       spent_ += 2 * kLooks * groups_;
     }
+    // What is not known is looked for where it matters.
+    for (const auto& [a, b] : open_)
+      if (may_beat(a, b, step.gain)) consider(a, b, step);
     if (step.vertex == kNobody) {
       spent_ += 10;
       continue;

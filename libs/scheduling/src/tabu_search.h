@@ -6,6 +6,7 @@
 #include "contracted_graph.h"
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace mapweave::scheduling {
@@ -33,7 +34,7 @@ class TabuSearch {
 
  private:
   struct Best {
-    std::int32_t gain;
+    std::int32_t gain;     // of kUnknown: none gains more
     std::uint32_t vertex;  // kNobody, kUnknown
   };
   struct Step {
@@ -45,11 +46,16 @@ class TabuSearch {
   Best& best(std::uint32_t from, std::uint32_t to) { return best_[std::size_t{from} * groups_ + to]; }
   void offer(std::uint32_t from, std::uint32_t to, std::uint32_t vertex, std::int32_t gain) {
     Best& known = best(from, to);
-    if (known.vertex != kUnknown && (known.vertex == kNobody || gain > known.gain)) known = {gain, vertex};
+    if (gain > known.gain) known = {gain, vertex};
   }
   const Best& best_known(std::uint32_t from, std::uint32_t to);
   std::int32_t link_between(std::uint32_t, std::uint32_t) const;
   bool may_resize(std::uint32_t from, std::uint32_t to, std::int64_t robots) const;
+  // By what is known of gains; robots count as one each, which allows more than is so.
+  bool may_beat(std::uint32_t a, std::uint32_t b, std::int64_t gain) const {
+    const std::int64_t there = best_[std::size_t{a} * groups_ + b].gain, back = best_[std::size_t{b} * groups_ + a].gain;
+    return there + back > gain || (there > gain && may_give_[a] && may_take_[b]) || (back > gain && may_give_[b] && may_take_[a]);
+  }
   void consider(std::uint32_t a, std::uint32_t b, Step& step);
   void look_for_partner(std::uint32_t vertex, std::uint32_t to, Step& step);
   void move(std::uint32_t vertex, std::uint32_t to);
@@ -67,6 +73,7 @@ class TabuSearch {
   std::uint32_t groups_, longest_hold_;
   std::vector<std::int32_t> linked_;
   std::vector<Best> best_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> open_;  // pairs of groups to be considered, of which something is unknown
   std::vector<std::vector<std::uint32_t>> members_;
   std::vector<std::uint32_t> place_;  // in members_
   std::vector<std::uint32_t>
@@ -74,7 +81,8 @@ class TabuSearch {
   std::vector<std::int32_t> all_;  // what a vertex is linked to
   std::vector<std::int32_t> link_to_;  // all 0 between uses
   std::int32_t little_ = 0;
-  std::vector<std::int64_t> robots_;  // by group
+  std::vector<std::int64_t> robots_;                  // by group
+  std::vector<std::uint8_t> may_give_, may_take_;     // by group: one robot
   std::vector<std::uint8_t> held_;
   std::vector<std::uint32_t> held_until_, next_held_;  // a ring by step of lists: the first of each, and who follows whom
   std::uint64_t step_ = 0, spent_ = 0;

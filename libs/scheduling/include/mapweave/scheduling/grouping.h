@@ -24,7 +24,8 @@ struct GroupingOptions {
 };
 
 // The default: multilevel (heavy links first), greedy growing from spread seeds, tabu search with incremental gains on every level, and
-// recombination: links that two good groupings both keep are contracted and the search begins again on what is left.
+// recombination: links that two good groupings both keep are contracted and the search begins again on what is left. Ten vertices or fewer:
+// exact.
 GroupOf group_balanced(const OverlapGraph&, const std::vector<std::uint32_t>& sizes, const GroupingOptions& = {});
 
 // RecSLAM as printed: Algorithms 1 and 2 (DECISIONS.md has each reading). Sizes are the algorithm's own: within one for any number of
