@@ -54,28 +54,31 @@ TEST(MapCorrection, joins_sessions_of_different_scale) {
   }
 }
 
-// A way whose steps grew shorter; the loop tells by how much.
-TEST(MapCorrection, gives_lost_scale_back) {
-  constexpr int kKeyframes = 21;
-  constexpr double kShrink = 0.98;
+struct Corrected {
+  double scale_of_newest, depth_of_newest, worst_m;
+};
+
+// A round way whose steps are mapped shorter than they are, by keyframe; the loop tells by how much at the end.
+Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
   LandmarkMap map;
   map.camera = {640, 480, 500.0, 500.0, 319.5, 239.5};
   map.monocular = true;
   std::vector<Eigen::Vector3d> truth;
   Eigen::Vector3d centre = Eigen::Vector3d::Zero(), drifted = centre;
-  double scale = 1.0;
-  for (int i = 0; i < kKeyframes; ++i) {
+  const auto count = static_cast<int>(mapped_scale.size());
+  for (int i = 0; i < count; ++i) {
+    const double scale = mapped_scale[static_cast<std::size_t>(i)], turn = 2.0 * M_PI * i / count;
     Keyframe keyframe;
     keyframe.view = view_of({drifted, Eigen::Quaterniond::Identity()});
     keyframe.depths = {static_cast<float>(2.0 * scale)};
+    if (with_wheels) keyframe.way.odometry_from_camera = Pose3{centre * (i % 2 == 0 ? 1.0 : 1.004), Eigen::Quaterniond::Identity()};
     map.add(std::move(keyframe));
     truth.push_back(centre);
-    const Eigen::Vector3d step(0.3 * std::cos(0.3 * i), 0.0, 0.3 * std::sin(0.3 * i));
+    const Eigen::Vector3d step(0.3 * std::cos(turn), 0.0, 0.3 * std::sin(turn));
     centre += step, drifted += scale * step;
-    if (i + 1 < kKeyframes) scale *= kShrink;
   }
   FoundLoop loop;
-  loop.newest = kKeyframes - 1, loop.earlier = 0, loop.scale = 1.0 / scale;
+  loop.newest = count - 1, loop.earlier = 0, loop.scale = 1.0 / mapped_scale.back();
   loop.view = view_of({truth.back(), Eigen::Quaterniond::Identity()});
   loop.matches.resize(50), loop.serials.resize(50);
   for (Match& match : loop.matches) {
@@ -85,12 +88,30 @@ TEST(MapCorrection, gives_lost_scale_back) {
   }
   MapCorrection correction(map, loop, 0.5);
   correction.run();
-  const auto scales = correction.apply(map);
-  EXPECT_NEAR(scales.back(), 1.0 / scale, 0.02);
-  EXPECT_NEAR(static_cast<double>(map.keyframes.back().depths.front()), 2.0, 0.05);
-  double worst = 0;
-  for (std::size_t i = 0; i < truth.size(); ++i) worst = std::max(worst, (map.keyframes[i].view.centre() - truth[i]).norm());
-  EXPECT_LT(worst, 0.06);
+  Corrected result{correction.apply(map).back(), static_cast<double>(map.keyframes.back().depths.front()), 0.0};
+  for (std::size_t i = 0; i < truth.size(); ++i)
+    result.worst_m = std::max(result.worst_m, (map.keyframes[i].view.centre() - truth[i]).norm());
+  return result;
+}
+
+TEST(MapCorrection, gives_lost_scale_back) {
+  std::vector<double> scale{1.0};
+  while (scale.size() < 21) scale.push_back(0.98 * scale.back());
+  for (const bool with_wheels : {false, true}) {
+    const Corrected found = corrected(scale, with_wheels);
+    EXPECT_NEAR(found.scale_of_newest, 1.0 / scale.back(), 0.02);
+    EXPECT_NEAR(found.depth_of_newest, 2.0, 0.05);
+    EXPECT_LT(found.worst_m, 0.06);
+  }
+}
+
+TEST(MapCorrection, gives_scale_back_where_wheels_say_that_it_was_lost) {
+  std::vector<double> scale(40, 1.0);
+  std::fill(scale.begin() + 12, scale.end(), 0.5);
+  EXPECT_GT(corrected(scale, false).worst_m, 0.3) << "nobody knows where";
+  const Corrected found = corrected(scale, true);
+  EXPECT_LT(found.worst_m, 0.05);
+  EXPECT_NEAR(found.scale_of_newest, 2.0, 0.02);
 }
 
 }  // namespace

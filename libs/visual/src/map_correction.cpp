@@ -51,7 +51,63 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   }
   bundle_.flaws = map.flaws;
   monocular_ = map.monocular;
+  stretches_ = stretches_of(map);
   scales_.assign(bundle_.views.size(), 1.0);
+}
+
+// A single camera that turns where it stands goes on at another scale. Wheels tell where that was: by keyframe, the logarithm of what its
+// lengths must grow by, as the three metres around it say that lie on the same side of such places; all 0 where there is none, for wheels
+// slip.
+std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
+  std::vector<double> stretches(keyframes_.size(), 0.0);
+  if (!map.monocular) return stretches;
+  std::vector<std::size_t> order(keyframes_.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return keyframes_[a].serial < keyframes_[b].serial; });
+  std::vector<double> driven_m(order.size(), 0.0), mapped_m(order.size(), 0.0);  // from the first to each, where both are known
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const Keyframe &last = map.keyframe(keyframes_[order[i - 1]].slot), &here = map.keyframe(keyframes_[order[i]].slot);
+    driven_m[i] = driven_m[i - 1], mapped_m[i] = mapped_m[i - 1];
+    if (!last.way.odometry_from_camera || !here.way.odometry_from_camera) continue;
+    const double step_m = between(*last.way.odometry_from_camera, *here.way.odometry_from_camera).t.norm();
+    constexpr double kLeast_m = 0.02;  // less tells of noise
+    if (step_m > kLeast_m) driven_m[i] += step_m, mapped_m[i] += (here.view.centre() - last.view.centre()).norm();
+  }
+  const auto stretch_between = [&](std::size_t from, std::size_t to) {
+    return std::log((driven_m[to] - driven_m[from]) / std::max(1e-9, mapped_m[to] - mapped_m[from]));
+  };
+  constexpr double kDriven_m = 1.0, kSlip = 0.15, kSmooth_m = 3.0;
+  struct Change {
+    double size;
+    std::size_t at;
+  };
+  std::vector<Change> changes;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const auto before = std::upper_bound(driven_m.begin(), driven_m.end(), driven_m[i] - kDriven_m),
+               after = std::lower_bound(driven_m.begin(), driven_m.end(), driven_m[i] + kDriven_m);
+    if (before == driven_m.begin() || after == driven_m.end()) continue;
+    const auto from = static_cast<std::size_t>(before - driven_m.begin()) - 1, to = static_cast<std::size_t>(after - driven_m.begin());
+    const double size = std::abs(stretch_between(i, to) - stretch_between(from, i));
+    if (size > kSlip) changes.push_back({size, i});
+  }
+  std::stable_sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) { return a.size > b.size; });
+  std::vector<std::size_t> breaks;  // first keyframes of stretches of their own
+  for (const Change& change : changes)
+    if (std::none_of(breaks.begin(), breaks.end(), [&](std::size_t at) { return std::abs(driven_m[at] - driven_m[change.at]) < kDriven_m; }))
+      breaks.push_back(change.at);
+  if (breaks.empty()) return stretches;
+  breaks.push_back(0), breaks.push_back(order.size());
+  std::sort(breaks.begin(), breaks.end());
+  for (std::size_t k = 0; k + 1 < breaks.size(); ++k) {
+    const std::size_t first = breaks[k], last = std::min(breaks[k + 1], order.size() - 1);
+    for (std::size_t i = first; i < breaks[k + 1]; ++i) {
+      std::size_t from = i, to = i;
+      while (from > first && driven_m[i] - driven_m[from] < kSmooth_m) --from;
+      while (to < last && driven_m[to] - driven_m[i] < kSmooth_m) ++to;
+      if (driven_m[to] > driven_m[from]) stretches[order[i]] = stretch_between(from, to);
+    }
+  }
+  return stretches;
 }
 
 void MapCorrection::run() {
@@ -74,7 +130,7 @@ void MapCorrection::run() {
   };
   for (const Tie& known : ties_) {
     const auto from = static_cast<std::size_t>(known.from), to = static_cast<std::size_t>(known.to);
-    tie(from, to, {between(poses[from], poses[to]), 1.0}, std::max(kWeakTie, static_cast<double>(known.landmarks)));
+    tie(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])}, std::max(kWeakTie, static_cast<double>(known.landmarks)));
   }
   tie(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale}, 10.0 * static_cast<double>(loop_.matches.size()));
   constexpr int kIterations = 50;

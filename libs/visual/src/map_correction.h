@@ -22,6 +22,7 @@ class MapCorrection {
     int slot;
     std::uint32_t serial;
   };
+  std::vector<double> stretches_of(const LandmarkMap& map) const;
   PinholeCamera camera_;
   FoundLoop loop_;
   std::vector<Name> keyframes_, landmarks_;  // of the bundle's views and points
@@ -30,7 +31,7 @@ class MapCorrection {
   std::size_t newest_ = 0, earlier_ = 0;     // views
   Bundle bundle_;
   bool monocular_ = false;
-  std::vector<double> scales_;  // of the views
+  std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out
 };
 
 // Where a keyframe is to be, and how its lengths grow.
