@@ -87,6 +87,16 @@ TEST_F(CoordinatedRun, loses_nothing_of_an_edge_that_goes) {
   EXPECT_FALSE(fs::exists(folder / "both-gone/edges"));
 }
 
+TEST_F(CoordinatedRun, expects_robots_to_map_where_the_mode_has_them_do) {
+  configuration.coordinator.method = Coordination::standard;
+  configuration.processors.robot = 0.01;
+  const double offloaded_s = run("offload").coordination->decisions.back().expected_s;
+  configuration.mode = Mode::onboard;
+  const Report report = run("onboard");
+  EXPECT_GT(report.coordination->decisions.back().expected_s, 2.0 * offloaded_s) << "robots a hundred times slower map themselves";
+  expect_same("offload", "onboard", kMaps);
+}
+
 TEST_F(CoordinatedRun, hears_of_a_robot_when_it_comes) {
   configuration.coordinator.method = Coordination::greedy;
   configuration.robots[1].from_s = 6.0;

@@ -145,6 +145,9 @@ TEST_F(PlanTest, leaves_robots_to_the_coordinator_and_edges_without_robots) {
   EXPECT_TRUE(made.robots[0].edge.empty());
   EXPECT_EQ(made.robots[1].edge, TierId("south"));
   EXPECT_EQ(effective(configuration, made).edges.size(), 3u);
+  configuration.mode = Mode::cloud_only;
+  EXPECT_THAT(complaint(), HasSubstr("cloud-only has none"));
+  configuration.mode = Mode::onboard;
   configuration.coordinator.at = "sout";
   EXPECT_THAT(complaint(), HasSubstr("did you mean 'south'?"));
   configuration.coordinator.at.clear();

@@ -81,6 +81,13 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
   EXPECT_NEAR(line.pushes[0].arrived_s, 18.5 + 1.0, 1e-6);
 }
 
+TEST(Timeline, knows_common_processors) {
+  ProcessorOptions processors;
+  processors.robot_profile = transport::ProcessorProfile::raspberry_pi_3b_plus;
+  processors.robot = 2.0;
+  EXPECT_NEAR(timeline(with(Mode::offload, wires(), processors), two_robots()).robots[0].packed_s, 1.0 / 0.24, 1e-9);
+}
+
 TEST(Timeline, has_a_robot_without_an_edge_map_on_board) {
   Work work = two_robots();
   work.robots[0].edge = TierId();

@@ -17,9 +17,14 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
   scheduling::LatencyModel model = file.empty() ? scheduling::LatencyModel() : scheduling::read_model(file);
   const ProcessorOptions& processors = configuration.processors;
   const double cloud_speed = configuration.cloud.at.empty()
-                                 ? processors.cloud
-                                 : processors.edge * edge_entry(configuration, TierId(configuration.cloud.at)).speed;
-  model.pack_s_per_scan /= processors.robot;
+                                 ? processors.cloud_speed()
+                                 : processors.edge_speed() * edge_entry(configuration, TierId(configuration.cloud.at)).speed;
+  if (configuration.mode == Mode::offload) {
+    model.pack_s_per_scan /= processors.robot_speed();
+  } else {  // robots map, and send their maps
+    model.pack_s_per_scan = std::exchange(model.slam_s_per_scan, 0.0) / processors.robot_speed();
+    model.scan_bytes = model.map_bytes_per_scan;
+  }
   model.cloud_fusion = model.cloud_fusion.at_speed(cloud_speed);
   return model;
 }
@@ -79,7 +84,7 @@ void CoordinatedRobots::hear_edges_and_wires(double now_s) {
     }
     scheduling::EdgeResources resources;
     resources.id = id;
-    resources.speed = configuration_.processors.edge * entry.speed;
+    resources.speed = configuration_.processors.edge_speed() * entry.speed;
     resources.bandwidth_bytes_per_s = id.str() == cloud ? kAnyBytesPerS : bytes_per_s(state(id.str(), cloud, network.edge_cloud));
     if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
     coordinator_.hear(tiers::EdgeIs{resources});

@@ -110,6 +110,9 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
   for (std::size_t i = 0; i < configuration.cloud.push_to.size(); ++i)
     expect_known(configuration.cloud.push_to[i], robots, "a robot", origins.place_of("cloud.push_to." + std::to_string(i)),
                  "name a robot of this run");
+  if (configuration.coordinator.method != Coordination::none && configuration.mode == Mode::cloud_only)
+    throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none", origins.place_of("coordinator.method"),
+                "leave out one of them");
   std::uint64_t room = 0;
   for (std::size_t i = 0; i < plan.edges.size(); ++i) {
     const EdgeEntry entry = edge_entry(configuration, plan.edges[i]);

@@ -46,8 +46,8 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   const ProcessorOptions& processors = options.processors;
   const std::string cloud = options.cloud.at.empty() ? kCloud : options.cloud.at;
   std::map<TierId, double> speed;  // of edges
-  for (const EdgeWork& edge : work.edges) speed[edge.id] = processors.edge * edge.speed;
-  const auto speed_of = [&](const TierId& edge) { return speed.count(edge) != 0 ? speed.at(edge) : processors.edge; };
+  for (const EdgeWork& edge : work.edges) speed[edge.id] = processors.edge_speed() * edge.speed;
+  const auto speed_of = [&](const TierId& edge) { return speed.count(edge) != 0 ? speed.at(edge) : processors.edge_speed(); };
   Wires wires(options);
   Timeline result;
   result.mode = options.mode;
@@ -60,11 +60,11 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     const bool is_alone = edge.empty() || options.mode == Mode::cloud_only;
     double busy_s = 0.0;
     if (options.mode == Mode::offload && !is_alone) {
-      line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / processors.robot;
+      line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / processors.robot_speed();
       line.arrived_s = wires.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes);
       line.mapped_s = line.arrived_s + robot.mapping_s / speed_of(robot.edge);
     } else {
-      line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot;
+      line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot_speed();
       if (is_alone)
         line.arrived_s = wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge, line.mapped_s, robot.map_bytes);
       else
@@ -85,7 +85,7 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     all_there_s = std::max(all_there_s, line.arrived_s);
     result.edges.push_back(line);
   }
-  result.total_s = all_there_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud : speed_of(TierId(cloud)));
+  result.total_s = all_there_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud)));
   for (const PushWork& push : work.pushes)
     result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
                                                     result.total_s, push.bytes)});

@@ -16,22 +16,6 @@ namespace {
 constexpr double kPacketBytes = 1400.0;
 constexpr double kLeastRetry_s = 1e-3;
 
-// What others measured, rounded: of one robot, upwards, with nobody else on the air.
-//   lan   gigabit Ethernet: 941 Mbit/s of TCP
-//   wifi  802.11ac at 5 GHz from a Raspberry Pi 3B+: 102 Mbit/s by iperf (Raspberry Pi Ltd., 14 March 2018)
-//   4g    some 10 Mbit/s upwards, 25 ms one way
-//   5g    non-standalone, some 50 Mbit/s upwards; 7 to 18 ms one way (Rohde & Schwarz, Munich, August 2022)
-LinkState typical(LinkProfile profile) {
-  switch (profile) {
-    case LinkProfile::none: break;
-    case LinkProfile::lan: return {117.5e6, 0.0002, 0.00005, 0.0};
-    case LinkProfile::wifi: return {12.75e6, 0.002, 0.002, 0.005};
-    case LinkProfile::lte: return {1.25e6, 0.025, 0.008, 0.002};
-    case LinkProfile::nr: return {6.25e6, 0.012, 0.004, 0.002};
-  }
-  return {};
-}
-
 LinkTrace trace_of(const LinkOptions& options) {
   if (options.trace.empty()) return {{0.0}, {state_of(options)}};
   return read_link_trace(options.trace, state_of(options));
@@ -40,7 +24,7 @@ LinkTrace trace_of(const LinkOptions& options) {
 }  // namespace
 
 LinkState state_of(const LinkOptions& options) {
-  LinkState state = typical(options.profile);
+  LinkState state = state_of(options.profile);
   if (options.bytes_per_s > 0.0) state.bytes_per_s = options.bytes_per_s;
   if (options.delay_s > 0.0) state.delay_s = options.delay_s;
   if (options.jitter_s > 0.0) state.jitter_s = options.jitter_s;

@@ -45,14 +45,27 @@ struct NetworkOptions {
 const transport::LinkOptions& wire_between(const NetworkOptions&, const std::string& from, const std::string& to,
                                            const transport::LinkOptions& otherwise);
 
-// One core of each, in cores of this machine. What is known of others: libs/runtime/README.md.
+// One core of each tier, in cores of this machine.
 struct ProcessorOptions {
+  using Profile = transport::ProcessorProfile;
+  Profile robot_profile = Profile::this_machine, edge_profile = Profile::this_machine, cloud_profile = Profile::this_machine;
   double robot = 1.0, edge = 1.0, cloud = 1.0;
+  double robot_speed() const { return speed_of(robot_profile) * robot; }
+  double edge_speed() const { return speed_of(edge_profile) * edge; }
+  double cloud_speed() const { return speed_of(cloud_profile) * cloud; }
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("robot", robot, "speed of a robot's core; 1: as this machine's (a Raspberry Pi 3B+: about 0.12)");
-    v.positive("edge", edge, "speed of an edge's core");
-    v.positive("cloud", cloud, "speed of the cloud's core");
+    const auto tier = [&v](const char* name, const char* speed_name, Profile& profile, double& speed, const char* doc, const char* speed_doc) {
+      v.choice(name, profile,
+               {{"this-machine", Profile::this_machine},
+                {"raspberry-pi-3b-plus", Profile::raspberry_pi_3b_plus},
+                {"jetson-tx2", Profile::jetson_tx2}},
+               doc);
+      v.positive(speed_name, speed, speed_doc);
+    };
+    tier("robot_profile", "robot", robot_profile, robot, "what a robot computes with", "how many times as fast as the profile");
+    tier("edge_profile", "edge", edge_profile, edge, "what an edge computes with", "how many times as fast as the profile");
+    tier("cloud_profile", "cloud", cloud_profile, cloud, "what the cloud computes with", "how many times as fast as the profile");
   }
 };
 

@@ -3,6 +3,7 @@
 // not, in what is reported of them, a place.
 
 #include <mapweave/core/options.h>
+#include <mapweave/transport/profiles.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -11,15 +12,6 @@
 #include <vector>
 
 namespace mapweave::transport {
-
-// How a wire is from a time on. Numbers are of one direction.
-struct LinkState {
-  double bytes_per_s = 0.0;              // 0: any number at once
-  double delay_s = 0.0, jitter_s = 0.0;  // of a packet: at least; standard deviation of what comes on top
-  double loss = 0.0;                     // share of packets that are lost and sent again
-};
-
-enum class LinkProfile { none, lan, wifi, lte, nr };  // lte: 4G; nr: 5G
 
 struct LinkOptions {
   LinkProfile profile = LinkProfile::none;
