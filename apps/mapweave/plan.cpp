@@ -86,6 +86,11 @@ struct ProfileArguments {
 };
 
 Json json_of(const scheduling::ProfiledTerm& term) {
+  Json points = Json::array();
+  for (std::size_t i = 0; i < term.samples.size(); ++i)
+    points.push_back({{"at", term.samples[i].at},
+                      {"measured", term.samples[i].measured},
+                      {"fitted", term.samples[i].measured - term.regression.residuals[i]}});
   return {{"term", term.name},
           {"by", term.basis},
           {"unit", term.unit},
@@ -94,7 +99,8 @@ Json json_of(const scheduling::ProfiledTerm& term) {
           {"relative_standard_error", term.regression.standard_error},
           {"median_off", term.median_off},
           {"r_squared", term.regression.r_squared},
-          {"residuals", term.regression.residuals}};
+          {"residuals", term.regression.residuals},
+          {"points", points}};
 }
 
 int profile(const ProfileArguments& arguments) {

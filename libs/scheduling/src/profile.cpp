@@ -148,12 +148,13 @@ std::optional<std::vector<double>> fitted(const std::string& name, const std::st
       rows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = samples[i].basis[k];
     measured[static_cast<Eigen::Index>(i)] = samples[i].value;
   }
-  ProfiledTerm term{name, "scans", unit, fit_relative(rows, measured), 0.0, {}};
+  ProfiledTerm term{name, "scans", unit, fit_relative(rows, measured), 0.0, {}, {}};
   std::vector<double> off;
   for (std::size_t i = 0; i < samples.size(); ++i)
     if (samples[i].value > 0.0) off.push_back(std::abs(term.regression.residuals[i]) / samples[i].value);
   std::sort(off.begin(), off.end());
   if (!off.empty()) term.median_off = off[off.size() / 2];
+  for (const Sample& sample : samples) term.samples.push_back({sample.scans, sample.value});
   for (const Sample* shown : {&samples.front(), &samples[samples.size() / 2], &samples.back()})
     if (term.shown.empty() || shown->scans > term.shown.back().at)
       term.shown.push_back({shown->scans, term.regression.at(shown->basis), term.regression.interval(shown->basis)});

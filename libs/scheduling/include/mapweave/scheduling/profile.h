@@ -19,6 +19,10 @@ struct ProfiledTerm {
     double at, value, half_width;  // of the 95 % prediction interval; infinite where it cannot be told
   };
   std::vector<Point> shown;  // at the smallest, the middle and the largest sample
+  struct Sample {
+    double at, measured;
+  };
+  std::vector<Sample> samples;  // in the order of the residuals
 };
 
 struct Profile {

@@ -1,0 +1,211 @@
+"""RecSLAM's figures with runs of our own: when the map of all is there, where the time goes, against the cloud alone and other ways of grouping
+
+Needs the program (scripts/build). Simulates the apartments of the paper's section VI (0.20 m/s) and, where MAPWEAVE_DATA has them, cuts public
+logs into teams; runs each team with its edges grouped by each method, and in the cloud alone. Before that it learns each place's latency model from
+other drives there (another seed; another cut of the log). Robots are 0.12 of this machine's core, wires are WiFi. Writes the tables between <!-- bench:recslam -->
+and <!-- /bench --> of README.md, out/bench/recslam.json and plots (PNG) beside it. Takes about an hour.
+"""
+import json
+import math
+import statistics
+
+from benches import common, plots
+
+ROBOT_SPEED = 0.12   # libs/runtime/README.md
+APARTMENT = {"width_m": 18, "height_m": 13}
+SMALL = {"corridor_width_m": 1.2, "room_width_m": 2.0}
+SCENES = {   # name: apartment or public log, robots, edges, metres each robot drives
+    **{f"13 x 18 m, {robots} robots": {"apartment": APARTMENT, "robots": robots, "edges": 3, "length_m": 30} for robots in (6, 8, 10)},
+    "4 x 4 m, 4 robots": {"apartment": {"width_m": 4, "height_m": 4, **SMALL}, "robots": 4, "edges": 2, "length_m": 12},
+    "5 x 5 m, 4 robots": {"apartment": {"width_m": 5, "height_m": 5, **SMALL}, "robots": 4, "edges": 2, "length_m": 12},
+    "6 x 5.5 m, 3 robots": {"apartment": {"width_m": 6, "height_m": 5.5, **SMALL}, "robots": 3, "edges": 1, "length_m": 12},
+    "fr079, 6 robots": {"log": "laser/fr079/fr079.rawlog", "overlap_s": 40, "robots": 6, "edges": 3},
+    "intel, 6 robots": {"log": "laser/intel/intel.rawlog", "overlap_s": 40, "robots": 6, "edges": 3},
+}
+SERIES = [name for name in SCENES if name.startswith("13 x 18")]
+PLACES = [SERIES, *([name] for name in SCENES if name not in SERIES)]   # scenes that share a model
+METHODS = ("default", "recslam", "greedy", "random")
+WIRES = [f"network.{wire}.profile=wifi" for wire in ("robot_edge", "robot_cloud", "edge_cloud")] + [f"processors.robot={ROBOT_SPEED}"]
+WIFI_BYTES_PER_S = 12.75e6   # of the profile
+LEARNING_SEEDS, SEED = (41, 43), 42
+ROOMS = 8
+
+
+def add_arguments(parser):
+    parser.add_argument("--scenes", default=";".join(SCENES), metavar="NAME;...", help="default: all of %(default)s")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the worlds that are predicted (default: %(default)s)")
+    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+
+
+def folder_of(name, seed):
+    return common.OUT / "recslam" / f"{''.join(letter if letter.isalnum() else '-' for letter in name)}-{seed}"
+
+
+def world_text(scene, seed):
+    lines = [f"seed: {seed}", "buildings:", f"  - {{kind: apartment, seed: 9, apartment: {json.dumps(scene['apartment'])}}}", f"edges: {scene['edges']}",
+             "motion: {speed_min_m_per_s: 0.2, speed_max_m_per_s: 0.2, clearance_m: 0.2}", "robot_radius_m: 0.1", "robots:"]
+    small = scene["apartment"]["width_m"] < 10
+    for i in range(scene["robots"]):
+        first = i % 2 if small else i * (ROOMS - 2) // scene["robots"]
+        last = "" if small else f"last_room: {first + 2}, "
+        lines.append(f"  - {{id: r{i}, first_room: {first}, {last}order: {('along', 'back', 'shuffled')[i % 3]}, length_m: {scene['length_m']}}}")
+    return "\n".join(lines) + "\n"
+
+
+def logs_of(name, seed):
+    """The team's logs, made when they are first needed; its configuration, in which robots have routes where the truth is known."""
+    scene, folder = SCENES[name], folder_of(name, seed)
+    logs, config = folder / "logs", folder / "team.yaml"
+    if config.exists():
+        return config
+    folder.mkdir(parents=True, exist_ok=True)
+    if "log" in scene:
+        source = common.need(common.DATA / scene["log"], "set MAPWEAVE_DATA to the folder that holds laser/")
+        overlap_s = scene["overlap_s"] + 10 * (seed - SEED)   # another drive there is another cut
+        common.mapweave("split", source, "--robots", scene["robots"], "--overlap", overlap_s, "--out", logs, "--force")
+        robots = [f"  - {{id: r{i}, log: logs/robot{i}.rawlog}}" for i in range(scene["robots"])]
+    else:
+        (folder / "world.yaml").write_text(world_text(scene, seed))
+        common.mapweave("simulate", folder / "world.yaml", "--out", logs, "--force")
+        robots = [f"  - {{id: r{i}, log: logs/r{i}.rawlog, route: {route(logs / f'r{i}.truth.tum')}}}" for i in range(scene["robots"])]
+    edges = ", ".join(f"{{id: edge{i}}}" for i in range(scene["edges"]))
+    config.write_text("robots:\n" + "\n".join(robots) + f"\nedges: [{edges}]\ncoordinator: {{overlap_period_s: 20, route_range_m: 4}}\n")
+    return config
+
+
+def route(truth):
+    points = [[float(value) for value in line.split()[1:3]] for line in truth.read_text().splitlines()]
+    kept = points[:1]
+    for point in points:
+        if math.dist(point, kept[-1]) > 2.0:
+            kept.append(point)
+    return "[" + ", ".join(f"{{x_m: {x:.2f}, y_m: {y:.2f}}}" for x, y in kept) + "]"
+
+
+def run_team(name, seed, kind, *settings):
+    """Summary and folder of a run; made once."""
+    out = folder_of(name, seed) / kind
+    if not (out / "summary.json").exists():
+        flags = [flag for setting in (*WIRES, *settings) for flag in ("--set", setting)]
+        common.mapweave("run", logs_of(name, seed), "--out", out, "--force", "--set", "output.png=false", "--set", "output.pcd=false", *flags)
+    return json.loads((out / "summary.json").read_text()), out
+
+
+def timeline(out, *settings):
+    flags = [flag for setting in settings for flag in ("--set", setting)]
+    return json.loads(common.mapweave("timeline", out, *flags, "--json")[1])
+
+
+def parts(line):
+    """Of the critical edge: pack, robot to edge, SLAM, fusion, edge to cloud, global fusion."""
+    last = max(line["edges"], key=lambda edge: edge["arrived_seconds"])
+    robots = [robot for robot in line["robots"] if robot["edge"] == last["id"]]
+    slowest = max(robots, key=lambda robot: max(robot["mapped_seconds"], robot["arrived_seconds"]))
+    return [slowest["packed_seconds"], slowest["arrived_seconds"] - slowest["packed_seconds"], slowest["mapped_seconds"] - slowest["arrived_seconds"],
+            last["fused_seconds"] - last["ready_seconds"], last["arrived_seconds"] - last["fused_seconds"], line["total_seconds"] - last["arrived_seconds"]]
+
+
+def measure(name, seed, model):
+    result = {"name": name, "robots": SCENES[name]["robots"], "methods": {}}
+    for method in METHODS:
+        summary, out = run_team(name, seed, method, f"coordinator.method={method}", f"coordinator.model={model}")
+        told = summary["coordinator"]
+        result["methods"][method] = {"total_s": told["came_seconds"], "expected_s": told["expected_seconds"], "parts": parts(summary["timeline"]),
+                                     "cut": told["decisions"][-1]["cut_weight"], "loads": [robot["load"] for robot in summary["timeline"]["robots"]],
+                                     "teams": summary["team"]["components"]}
+        if method == "default":
+            result["wires"] = {profile: parts(timeline(out, *(f"network.{wire}.profile={profile}" for wire in ("robot_edge", "edge_cloud"))))
+                               for profile in ("lan", "wifi", "5g", "4g")}
+    summary, alone = run_team(name, seed, "cloud-only", "mode=cloud-only")
+    result["cloud_only_s"] = summary["timeline"]["total_seconds"]
+    result["cloud_only_loads"] = [robot["load"] for robot in summary["timeline"]["robots"]]
+    result["same_teams"] = summary["team"]["components"] == result["methods"]["default"]["teams"]
+    otherwise = {"robots": ["processors.robot"], "edges": ["processors.edge"], "cloud": ["processors.cloud"]}
+    result["otherwise"] = {}
+    ours = folder_of(name, seed) / "default"
+    for what, keys in otherwise.items():
+        for factor in (0.5, 2.0):
+            settings = [f"{key}={factor * (ROBOT_SPEED if key.endswith('robot') else 1.0)}" for key in keys]
+            result["otherwise"][f"{what} x {factor:g}"] = [timeline(ours, *settings)["total_seconds"], timeline(alone, *settings)["total_seconds"]]
+    for factor in (0.5, 2.0):
+        settings = [f"network.{wire}.bytes_per_s={factor * WIFI_BYTES_PER_S}" for wire in ("robot_edge", "robot_cloud", "edge_cloud")]
+        result["otherwise"][f"bandwidth x {factor:g}"] = [timeline(ours, *settings)["total_seconds"], timeline(alone, *settings)["total_seconds"]]
+    return result
+
+
+def learn(scenes):
+    """A place's latency model from other drives there."""
+    folders = [run_team(name, seed, method, f"coordinator.method={method}")[1]
+               for name in scenes for seed, method in zip(LEARNING_SEEDS, ("default", "random"))]
+    model = folder_of(scenes[0], "model").with_suffix(".json")
+    _, told = common.mapweave("profile", *folders, "--out", model, "--json")
+    return model, json.loads(told)
+
+
+def draw(rows, models):
+    series = [row for row in rows if row["name"] in SERIES]
+    if len(series) > 1:
+        plots.lines(common.OUT / "recslam-total.png", "all there after (RecSLAM fig. 17, 19)", "robots", "s",
+                    {**{method: [(row["robots"], row["methods"][method]["total_s"]) for row in series] for method in METHODS},
+                     "cloud alone": [(row["robots"], row["cloud_only_s"]) for row in series]})
+        plots.lines(common.OUT / "recslam-load.png", "mean load of a robot (fig. 5, 18)", "robots", "% of its core",
+                    {"offload": [(row["robots"], 100 * statistics.mean(row["methods"]["default"]["loads"])) for row in series],
+                     "cloud alone": [(row["robots"], 100 * statistics.mean(row["cloud_only_loads"])) for row in series]})
+    for term in next(iter(models.values()))["terms"]:
+        if term["term"].startswith("fusion"):
+            plots.lines(common.OUT / f"recslam-{term['term'].replace(' ', '-')}.png", f"{term['term']} (fig. 7, 11)", term["by"], "s",
+                        {what: [(point["at"], point[what]) for point in term["points"]] for what in ("measured", "fitted")})
+
+
+def percent(value):
+    return f"{100 * value:+.1f} %"
+
+
+def report(rows, models):
+    text = common.table(("team", "all there after, s", "against cloud alone", "against random", "against greedy", "against recslam", "expected, s", "robot's load, offload / alone"),
+                        [(row["name"], f"{row['methods']['default']['total_s']:.2f}", percent(row["methods"]["default"]["total_s"] / row["cloud_only_s"] - 1),
+                          *(percent(row["methods"]["default"]["total_s"] / row["methods"][other]["total_s"] - 1) for other in ("random", "greedy", "recslam")),
+                          f"{row['methods']['default']['expected_s']:.2f}",
+                          f"{100 * statistics.mean(row['methods']['default']['loads']):.2f} / {100 * statistics.mean(row['cloud_only_loads']):.1f} %") for row in rows])
+    off = [abs(one["expected_s"] / one["total_s"] - 1) for row in rows for one in row["methods"].values()]
+    text += (f"\n\nExpected by the coordinator against what came, {len(off)} runs, each with a model of other drives in the same place: off by {100 * statistics.median(off):.1f} % (median), "
+             f"{100 * max(off):.0f} % at most.\n\n")
+    shown = next((row for row in rows if row["robots"] == 3), rows[0])
+    text += f"Where the time goes ({shown['name']}; fig. 4), s:\n\n"
+    text += common.table(("wires", "pack", "robot to edge", "SLAM", "fusion on the edge", "edge to cloud", "fusion in the cloud", "all"),
+                         [(wire, *(f"{part:.3f}" for part in some), f"{sum(some):.2f}") for wire, some in shown["wires"].items()])
+    series = [row for row in rows if row["name"] in SERIES]
+    if series:
+        text += "\n\nAgainst the cloud alone, had everything been half or twice as fast:\n\n"
+        text += common.table(("what", *(row["name"] for row in series)),
+                             [("as it is", *(percent(row["methods"]["default"]["total_s"] / row["cloud_only_s"] - 1) for row in series))] +
+                             [(what, *(percent(row["otherwise"][what][0] / row["otherwise"][what][1] - 1) for row in series)) for what in series[0]["otherwise"]])
+    place, told = next(iter(models.items()))
+    terms = "; ".join(f"{term['term']}: {term['samples']} samples, explains {100 * term['r_squared']:.0f} %, off by {100 * term['median_off']:.0f} % (median)"
+                      for term in told["terms"])
+    text += (f"\n\nMeasured by `scripts/bench recslam` on {common.machine()}: processor time of this machine, robots at {ROBOT_SPEED} of it, WiFi (12.75 MB/s, 2 ms) on all wires. What was "
+             f"learnt, by scans, for {place}: {terms}.")
+    return text
+
+
+def run(arguments):
+    common.need(common.PROGRAM, "run scripts/build first")
+    chosen = [name.strip() for name in arguments.scenes.split(";")]
+    for name in chosen:
+        if name not in SCENES:
+            common.give_up(f"unknown scene '{name}'; known: {'; '.join(SCENES)}", 2)
+    chosen = [name for name in chosen if "log" not in SCENES[name] or (common.DATA / SCENES[name]["log"]).exists()]
+    rows, models = [], {}
+    for place in PLACES:
+        scenes = [name for name in place if name in chosen]
+        if not scenes:
+            continue
+        model, models[scenes[0]] = learn(scenes)
+        rows += [measure(name, arguments.seed, model) for name in scenes]
+        common.write_json("recslam", {"machine": common.machine(), "commit": common.commit(), "models": models, "rows": rows})
+    draw(rows, models)
+    text = report(rows, models)
+    print(text)
+    if not arguments.dry_run:
+        common.write_readme("recslam", text)
+    return 0
