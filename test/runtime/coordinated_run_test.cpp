@@ -120,6 +120,18 @@ TEST_F(CoordinatedRun, joins_at_an_edge_and_tells_a_robot) {
   EXPECT_GE(report.timeline->pushes[0].arrived_s, report.timeline->total_s);
 }
 
+TEST_F(CoordinatedRun, joins_the_same_whether_edges_judge_for_the_cloud_or_not) {
+  const Report shared = run("shared");
+  configuration.cloud.edges_judge = false;
+  const Report alone = run("alone");
+  expect_same("shared", "alone", kMaps);
+  double judging_s = 0.0;
+  for (const EdgeWork& edge : shared.work.edges) judging_s += edge.judging_s;
+  EXPECT_GT(judging_s, 0.0);
+  EXPECT_LT(shared.work.fusing_s, alone.work.fusing_s);
+  for (const EdgeWork& edge : alone.work.edges) EXPECT_EQ(edge.judging_s, 0.0);
+}
+
 TEST_F(CoordinatedRun, ends_when_a_log_is_cut) {
   const std::string bytes = read_file(simulated_team().log("beta"));
   write_file(folder / "beta.rawlog", std::string_view(bytes).substr(0, bytes.size() / 2));

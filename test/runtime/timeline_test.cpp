@@ -81,6 +81,17 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
   EXPECT_NEAR(line.pushes[0].arrived_s, 18.5 + 1.0, 1e-6);
 }
 
+TEST(Timeline, lets_edges_judge_once_all_maps_are_there) {
+  Work work = two_robots();
+  work.edges[0].lent_bytes = 500'000, work.edges[0].judging_s = 2.0, work.edges[0].judged_bytes = 50'000;
+  const Timeline line = timeline(with(Mode::offload, wires()), work);
+  const double all_there_s = 2.0 + 2.0 + 20.0 + 4.0 + 1.0;
+  EXPECT_NEAR(line.edges[1].arrived_s, all_there_s, 1e-6);
+  EXPECT_NEAR(line.edges[0].judged_s, all_there_s + 1.0 + 2.0 + 0.1, 1e-6);
+  EXPECT_EQ(line.edges[1].judged_s, 0.0);
+  EXPECT_NEAR(line.total_s, line.edges[0].judged_s + 5.0, 1e-6);
+}
+
 TEST(Timeline, knows_common_processors) {
   ProcessorOptions processors;
   processors.robot_profile = transport::ProcessorProfile::raspberry_pi_3b_plus;

@@ -50,7 +50,7 @@ TEST(LatencyModel, adds_up_by_hand) {
   EXPECT_DOUBLE_EQ(latency.edge_seconds({0, 1}, 0), 7.75 + 3.0 + 0.125);
   // Robot c alone on f: 1 + 1 + 0.5 + 1, fused in half the time, 2000 bytes at 500 a second.
   EXPECT_DOUBLE_EQ(latency.edge_seconds({2}, 1), 3.5 + 0.375 + 4.0 + 0.125);
-  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 10.875 + 3.0 + 8.0);  // 300 scans, 200 x 100 pairs
+  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 10.875 + 3.0 + 4.0);  // 300 scans, 200 x 100 pairs for two edges
   EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1, 2}, {}}),
                    latency.edge_seconds({0, 1, 2}, 0) + 3.0);  // an edge without robots sends nothing
 }
@@ -77,8 +77,8 @@ TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
   EXPECT_DOUBLE_EQ(terms.edges[0].fusion_s, 3.25);
   EXPECT_DOUBLE_EQ(terms.edges[0].transfer_s, 3.125);
   EXPECT_DOUBLE_EQ(terms.edges[1].fusion_s, 0.375);
-  EXPECT_DOUBLE_EQ(terms.fusion_s, 11.0);
-  EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 3.125 + 11.0);
+  EXPECT_DOUBLE_EQ(terms.fusion_s, 7.0);
+  EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 3.125 + 7.0);
 }
 
 TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum) {
@@ -221,13 +221,18 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
   }
   robots.push_back({{"id", "d"}, {"scans", 900}, {"mapped", false}, {"edge", "s"}});
   lines.push_back({{"id", "d"}, {"packing_cpu_seconds", 0}, {"mapping_cpu_seconds", 7}, {"sensed_bytes", 0}, {"map_bytes", 0}});
-  if (mode != "cloud-only") {
-    edges.push_back({{"id", "n"}, {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1]}});
-    edges.push_back({{"id", "s"}, {"fusing_cpu_seconds", 0.004 * scans[2]}});
-  }
   double pairs = (scans[0] + scans[1]) * scans[2];
-  if (mode == "cloud-only") pairs += scans[0] * scans[1];
-  const double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]) + 3e-6 * pairs;
+  double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]);
+  if (mode != "cloud-only") {  // edges share what is between them
+    const double judging_s = 3e-6 * pairs / 2.0;
+    edges.push_back({{"id", "n"},
+                     {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1]},
+                     {"judging_cpu_seconds", judging_s}});
+    edges.push_back({{"id", "s"}, {"fusing_cpu_seconds", 0.004 * scans[2]}, {"judging_cpu_seconds", 0.9 * judging_s}});
+  } else {
+    pairs += scans[0] * scans[1];
+    fusing_s += 3e-6 * pairs;
+  }
   return {{"robots", robots},
           {"timeline", {{"mode", mode}, {"robots", lines}, {"edges", edges}, {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
 }

@@ -61,6 +61,40 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(without.seal(pool, *progress)));
 }
 
+TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would_alone) {
+  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}), south(TierId("south"), {RobotId("beta")}, {});
+  CloudMerger alone(TierId("cloud"), {});
+  const auto tell = [&](EdgeServer& edge, const char* robot, int scans) {
+    for (const std::string& bytes : edge.step({RobotId(robot), test::make_map(robot, scans), std::nullopt}, pool, *progress).for_cloud)
+      cloud.receive(bytes, "test"), alone.receive(bytes, "test");
+  };
+  tell(north, "alpha", 6), tell(north, "gamma", 4), tell(south, "beta", 6);
+  EXPECT_TRUE(cloud.errands({TierId("north")}).empty()) << "south does not answer";
+  const auto errands = cloud.errands({north.id(), south.id()});
+  ASSERT_EQ(errands.size(), 2u) << "two pairs, one each";
+  std::size_t judgements = 0;
+  for (EdgeServer* edge : {&north, &south}) {
+    const Errand& errand = errands.at(edge->id());
+    EXPECT_EQ(errand.pairs.size(), 1u);
+    EXPECT_EQ(errand.updates.size(), 1u);
+    for (const std::string& bytes : edge->step(errand, pool, *progress).for_cloud) {
+      judgements += decode_map_update(bytes, "test").judgements.size();
+      cloud.receive(bytes, "test");
+    }
+  }
+  EXPECT_GT(judgements, 0u);
+  EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(alone.seal(pool, *progress)));
+}
+
+TEST_F(CloudTest, sends_edges_on_no_errand_that_they_cannot_do) {
+  EdgeServer north(TierId("north"), {RobotId("alpha")}, {});
+  north.step({RobotId("alpha"), test::make_map("alpha", 6), std::nullopt}, pool, *progress);
+  EXPECT_THROW(north.step(Errand{{{MapId("beta"), MapId("gamma")}}, {}}, pool, *progress), Error) << "neither is here";
+  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta")}}, {}}, pool, *progress), Error) << "beta was not sent along";
+  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta")}}, {"nonsense"}}, pool, *progress), Error);
+  EXPECT_TRUE(north.step(Errand{}, pool, *progress).for_cloud.empty());
+}
+
 TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {
   const auto alpha = told_in_two(test::make_map("alpha", 6), "north");
   const Receipt gap = cloud.receive(alpha[1], "test");

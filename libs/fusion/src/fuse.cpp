@@ -132,11 +132,7 @@ class Fusing {
 
   FusionResult run() {
     Stopwatch watch;
-    for (const Map* map : sorted(input_.maps)) {
-      maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
-      seen_.emplace_back(*map, pool_, *input_.pictures);
-    }
-    hearsay_.emplace(input_.borrowed, seen_);
+    prepare_maps();
     result_.stages.push_back({"features", watch.lap()});
     compare();
     result_.stages.push_back({"pairwise matching", watch.lap()});
@@ -151,13 +147,46 @@ class Fusing {
     });
     result_.stages.push_back({"transform optimisation", watch.lap()});
     for (auto& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
-    std::sort(judged_.begin(), judged_.end());
-    judged_.erase(std::unique(judged_.begin(), judged_.end()), judged_.end());
-    for (const auto& id : judged_) result_.judgements.push_back(memo_.at(id));
+    result_.judgements = judgements();
     return std::move(result_);
   }
 
+  std::vector<Judgement> judged(const std::vector<MapPair>& pairs) {
+    prepare_maps();
+    const auto index_of = [&](const MapId& id) {
+      const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const PreparedMap& one) { return one.map->id == id; });
+      MAPWEAVE_EXPECT(map != maps_.end(), "map '" + id.str() + "' is among the maps");
+      return static_cast<std::size_t>(map - maps_.begin());
+    };
+    const int task = progress_.begin("comparing maps", pairs.size(), "pairs of maps");
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      const std::size_t one = index_of(pairs[i].first), other = index_of(pairs[i].second);
+      MAPWEAVE_EXPECT(one != other, "a pair has two maps");
+      const auto ids = compared(std::min(one, other), std::max(one, other)).result.judged;
+      judged_.insert(judged_.end(), ids.begin(), ids.end());
+      progress_.advance(task, i + 1);
+    }
+    progress_.end(task);
+    return judgements();
+  }
+
  private:
+  void prepare_maps() {
+    for (const Map* map : sorted(input_.maps)) {
+      maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
+      seen_.emplace_back(*map, pool_, *input_.pictures);
+    }
+    hearsay_.emplace(input_.borrowed, seen_);
+  }
+
+  std::vector<Judgement> judgements() {
+    std::sort(judged_.begin(), judged_.end());
+    judged_.erase(std::unique(judged_.begin(), judged_.end()), judged_.end());
+    std::vector<Judgement> all;
+    for (const auto& id : judged_) all.push_back(memo_.at(id));
+    return all;
+  }
+
   void compare() {
     const std::size_t count = maps_.size() * (maps_.size() - (maps_.empty() ? 0 : 1)) / 2;
     if (count == 0) return;
@@ -480,6 +509,11 @@ class Fusing {
 };
 
 }  // namespace
+
+std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<MapPair>& pairs, const FusionOptions& options, Memo& memo,
+                                   WorkerPool& pool, Progress& progress) {
+  return Fusing(input, options, memo, pool, progress).judged(pairs);
+}
 
 FusionResult fuse(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress) {
   return Fusing(input, options, memo, pool, progress).run();

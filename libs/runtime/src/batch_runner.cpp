@@ -162,6 +162,29 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       report.work.edges.push_back(work);
     }
   };
+  // What lies on two edges they compare for the cloud, which joins with what they say.
+  const auto judge_at_edges = [&] {
+    std::set<TierId> names;
+    for (const tiers::EdgeServer& edge : edges) names.insert(edge.id());
+    double before_s = process_cpu_seconds();
+    const auto errands = cloud.errands(names);
+    report.work.fusing_s += process_cpu_seconds() - before_s;
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+      const auto errand = errands.find(edges[i].id());
+      if (errand == errands.end()) continue;
+      EdgeWork& work = report.work.edges[i];
+      for (const std::string& update : errand->second.updates) work.lent_bytes += update.size();
+      before_s = process_cpu_seconds();
+      const auto effects = edges[i].step(errand->second, pool, progress);
+      const double told_s = process_cpu_seconds();
+      work.judging_s = told_s - before_s;
+      for (const std::string& update : effects.for_cloud) {
+        cloud.receive(update, "update of edge " + edges[i].id().str());
+        work.judged_bytes += update.size();
+      }
+      report.work.fusing_s += process_cpu_seconds() - told_s;
+    }
+  };
   // Who has no edge tells the cloud; in mode cloud-only that is everyone.
   const auto tell_cloud = [&] {
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
@@ -178,6 +201,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   const auto fuse_all = [&] {
     if (configuration.mode != Mode::cloud_only) fuse_at_edges();
     tell_cloud();
+    if (configuration.cloud.edges_judge) judge_at_edges();
     const double before_s = process_cpu_seconds();
     if (anything) team = cloud.seal(pool, progress);
     report.work.fusing_s += process_cpu_seconds() - before_s;

@@ -85,7 +85,18 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     all_there_s = std::max(all_there_s, line.arrived_s);
     result.edges.push_back(line);
   }
-  result.total_s = all_there_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud)));
+  // Once all maps are there, edges compare those that lie on two of them.
+  double judged_s = all_there_s;
+  for (std::size_t i = 0; i < work.edges.size(); ++i) {
+    const EdgeWork& edge = work.edges[i];
+    if (edge.judging_s == 0.0 && edge.lent_bytes == 0) continue;
+    const bool is_here = edge.id.str() == cloud;
+    const double lent_s = is_here ? all_there_s : wires.send(cloud, edge.id.str(), network.edge_cloud, all_there_s, edge.lent_bytes);
+    const double done_s = lent_s + edge.judging_s / speed_of(edge.id);
+    result.edges[i].judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
+    judged_s = std::max(judged_s, result.edges[i].judged_s);
+  }
+  result.total_s = judged_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud)));
   for (const PushWork& push : work.pushes)
     result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
                                                     result.total_s, push.bytes)});
@@ -122,7 +133,11 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                      {"speed", work.edges.at(i).speed},
                      {"ready_seconds", line.ready_s},
                      {"fused_seconds", line.fused_s},
-                     {"arrived_seconds", line.arrived_s}});
+                     {"arrived_seconds", line.arrived_s},
+                     {"lent_bytes", work.edges.at(i).lent_bytes},
+                     {"judging_cpu_seconds", work.edges.at(i).judging_s},
+                     {"judged_bytes", work.edges.at(i).judged_bytes},
+                     {"judged_seconds", line.judged_s}});
   }
   for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
     pushes.push_back({{"robot", timeline.pushes[i].robot.str()},

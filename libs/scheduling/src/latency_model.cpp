@@ -148,6 +148,9 @@ LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robot
     for (const std::uint32_t robot : robots_at[edge]) of_edge += scans(robot);
     fused.add(of_edge);
   }
+  double used = 0.0;
+  for (const auto& robots : robots_at) used += robots.empty() ? 0.0 : 1.0;
+  if (used > 0.0) fused.share_out(used);
   terms.fusion_s = model_.cloud_fusion.seconds(fused);
   return terms;
 }

@@ -8,8 +8,8 @@
 //   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e own s_e^2 / (B b_e)
 //   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
 //   (fullest)   T >= what the fullest edge takes, were it the fastest
-//   (cloud)     C >= what sum y edges leave to it where all but one hold one of the smallest robots
-//               C >= what edges that hold at most M leave to it: sum of s_e^2 <= M sum of s_e
+//   (cloud)     C >= what sum y edges have to share where all but one hold one of the smallest robots
+//               C >= what edges that hold at most M have to share, were all used: sum of s_e^2 <= M sum of s_e
 //   (bytes)     T >= the first edge's readiness + the bytes of one map of all / B;  T >= what the slowest robot takes alone
 //
 // A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
@@ -73,27 +73,33 @@ void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& resul
 // What is left to the cloud, whoever is where.
 void add_cloud(const FusionTime& time, std::vector<double> scans, Relaxation& result) {
   std::sort(scans.begin(), scans.end());
-  double all = 0.0, alone = 0.0, squares = 0.0, fewest_pairs = 0.0, pairs = 0.0, slope = std::numeric_limits<double>::infinity();
-  for (const double one : scans) {
-    all += one;
-    squares += one * one;
-  }
+  double all = 0.0;
+  for (const double one : scans) all += one;
   std::vector<double> rooms = result.room;
   std::sort(rooms.rbegin(), rooms.rend());
   double room = 0.0;
   std::size_t fewest = 0;
   while (fewest < rooms.size() && (room < result.robots || fewest == 0)) room += rooms[fewest++];
-  for (std::size_t used = 2; used <= std::min(result.edges, scans.size()); ++used) {
-    alone += scans[used - 2];
-    pairs += scans[used - 2] * (all - alone);
-    if (used == fewest) fewest_pairs = pairs;
-    if (used > fewest) slope = std::min(slope, (pairs - fewest_pairs) / static_cast<double>(used - fewest));
+  const std::size_t most = std::max(fewest, std::min(result.edges, scans.size()));
+  std::vector<double> shares;  // of pairs across edges, where so many edges and one more are used
+  double alone = 0.0, pairs = 0.0;
+  for (std::size_t used = 1; used <= most; ++used) {
+    if (used > 1 && used <= scans.size()) {
+      alone += scans[used - 2];
+      pairs += scans[used - 2] * (all - alone);
+    }
+    shares.push_back(pairs / static_cast<double>(used));
   }
+  const double least = *std::min_element(shares.begin() + static_cast<std::ptrdiff_t>(fewest) - 1, shares.end());
+  double slope = std::numeric_limits<double>::infinity();
+  for (std::size_t used = fewest + 1; used <= most; ++used)
+    slope = std::min(slope, (shares[used - 1] - least) / static_cast<double>(used - fewest));
+  const double spread = 0.5 * all * all / static_cast<double>(most);
   result.fewest_edges = static_cast<double>(fewest);
-  result.cloud_s = time.seconds({all, fewest_pairs});
+  result.cloud_s = time.seconds({all, least});
   result.cloud_s_per_edge = std::isfinite(slope) ? time.per_scan_pair_s * slope : 0.0;
-  result.spread_s = time.seconds({all, 0.5 * all * all});
-  result.cloud_pairs_s = time.per_scan_pair_s * 0.5 * all * all;
+  result.spread_s = time.seconds({all, spread});
+  result.cloud_pairs_s = time.per_scan_pair_s * spread;
 }
 
 Relaxation relaxed(const Latency& latency) {

@@ -1,5 +1,10 @@
 #include <mapweave/core/error.h>
 #include <mapweave/tiers/cloud_merger.h>
+#include <mapweave/tiers/edge_server.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <iterator>
 
 namespace mapweave::tiers {
 
@@ -26,6 +31,34 @@ std::vector<Receipt> CloudMerger::receipts() const {
   std::vector<Receipt> all;
   for (const auto& [id, inbox] : inboxes_) all.push_back(inbox.receipt());
   return all;
+}
+
+std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges) const {
+  struct Work {
+    std::uint64_t size;
+    const MapId *a, *b;
+    TierId at_a, at_b;
+  };
+  std::vector<Work> work;
+  for (auto a = inboxes_.begin(); a != inboxes_.end(); ++a)
+    for (auto b = std::next(a); b != inboxes_.end(); ++b) {
+      const TierId at_a = a->second.receipt().origin.tier, at_b = b->second.receipt().origin.tier;
+      if (at_a == at_b || edges.count(at_a) == 0 || edges.count(at_b) == 0) continue;
+      work.push_back({std::uint64_t{a->second.map().nodes.size()} * b->second.map().nodes.size(), &a->first, &b->first, at_a, at_b});
+    }
+  std::stable_sort(work.begin(), work.end(), [](const Work& one, const Work& other) { return one.size > other.size; });
+  std::map<TierId, Errand> errands;
+  std::map<TierId, std::uint64_t> load;
+  std::map<TierId, std::set<MapId>> lent;
+  for (const Work& pair : work) {
+    const bool first = load[pair.at_a] <= load[pair.at_b];
+    const TierId &judge = first ? pair.at_a : pair.at_b, &owner = first ? pair.at_b : pair.at_a;
+    const MapId& other = first ? *pair.b : *pair.a;
+    load[judge] += pair.size;
+    errands[judge].pairs.emplace_back(*pair.a, *pair.b);
+    if (lent[judge].insert(other).second) errands[judge].updates.push_back(first_update(inboxes_.at(other).map(), owner));
+  }
+  return errands;
 }
 
 fusion::FusionResult CloudMerger::seal(WorkerPool& pool, Progress& progress) {

@@ -3,16 +3,10 @@
 #include <mapweave/maps/map_update.h>
 
 namespace mapweave::tiers {
-namespace {
-
-constexpr std::uint64_t kMapSequence = 1, kJudgementsSequence = 2;
-
-}  // namespace
-
 std::string first_update(const Map& map, const TierId& from) {
   MapUpdate update = difference(Map{}, map);
   update.origin = {from, map.id};
-  update.sequence = kMapSequence;
+  update.sequence = 1;
   return encode(update);
 }
 
@@ -29,6 +23,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
     effects.for_cloud.push_back(first_update(map, edge_));
     effects.map_bytes += effects.for_cloud.back().size();
     const MapId id = map.id;
+    sequence_[id] = 1;
     maps_.set(id, std::move(map));
   }
   if (!awaited_.empty()) return effects;
@@ -41,16 +36,51 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);
 
-  // A judgement travels with the map that its first submap belongs to.
-  for (const auto& [id, map] : maps_) {
-    MapUpdate update;
+  for (std::string& update : told(result_.judgements)) effects.for_cloud.push_back(std::move(update));
+  return effects;
+}
+
+// A judgement travels with the first of the maps here that it is about.
+std::vector<std::string> EdgeServer::told(const std::vector<Judgement>& judgements) {
+  std::map<MapId, MapUpdate> updates;
+  for (const Judgement& judgement : judgements)
+    for (const auto& [id, map] : maps_)
+      if (holds(map, judgement.a) || holds(map, judgement.b)) {
+        updates[id].judgements.push_back(judgement);
+        break;
+      }
+  std::vector<std::string> encoded;
+  for (auto& [id, update] : updates) {
     update.origin = {edge_, id};
-    update.sequence = kJudgementsSequence;
-    update.base = kMapSequence;
-    for (const Judgement& judgement : result_.judgements)
-      if (holds(map, judgement.a)) update.judgements.push_back(judgement);
-    if (!update.judgements.empty()) effects.for_cloud.push_back(encode(update));
+    update.base = sequence_.at(id);
+    update.sequence = ++sequence_.at(id);
+    encoded.push_back(encode(update));
   }
+  return encoded;
+}
+
+EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Progress& progress) {
+  fusion::FusionInput input;
+  input.by = edge_;
+  std::set<MapId> needed;
+  for (const auto& [a, b] : errand.pairs) {
+    if (!maps_.contains(a) && !maps_.contains(b))
+      throw Error(ErrorCode::kBadInput, "neither map '" + a.str() + "' nor '" + b.str() + "' is here", "edge " + edge_.str());
+    needed.insert(a), needed.insert(b);
+  }
+  for (const MapId& id : needed)
+    if (const Map* map = maps_.find(id)) input.maps.push_back(*map);
+  for (const std::string& bytes : errand.updates) {
+    const MapUpdate update = decode_map_update(bytes, "a map lent to edge " + edge_.str());
+    Map map;
+    map.id = update.origin.map;
+    if (needed.count(map.id) != 0 && !maps_.contains(map.id)) input.maps.push_back(updated(map, update));
+  }
+  if (input.maps.size() != needed.size())
+    throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
+  fusion::Memo memo;
+  Effects effects;
+  effects.for_cloud = told(fusion::judge_pairs(input, errand.pairs, options_, memo, pool, progress));
   return effects;
 }
 

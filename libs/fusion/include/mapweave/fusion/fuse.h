@@ -12,6 +12,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mapweave::fusion {
@@ -67,5 +68,10 @@ using Memo = std::map<Hash, Judgement>;
 // Pure in its input and options: neither the order of maps, nor the memo, nor the number of threads changes a byte.
 // Throws Error(kBadInput) for two maps with one id or one node in two maps.
 FusionResult fuse(const FusionInput&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
+
+// The judgements that fuse() would make of these pairs of the input's maps, sorted by id: for who has time beside the one that fuses, which
+// takes them as its memo. Pairs name two of the maps each (else ContractViolation).
+using MapPair = std::pair<MapId, MapId>;
+std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<MapPair>&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::fusion

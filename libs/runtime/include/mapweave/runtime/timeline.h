@@ -73,10 +73,12 @@ struct ProcessorOptions {
 struct CloudEntry {
   std::string at;
   std::vector<std::string> push_to;
+  bool edges_judge = true;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("at", at, "the edge that joins everything where there is no cloud; empty: a cloud");
     v.texts("push_to", push_to, "robots that get the team's map");
+    v.flag("edges_judge", edges_judge, "edges compare maps that lie on two of them, shared out evenly; false: it compares them itself");
   }
 };
 
@@ -97,6 +99,9 @@ struct EdgeWork {
   double fusing_s = 0.0;
   std::uint64_t bytes = 0;  // for the cloud
   double speed = 1.0;       // relative to ProcessorOptions::edge
+  // Maps of other edges, lent to be compared with its own; what it told of them.
+  std::uint64_t lent_bytes = 0, judged_bytes = 0;
+  double judging_s = 0.0;
 };
 struct PushWork {
   RobotId robot;
@@ -120,6 +125,7 @@ struct Timeline {
   struct Edge {
     TierId id;
     double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there
+    double judged_s = 0.0;  // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
   };
   struct Push {
     RobotId robot;

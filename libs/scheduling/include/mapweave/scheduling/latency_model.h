@@ -16,9 +16,11 @@
 namespace mapweave::scheduling {
 
 // Maps that are fused: how many scans they hold together, and over each two of them the product of theirs. On an edge, of its robots; in
-// the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
+// the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them. Pairs across
+// edges are shared out to all edges that are used (tiers/errand.h), so that what counts is one edge's share.
 struct FusedScans {
   double scans = 0.0, pairs = 0.0;
+  void share_out(double edges) { pairs /= edges; }
   void add(double of_map) {
     pairs += scans * of_map;
     scans += of_map;

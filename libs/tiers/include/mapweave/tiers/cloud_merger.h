@@ -3,9 +3,11 @@
 // are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/tiers/errand.h>
 #include <mapweave/tiers/update_inbox.h>
 
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,6 +24,9 @@ class CloudMerger {
   Receipt receive(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
+  // What edges can judge for seal(): pairs of maps that came from two of them, shared out so that the products of their nodes are even.
+  // Others (of robots that map on board) are left to seal().
+  std::map<TierId, Errand> errands(const std::set<TierId>& edges) const;
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among
   // them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);

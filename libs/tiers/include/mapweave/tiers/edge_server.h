@@ -3,8 +3,11 @@
 // provisional: what travels are the robots' own maps and the judgements made here. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/tiers/errand.h>
 #include <mapweave/tiers/robot_slam.h>
 
+#include <cstdint>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -29,6 +32,10 @@ class EdgeServer {
   // does not depend on the order in which robots end.
   Effects step(RobotOutcome, WorkerPool&, Progress&);
 
+  // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair of which it holds
+  // no map.
+  Effects step(const Errand&, WorkerPool&, Progress&);
+
   TierId id() const { return edge_; }
   const Table<MapId, Map>& maps() const { return maps_; }         // the store: every robot's own map
   const fusion::FusionResult& result() const { return result_; }  // empty before all robots have ended, and where none left a map
@@ -36,7 +43,9 @@ class EdgeServer {
  private:
   TierId edge_;
   fusion::FusionOptions options_;
+  std::vector<std::string> told(const std::vector<Judgement>&);
   std::set<RobotId> awaited_;
+  std::map<MapId, std::uint64_t> sequence_;  // of the last update about each map
   Table<MapId, Map> maps_;
   fusion::FusionResult result_;
 };

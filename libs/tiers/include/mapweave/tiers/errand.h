@@ -1,0 +1,17 @@
+#pragma once
+// What the cloud asks of an edge before it joins everything: to judge pairs of maps that lie on two edges. Judgements are pure in two
+// contents, so whoever makes them makes the same.
+
+#include <mapweave/fusion/fuse.h>
+
+#include <string>
+#include <vector>
+
+namespace mapweave::tiers {
+
+struct Errand {
+  std::vector<fusion::MapPair> pairs;  // of each, the edge holds one map
+  std::vector<std::string> updates;    // encoded MapUpdates: the maps that it does not hold
+};
+
+}  // namespace mapweave::tiers
