@@ -57,22 +57,23 @@ def ticks(low, high, logarithmic):
 
 
 def lines(path, title, x_name, y_name, series, log_y=False):
-    """`series`: {name: [(x, y), ...]}; x is logarithmic."""
+    """`series`: {name: [(x, y), ...]}; x is logarithmic where it spans more than a decade."""
     picture, left, right, top, bottom = Picture(760, 460), 90, 20, 60, 60
     points = [point for some in series.values() for point in some if not log_y or point[1] > 0]
     x_low, x_high = min(x for x, _ in points), max(x for x, _ in points)
     y_low, y_high = min(y for _, y in points), max(y for _, y in points)
     if not log_y:
         y_low = min(0.0, y_low)
-    y_high = max(y_high, y_low + 1e-9)
+    y_high, x_high = max(y_high, y_low + 1e-9), max(x_high, x_low + 1e-9)
+    log_x = x_high > 10 * x_low
 
     def share(value, low, high, logarithmic):
         return math.log(value / low) / max(1e-9, math.log(high / low)) if logarithmic else (value - low) / (high - low)
 
     def place(x, y):
-        return (left + (picture.width - left - right) * share(x, x_low, x_high, True),
+        return (left + (picture.width - left - right) * share(x, x_low, x_high, log_x),
                 picture.height - bottom - (picture.height - top - bottom) * share(y, y_low, y_high, log_y))
-    for value in ticks(x_low, x_high, True):
+    for value in ticks(x_low, x_high, log_x):
         at = place(value, y_low)
         picture.line((at[0], top), (at[0], picture.height - bottom), (225, 225, 225))
         picture.text(round(at[0]) - 10, picture.height - bottom + 8, f"{value:g}")

@@ -99,6 +99,19 @@ class Profile(support.Scenario):
         self.write("problem.json", json.dumps(problem()))
         self.mapweave("plan", "problem.json", "--model", "model.json")
         self.assertIn("SLAM", self.mapweave("profile", "map").stdout)
+        # A coordinator predicts with it; and what would have been over slow wires?
+        self.mapweave("run", "logs/run.yaml", "--out", "led", "--set", "coordinator.method=default", "--set", "coordinator.model=model.json",
+                      "--set", "edges=[{id: north}, {id: south}]", code=(0, 4))
+        summary = self.read_json("led/summary.json")
+        self.assertGreater(summary["coordinator"]["expected_seconds"], 0)
+        as_it_was = json.loads(self.mapweave("timeline", "led", "--json").stdout)
+        self.assertEqual(as_it_was["total_seconds"], summary["timeline"]["total_seconds"])
+        slow = json.loads(self.mapweave("timeline", "led", "--set", "network.robot_edge.bytes_per_s=1000", "--json").stdout)
+        self.assertGreater(slow["total_seconds"], as_it_was["total_seconds"] + 1)
+        self.assertIn("robot robot0", self.mapweave("timeline", "led").stdout)
+        self.assert_says(self.mapweave("timeline", "led", "--set", "mode=cloud-only", code=USAGE), "run it again")
+        self.write("led/summary.json", '{"timeline": {"robots": 3}}')
+        self.assert_says(self.mapweave("timeline", "led", code=BAD_INPUT), "led/summary.json", "timeline.robots")
 
     def test_a_folder_without_results_is_refused(self):
         self.assert_says(self.mapweave("profile", "nowhere", code=BAD_INPUT), "summary.json")
