@@ -50,13 +50,13 @@ TEST(SubmapModel, has_pyramid_levels_that_bound_the_level_below) {
   for (std::size_t level = 1; level < model.pyramid().size(); ++level) {
     const auto& base = model.pyramid()[0];
     const auto& bound = model.pyramid()[level];
-    const int size = 1 << level;
+    const int size = 1 << (2 * level);
     for (int y = base.first_y(); y < base.first_y() + base.height(); y += 3)
       for (int x = base.first_x(); x < base.first_x() + base.width(); x += 3) {
-        // Cell i bounds [i, i + 2) * 2^level.
-        const int i = x >> level, j = y >> level;
+        // Cell i bounds [i, i + 2) * 4^level.
+        const int i = x >> (2 * level), j = y >> (2 * level);
         ASSERT_GE(bound.get(i, j), base.at(x, y)) << "level " << level;
-        ASSERT_GE(bound.get((x - size) >> level, (y - size) >> level), base.at(x, y)) << "level " << level;
+        ASSERT_GE(bound.get((x - size) >> (2 * level), (y - size) >> (2 * level)), base.at(x, y)) << "level " << level;
       }
   }
 }

@@ -2,7 +2,10 @@
 #include <mapweave/matching/branch_and_bound.h>
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <numeric>
+#include <optional>
 #include <queue>
 #include <tuple>
 
@@ -10,10 +13,12 @@ namespace mapweave::matching {
 namespace {
 
 constexpr double kStep = SubmapModel::kSearchResolution;
-constexpr int kTopLevel = 4;  // coarser blocks hold a wall nearly always: they bound nothing
+constexpr int kTopLevel = SubmapModel::kLevels - 1;
+
+int size_of(int level) { return 1 << (2 * level); }
 
 struct Candidate {
-  int turn, x, y, level;  // shifts [x, x + 2^level) in cells, likewise y
+  int turn, x, y, level;  // shifts [x, x + 4^level) in cells, likewise y; x and y are multiples of 4^level
   std::uint32_t bound;    // sum of likelihoods no shift of these exceeds
 };
 
@@ -24,7 +29,55 @@ struct Later {
   }
 };
 
-inline int shifted(int v, int level) { return v >> level; }  // floor division, also of negative numbers
+// A level of a's pyramid with so much nothing around it that every shift of every point lies in it.
+class Padded {
+ public:
+  // `reach`: cells of the level, from its cell (middle_x, middle_y), that are asked for.
+  Padded(const Raster<std::uint8_t>& level, int middle_x, int middle_y, int reach)
+      : x0_(middle_x - reach), y0_(middle_y - reach), width_(2 * reach + 1), cells_(static_cast<std::size_t>(width_) * width_) {
+    const int first_x = std::max(x0_, level.first_x()), last_x = std::min(x0_ + width_, level.first_x() + level.width());
+    const int first_y = std::max(y0_, level.first_y()), last_y = std::min(y0_ + width_, level.first_y() + level.height());
+    if (first_x >= last_x) return;
+    for (int y = first_y; y < last_y; ++y)
+      std::copy(level.row(first_x, y), level.row(first_x, y) + (last_x - first_x),
+                &cells_[static_cast<std::size_t>(offset(first_x, y) - offset(x0_, y0_))]);
+  }
+  int offset(int x, int y) const { return y * width_ + x; }
+  const std::uint8_t* at(int x, int y) const { return cells_.data() + (offset(x, y) - offset(x0_, y0_)); }
+  int width() const { return width_; }
+
+ private:
+  int x0_, y0_, width_;
+  std::vector<std::uint8_t> cells_;
+};
+
+using Sums = std::array<std::uint16_t, 16>;  // of 4 x 4 cells, row by row
+constexpr std::size_t kMostPoints = 257;     // of which the likelihoods' sum fits
+
+typedef std::uint32_t FourRows __attribute__((vector_size(16)));
+typedef std::uint16_t Shorts __attribute__((vector_size(16)));
+
+// For 4 x 4 shifts at once: sums of the likelihoods under the points. False as soon as none of them can reach the threshold.
+bool sum_up(const std::uint8_t* corner, int width, const std::vector<std::int32_t>& offsets, std::uint32_t threshold, Sums& sums) {
+  Shorts even{}, odd{};
+  for (std::size_t k = 0; k < offsets.size();) {
+    for (const std::size_t end = std::min(k + 32, offsets.size()); k < end; ++k) {
+      const std::uint8_t* at = corner + offsets[k];
+      std::uint32_t rows[4];
+      for (int row = 0; row < 4; ++row) std::memcpy(&rows[row], at + row * width, 4);
+      const FourRows four{rows[0], rows[1], rows[2], rows[3]};
+      const auto pairs = reinterpret_cast<Shorts>(four);
+      even += pairs & 0xFF, odd += pairs >> 8;
+    }
+    std::uint16_t largest = 0;
+    for (int i = 0; i < 8; ++i) {
+      sums[static_cast<std::size_t>(2 * i)] = even[i], sums[static_cast<std::size_t>(2 * i + 1)] = odd[i];
+      largest = std::max({largest, even[i], odd[i]});
+    }
+    if (largest + 255 * (offsets.size() - k) < threshold) return false;
+  }
+  return true;
+}
 
 }  // namespace
 
@@ -32,6 +85,7 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   std::vector<Peak> peaks;
   const auto& points = b.query();
   if (a.walls().empty() || points.empty()) return peaks;
+  MAPWEAVE_EXPECT(points.size() <= kMostPoints, "sums of likelihoods fit");
   // Turns are about the middle of b's walls, so that a turn moves the far points least.
   const Point2f centre = b.centre();
   double arm = 0.0;
@@ -44,7 +98,7 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   const double turn_size = around ? M_PI / turns : yaw_step;
   const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m / kStep)));
   int top = 0;
-  while (top < kTopLevel && (2 << top) <= radius) ++top;
+  while (top < kTopLevel && size_of(top + 1) <= radius) ++top;
 
   const Pose2 middle = window.a_from_b;
   const double middle_x = middle.x + std::cos(middle.phi) * centre.x - std::sin(middle.phi) * centre.y;
@@ -52,34 +106,41 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   const auto turned = [&](int turn) { return middle.phi + turn * turn_size; };
   std::size_t stride = points.size() / 2 + 1;
   while (std::gcd(stride, points.size()) != 1) ++stride;
-  // Cells of b's points at shift zero, per turn.
-  std::vector<std::vector<std::pair<int, int>>> cells(static_cast<std::size_t>(turns - first_turn + 1));
-  for (int turn = first_turn; turn <= turns; ++turn) {
+  // Shifts begin at multiples of their block's size, so that a point's cell at any shift is that at shift zero, shifted by whole cells of
+  // the level.
+  const int middle_cell_x = cell_of(middle_x, 1.0 / kStep), middle_cell_y = cell_of(middle_y, 1.0 / kStep);
+  double farthest = 0.0;
+  for (const auto& p : points)
+    farthest = std::max(farthest, std::hypot(static_cast<double>(p.x) - centre.x, static_cast<double>(p.y) - centre.y));
+  const int extent = radius + size_of(top + 1) + static_cast<int>(std::ceil(farthest / kStep)) + 2;
+  std::array<std::optional<Padded>, SubmapModel::kLevels> levels;
+  const auto level_of = [&](int level) -> const Padded& {
+    auto& padded = levels[static_cast<std::size_t>(level)];
+    if (!padded)
+      padded.emplace(a.pyramid()[static_cast<std::size_t>(level)], middle_cell_x >> (2 * level), middle_cell_y >> (2 * level),
+                     (extent >> (2 * level)) + 5);
+    return *padded;
+  };
+  // Where b's points lie in a level at shift zero, per turn.
+  std::vector<std::array<std::vector<std::int32_t>, SubmapModel::kLevels>> offsets(static_cast<std::size_t>(turns - first_turn + 1));
+  const auto offsets_of = [&](int turn, int level) -> const std::vector<std::int32_t>& {
+    auto& known = offsets[static_cast<std::size_t>(turn - first_turn)][static_cast<std::size_t>(level)];
+    if (!known.empty()) return known;
+    const Padded& padded = level_of(level);
     const double c = std::cos(turned(turn)), s = std::sin(turned(turn));
-    auto& out = cells[static_cast<std::size_t>(turn - first_turn)];
-    out.reserve(points.size());
+    known.reserve(points.size());
     // In an order that jumps about, so that the first few stand for all.
     for (std::size_t k = 0; k < points.size(); ++k) {
       const auto& p = points[k * stride % points.size()];
       const double dx = p.x - centre.x, dy = p.y - centre.y;
-      out.emplace_back(cell_of(middle_x + c * dx - s * dy, 1.0 / kStep), cell_of(middle_y + s * dx + c * dy, 1.0 / kStep));
+      known.push_back(padded.offset(cell_of(middle_x + c * dx - s * dy, 1.0 / kStep) >> (2 * level),
+                                    cell_of(middle_y + s * dx + c * dy, 1.0 / kStep) >> (2 * level)) -
+                      padded.offset(middle_cell_x >> (2 * level), middle_cell_y >> (2 * level)));
     }
-  }
+    return known;
+  };
   const auto full = static_cast<double>(255 * points.size());
   auto threshold = static_cast<std::uint32_t>(options.min_score * full);
-  // Zero as soon as what is left cannot reach the threshold.
-  const auto bound_of = [&](int turn, int x, int y, int level) {
-    const auto& raster = a.pyramid()[static_cast<std::size_t>(level)];
-    const auto& here = cells[static_cast<std::size_t>(turn - first_turn)];
-    std::uint32_t sum = 0, possible = static_cast<std::uint32_t>(255 * here.size());
-    for (std::size_t k = 0; k < here.size();) {
-      const std::size_t end = std::min(k + 16, here.size());
-      possible -= static_cast<std::uint32_t>(255 * (end - k));
-      for (; k < end; ++k) sum += raster.get(shifted(here[k].first + x, level), shifted(here[k].second + y, level));
-      if (sum + possible < threshold) return std::uint32_t{0};
-    }
-    return sum;
-  };
   const auto pose_of = [&](const Candidate& candidate) {
     const double phi = turned(candidate.turn), c = std::cos(phi), s = std::sin(phi);
     return Pose2{middle_x + candidate.x * kStep - (c * centre.x - s * centre.y),
@@ -92,19 +153,34 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   };
 
   std::priority_queue<Candidate, std::vector<Candidate>, Later> open;
-  for (int turn = first_turn; turn <= turns; ++turn)
-    for (int y = -radius; y <= radius; y += 1 << top)
-      for (int x = -radius; x <= radius; x += 1 << top) {
-        const auto bound = bound_of(turn, x, y, top);
-        if (bound >= threshold) open.push({turn, x, y, top, bound});
-      }
   std::size_t looked = 0;
+  // The 4 x 4 blocks from (x, y) on.
+  const auto open_blocks = [&](int turn, int x, int y, int level) {
+    const Padded& padded = level_of(level);
+    const int size = size_of(level);
+    Sums sums;
+    looked += sums.size();
+    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), padded.width(), offsets_of(turn, level),
+                threshold, sums))
+      return;
+    for (int k = 0; k < 16; ++k) {
+      const int nx = x + (k % 4) * size, ny = y + (k / 4) * size;
+      const std::uint32_t bound = sums[static_cast<std::size_t>(k)];
+      if (bound < threshold || nx > radius || ny > radius || nx + size <= -radius || ny + size <= -radius) continue;
+      open.push({turn, nx, ny, level, bound});
+    }
+  };
+  const int first = -((radius + size_of(top) - 1) / size_of(top)) * size_of(top);
+  for (int turn = first_turn; turn <= turns; ++turn)
+    for (int y = first; y <= radius; y += size_of(top + 1))
+      for (int x = first; x <= radius; x += size_of(top + 1)) open_blocks(turn, x, y, top);
+  looked = 0;
   while (!open.empty() && peaks.size() < options.most_peaks && looked < options.budget) {
     const Candidate candidate = open.top();
     open.pop();
     if (candidate.bound < threshold) break;
     // Best first: what an earlier peak covers can only be worse than it.
-    const double reach = 0.5 * kStep * ((1 << candidate.level) - 1);
+    const double reach = 0.5 * kStep * (size_of(candidate.level) - 1);
     const double x = middle_x + candidate.x * kStep + reach, y = middle_y + candidate.y * kStep + reach;
     bool covered = false;
     for (const auto& peak : peaks) {
@@ -118,15 +194,7 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
       if (peaks.size() == 1) threshold = std::max(threshold, static_cast<std::uint32_t>(options.rival_ratio * candidate.bound));
       continue;
     }
-    const int level = candidate.level - 1;
-    for (int j = 0; j < 2; ++j)
-      for (int i = 0; i < 2; ++i) {
-        const int nx = candidate.x + (i << level), ny = candidate.y + (j << level);
-        if (nx > radius || ny > radius) continue;
-        const auto bound = bound_of(candidate.turn, nx, ny, level);
-        ++looked;
-        if (bound >= threshold) open.push({candidate.turn, nx, ny, level, bound});
-      }
+    open_blocks(candidate.turn, candidate.x, candidate.y, candidate.level - 1);
   }
   return peaks;
 }

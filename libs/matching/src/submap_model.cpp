@@ -216,17 +216,17 @@ void SubmapModel::build_pyramid() {
   pyramid_[0] = std::move(base);
   for (std::size_t level = 1; level < pyramid_.size(); ++level) {
     const auto& below = pyramid_[level - 1];
-    const int x0 = half(below.first_x()) - 1, y0 = half(below.first_y()) - 1;
-    const int x1 = half(below.first_x() + below.width() - 1) + 1, y1 = half(below.first_y() + below.height() - 1) + 1;
+    const int x0 = (below.first_x() >> 2) - 2, y0 = (below.first_y() >> 2) - 2;
+    const int x1 = (below.first_x() + below.width() - 1) >> 2, y1 = (below.first_y() + below.height() - 1) >> 2;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
-    // Cell i of level 1 bounds the cells 2i .. 2i + 3 of level 0; above that, of level k the cells 2i, 2i + 2 of the level below, each of
-    // which bounds two blocks.
-    const int reach = level == 1 ? 3 : 2, stride = level == 1 ? 1 : 2;
+    // Cell i of level 1 bounds the cells 4i .. 4i + 7 of level 0; above that, of level k the cells 4i, 4i + 2 .. 4i + 6 of the level below,
+    // each of which bounds two blocks.
+    const int reach = level == 1 ? 7 : 6, stride = level == 1 ? 1 : 2;
     for (int y = y0; y <= y1; ++y)
       for (int x = x0; x <= x1; ++x) {
         std::uint8_t largest = 0;
         for (int j = 0; j <= reach; j += stride)
-          for (int i = 0; i <= reach; i += stride) largest = std::max(largest, below.get(2 * x + i, 2 * y + j));
+          for (int i = 0; i <= reach; i += stride) largest = std::max(largest, below.get(4 * x + i, 4 * y + j));
         plain.at(x, y) = largest;
       }
     pyramid_[level] = std::move(plain);

@@ -25,7 +25,7 @@ class SubmapModel {
  public:
   static constexpr double kSightResolution = 0.10;
   static constexpr double kSearchResolution = 0.10;
-  static constexpr int kLevels = 5;
+  static constexpr int kLevels = 3;
 
   // Throws ContractViolation for a submap that is not frozen or names unknown nodes.
   SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes);
@@ -34,8 +34,8 @@ class SubmapModel {
   const std::vector<WallPoint>& walls() const { return walls_; }
   const Raster<Sight>& sight() const { return sight_; }
   std::size_t known_cells() const { return known_cells_; }
-  // Level k holds, at cells of kSearchResolution * 2^k, the largest likelihood of the cells [i, i + 2) * 2^k: a bound for all shifts of
-  // less than 2^k cells. Level 0 is the likelihood itself, at 10 cm.
+  // Level k holds, at cells of kSearchResolution * 4^k, the largest likelihood of the cells [i, i + 2) * 4^k: a bound for all shifts of
+  // less than 4^k cells. Level 0 is the likelihood itself, at 10 cm.
   const std::array<Raster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
   const std::vector<RingKey>& ring_keys() const { return ring_keys_; }
   const std::vector<Point2f>& query() const { return query_; }  // at most 200 wall points, spread evenly, for searching
