@@ -29,44 +29,45 @@ struct Later {
   }
 };
 
-// A level of a's pyramid with so much nothing around it that every shift of every point lies in it.
+// A level of a's pyramid with so much nothing around it that every shift of every point lies in it. Four cells above each other stand
+// together, so that 4 x 4 of them are 16 bytes in a row.
 class Padded {
  public:
   // `reach`: cells of the level, from its cell (middle_x, middle_y), that are asked for.
   Padded(const Raster<std::uint8_t>& level, int middle_x, int middle_y, int reach)
       : x0_(middle_x - reach), y0_(middle_y - reach), width_(2 * reach + 1), cells_(static_cast<std::size_t>(width_) * width_) {
     const int first_x = std::max(x0_, level.first_x()), last_x = std::min(x0_ + width_, level.first_x() + level.width());
-    const int first_y = std::max(y0_, level.first_y()), last_y = std::min(y0_ + width_, level.first_y() + level.height());
-    if (first_x >= last_x) return;
-    for (int y = first_y; y < last_y; ++y)
-      std::copy(level.row(first_x, y), level.row(first_x, y) + (last_x - first_x),
-                &cells_[static_cast<std::size_t>(offset(first_x, y) - offset(x0_, y0_))]);
+    const int first_y = std::max(y0_, level.first_y() - 3), last_y = std::min(y0_ + width_, level.first_y() + level.height());
+    for (int y = first_y; y < last_y && first_x < last_x; ++y) {
+      Column* to = &cells_[static_cast<std::size_t>(offset(first_x, y) - offset(x0_, y0_))];
+      for (int j = 0; j < 4; ++j) {
+        if (y + j < level.first_y() || y + j >= level.first_y() + level.height()) continue;
+        const std::uint8_t* from = level.row(first_x, y + j);
+        for (int x = 0; x < last_x - first_x; ++x) to[x][static_cast<std::size_t>(j)] = from[x];
+      }
+    }
   }
+  using Column = std::array<std::uint8_t, 4>;
   int offset(int x, int y) const { return y * width_ + x; }
-  const std::uint8_t* at(int x, int y) const { return cells_.data() + (offset(x, y) - offset(x0_, y0_)); }
-  int width() const { return width_; }
+  const Column* at(int x, int y) const { return cells_.data() + (offset(x, y) - offset(x0_, y0_)); }
 
  private:
   int x0_, y0_, width_;
-  std::vector<std::uint8_t> cells_;
+  std::vector<Column> cells_;
 };
 
-using Sums = std::array<std::uint16_t, 16>;  // of 4 x 4 cells, row by row
+using Sums = std::array<std::uint16_t, 16>;  // of 4 x 4 cells, column by column
 constexpr std::size_t kMostPoints = 257;     // of which the likelihoods' sum fits
 
-typedef std::uint32_t FourRows __attribute__((vector_size(16)));
 typedef std::uint16_t Shorts __attribute__((vector_size(16)));
 
 // For 4 x 4 shifts at once: sums of the likelihoods under the points. False as soon as none of them can reach the threshold.
-bool sum_up(const std::uint8_t* corner, int width, const std::vector<std::int32_t>& offsets, std::uint32_t threshold, Sums& sums) {
+bool sum_up(const Padded::Column* corner, const std::vector<std::int32_t>& offsets, std::uint32_t threshold, Sums& sums) {
   Shorts even{}, odd{};
   for (std::size_t k = 0; k < offsets.size();) {
-    for (const std::size_t end = std::min(k + 32, offsets.size()); k < end; ++k) {
-      const std::uint8_t* at = corner + offsets[k];
-      std::uint32_t rows[4];
-      for (int row = 0; row < 4; ++row) std::memcpy(&rows[row], at + row * width, 4);
-      const FourRows four{rows[0], rows[1], rows[2], rows[3]};
-      const auto pairs = reinterpret_cast<Shorts>(four);
+    for (const std::size_t end = std::min(k + 20, offsets.size()); k < end; ++k) {
+      Shorts pairs;
+      std::memcpy(&pairs, corner + offsets[k], sizeof pairs);
       even += pairs & 0xFF, odd += pairs >> 8;
     }
     std::uint16_t largest = 0;
@@ -160,11 +161,11 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
     const int size = size_of(level);
     Sums sums;
     looked += sums.size();
-    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), padded.width(), offsets_of(turn, level),
-                threshold, sums))
+    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), offsets_of(turn, level), threshold,
+                sums))
       return;
     for (int k = 0; k < 16; ++k) {
-      const int nx = x + (k % 4) * size, ny = y + (k / 4) * size;
+      const int nx = x + (k / 4) * size, ny = y + (k % 4) * size;
       const std::uint32_t bound = sums[static_cast<std::size_t>(k)];
       if (bound < threshold || nx > radius || ny > radius || nx + size <= -radius || ny + size <= -radius) continue;
       open.push({turn, nx, ny, level, bound});
