@@ -4,8 +4,8 @@
 #include <mapweave/scheduling/latency_model.h>
 #include <mapweave/scheduling/profile.h>
 
-#include <nlohmann/json.hpp>
 #include <support/temporary_folder.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <random>
@@ -61,6 +61,19 @@ TEST(LatencyModel, counts_pairs_of_scans_between_maps_of_all_sizes) {
   EXPECT_EQ(fused.scans, 42.0);
   EXPECT_EQ(fused.pairs, 10.0 * 30.0 + 10.0 * 2.0 + 30.0 * 2.0);
   EXPECT_DOUBLE_EQ((FusionTime{1.0, 0.5, 0.1}.seconds(fused)), 1.0 + 21.0 + 38.0);
+}
+
+TEST(LatencyModel, counts_scans_that_robots_share_where_they_are_fused) {
+  const Problem problem = two_edges();  // a and b share 0.25, b and c 0.5, of 100 scans each
+  LatencyModel model = round_numbers();
+  const Latency without(problem, model);
+  const double alone_s = without.computing_seconds({0, 1}, 0), all_s = without.terms({{0, 1}, {2}}).fusion_s;
+  model.edge_fusion.per_shared_scan_s = 0.01, model.cloud_fusion.per_shared_scan_s = 0.02;
+  const Latency latency(problem, model);
+  EXPECT_DOUBLE_EQ(latency.shared_scans(), 50.0 + 100.0);
+  EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 1}, 0), alone_s + 0.5);
+  EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 2}, 0), without.computing_seconds({0, 2}, 0));
+  EXPECT_DOUBLE_EQ(latency.terms({{0, 1}, {2}}).fusion_s, all_s + 3.0);  // the cloud matches all of them
 }
 
 TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
@@ -221,12 +234,16 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
   }
   robots.push_back({{"id", "d"}, {"scans", 900}, {"mapped", false}, {"edge", "s"}});
   lines.push_back({{"id", "d"}, {"packing_cpu_seconds", 0}, {"mapping_cpu_seconds", 7}, {"sensed_bytes", 0}, {"map_bytes", 0}});
+  // Robots a and b overlap, less the farther they drove, and so do b and c.
+  const double of_a_and_b = 0.5 / std::sqrt(1.0 + scale), of_b_and_c = 0.05;
+  const double shared_on_n = of_a_and_b * (scans[0] + scans[1]), shared = shared_on_n + of_b_and_c * (scans[1] + scans[2]);
+  const Json overlaps = {{"a", "b", of_a_and_b}, {"b", "c", of_b_and_c}};
   double pairs = (scans[0] + scans[1]) * scans[2];
-  double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]);
+  double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]) + 0.02 * shared;
   if (mode != "cloud-only") {  // edges share what is between them
     const double judging_s = 3e-6 * pairs / 2.0;
     edges.push_back({{"id", "n"},
-                     {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1]},
+                     {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1] + 0.03 * shared_on_n},
                      {"judging_cpu_seconds", judging_s}});
     edges.push_back({{"id", "s"}, {"fusing_cpu_seconds", 0.004 * scans[2]}, {"judging_cpu_seconds", 0.9 * judging_s}});
   } else {
@@ -234,7 +251,8 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
     fusing_s += 3e-6 * pairs;
   }
   return {{"robots", robots},
-          {"timeline", {{"mode", mode}, {"robots", lines}, {"edges", edges}, {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
+          {"timeline",
+           {{"mode", mode}, {"robots", lines}, {"edges", edges}, {"overlaps", overlaps}, {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
 }
 
 class ProfileOfRuns : public testing::Test {
@@ -260,9 +278,11 @@ TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
   EXPECT_NEAR(model.edge_fusion.fixed_s, 0.0, 1e-6);
   EXPECT_NEAR(model.edge_fusion.per_scan_s, 0.004, 1e-8);
   EXPECT_NEAR(model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
+  EXPECT_NEAR(model.edge_fusion.per_shared_scan_s, 0.03, 1e-6);
   EXPECT_NEAR(model.cloud_fusion.fixed_s, 0.25, 1e-6);
   EXPECT_NEAR(model.cloud_fusion.per_scan_s, 0.001, 1e-8);
   EXPECT_NEAR(model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
+  EXPECT_NEAR(model.cloud_fusion.per_shared_scan_s, 0.02, 1e-6);
   EXPECT_TRUE(profile.notes.empty());
   ASSERT_EQ(profile.terms.size(), 6u);
   for (const ProfiledTerm& term : profile.terms) EXPECT_LT(term.median_off, 1e-6) << term.name;
@@ -279,18 +299,19 @@ TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_tells) {
   EXPECT_NEAR(onboard.model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
   EXPECT_EQ(onboard.notes.size(), 2u);  // packing and what robots send
   // Of 100, 300 and 200 scans, all three are paired in the cloud.
-  const Profile alone = profile_runs({run("3", summary_of("cloud-only", 1)), run("4", summary_of("cloud-only", 2)),
-                                      run("5", summary_of("cloud-only", 6))});
+  const Profile alone =
+      profile_runs({run("3", summary_of("cloud-only", 1)), run("4", summary_of("cloud-only", 2)), run("5", summary_of("cloud-only", 6)),
+                    run("6", summary_of("cloud-only", 9)), run("7", summary_of("cloud-only", 40))});
   EXPECT_EQ(alone.model.edge_fusion.per_scan_pair_s, unknown.edge_fusion.per_scan_pair_s);
   EXPECT_NEAR(alone.model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
-  EXPECT_NEAR(alone.model.cloud_fusion.seconds({600.0, 110e3}), 0.25 + 0.6 + 0.33, 1e-6);
+  EXPECT_NEAR(alone.model.cloud_fusion.seconds({600.0, 110e3, 41.0}), 0.25 + 0.6 + 0.33 + 0.82, 1e-6);
 }
 
 TEST_F(ProfileOfRuns, leaves_out_maps_of_cameras_and_says_so) {
   nlohmann::json summary = summary_of("offload", 1);
   summary["robots"][2]["cameras"] = nlohmann::json::array({{{"frames", 3}}});
   const Profile profile = profile_runs({run("1", summary)});
-  ASSERT_EQ(profile.terms.size(), 5u);  // none of the cloud's
+  ASSERT_EQ(profile.terms.size(), 5u);                          // none of the cloud's
   EXPECT_EQ(profile.terms[1].regression.residuals.size(), 2u);  // what robots send
   EXPECT_EQ(profile.terms[2].regression.residuals.size(), 3u);  // SLAM is by lasers alone
   EXPECT_EQ(profile.terms[4].regression.residuals.size(), 1u);  // the edge of a and b
@@ -324,16 +345,16 @@ TEST_F(ProfileOfRuns, names_the_summary_that_cannot_be_one) {
       EXPECT_THAT(error.what(), HasSubstr("summary.json")) << text;
     }
   };
-  for (const char* text : {"", "[]", "{}", R"({"robots": 3, "timeline": {}})", R"({"robots": [3], "timeline": {}})",
-                           R"({"robots": [], "timeline": 3})", R"({"robots": [], "timeline": {"mode": 1}})",
-                           R"({"robots": [{"id": "../x", "scans": 1, "mapped": true}], "timeline": {}})"})
+  for (const char* text :
+       {"", "[]", "{}", R"({"robots": 3, "timeline": {}})", R"({"robots": [3], "timeline": {}})", R"({"robots": [], "timeline": 3})",
+        R"({"robots": [], "timeline": {"mode": 1}})", R"({"robots": [{"id": "../x", "scans": 1, "mapped": true}], "timeline": {}})"})
     refused(text);
   const nlohmann::json good = summary_of("offload", 1);
-  for (const char* at : {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots",
-                         "/timeline/edges", "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id",
-                         "/timeline/robots/1/packing_cpu_seconds", "/timeline/robots/1/mapping_cpu_seconds",
-                         "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
-                         "/timeline/edges/0/fusing_cpu_seconds", "/timeline/cloud/fusing_cpu_seconds"})
+  for (const char* at :
+       {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots", "/timeline/edges",
+        "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id", "/timeline/robots/1/packing_cpu_seconds",
+        "/timeline/robots/1/mapping_cpu_seconds", "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
+        "/timeline/edges/0/fusing_cpu_seconds", "/timeline/cloud/fusing_cpu_seconds"})
     for (const nlohmann::json& wrong : {nlohmann::json(-1), nlohmann::json("a"), nlohmann::json(nullptr)}) {
       nlohmann::json bad = good;
       bad[nlohmann::json::json_pointer(at)] = wrong;

@@ -6,6 +6,7 @@
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
+#include <mapweave/scheduling/overlap_estimate.h>
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
 
@@ -84,6 +85,28 @@ void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work)
   for (const std::string& name : cloud.push_to)
     if (const auto* component = component_of(team, RobotId(name)))
       work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size()});
+}
+
+// Of robots with lasers, by how the team's maps lie.
+std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team, const std::vector<tiers::RobotOutcome>& outcomes) {
+  std::vector<OverlapOfRobots> overlaps;
+  for (const fusion::Component& component : team.components) {
+    struct Member {
+      RobotId robot;
+      Pose2 team_from_map;
+      MapSummary summary;
+    };
+    std::vector<Member> members;
+    for (const tiers::RobotOutcome& outcome : outcomes)
+      if (const Pose3* there = outcome.map ? component.team_from_map.find(outcome.map->id) : nullptr)
+        members.push_back({outcome.robot, planar(*there), scheduling::summary_of(*outcome.map)});
+    for (auto a = members.begin(); a != members.end(); ++a)
+      for (auto b = std::next(a); b != members.end(); ++b)
+        if (const double degree = scheduling::overlap_degree(a->summary, b->summary, between(a->team_from_map, b->team_from_map));
+            degree > 0.0)
+          overlaps.push_back({a->robot, b->robot, degree});
+  }
+  return overlaps;
 }
 
 void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
@@ -213,6 +236,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       robot.sensed_bytes += told > 0 ? told : robot.map_bytes;
     }
     push(team, configuration.cloud, report.work);
+    report.work.overlaps = overlaps_of(team, outcomes);
     report.timeline = timeline({configuration.mode, plan.network, configuration.processors, configuration.cloud,
                                 report.coordination ? report.coordination->recorded_s : 0.0, configuration.seed},
                                report.work);
@@ -235,7 +259,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     const std::string name = pushed.robot.str();
     fusion::FusionResult told;
     told.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, told, cameras, report);
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, told, cameras,
+                           report);
   }
   results.commit("run", effective(configuration, given), inputs, report);
   return report;

@@ -75,6 +75,12 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     work.pushes.push_back(
         {RobotId(scheduling::name(member(push, "robot", where, key), where, key + ".robot")), count(push, "bytes", where, key)});
   }
+  for (const Json& overlap : list(line, "overlaps", where)) {
+    const std::string key = "timeline.overlaps";
+    if (!overlap.is_array() || overlap.size() != 3) refuse("two robots and their overlap degree were expected", where, key, "");
+    work.overlaps.push_back({RobotId(scheduling::name(overlap[0], where, key)), RobotId(scheduling::name(overlap[1], where, key)),
+                             scheduling::number(overlap[2], 0.0, 0.5, false, where, key)});
+  }
   if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", where, "timeline");
   return work;
 }

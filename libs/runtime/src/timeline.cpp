@@ -106,7 +106,7 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
 nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work) {
   using Json = nlohmann::ordered_json;
   static constexpr const char* kModes[] = {"offload", "onboard", "cloud-only"};
-  Json robots = Json::array(), edges = Json::array(), pushes = Json::array();
+  Json robots = Json::array(), edges = Json::array(), pushes = Json::array(), overlaps = Json::array();
   for (std::size_t i = 0; i < timeline.robots.size(); ++i) {
     const Timeline::Robot& line = timeline.robots[i];
     const RobotWork& done = work.robots.at(i);
@@ -139,6 +139,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                      {"judged_bytes", work.edges.at(i).judged_bytes},
                      {"judged_seconds", line.judged_s}});
   }
+  for (const auto& [a, b, degree] : work.overlaps) overlaps.push_back({a.str(), b.str(), degree});
   for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
     pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
                       {"bytes", work.pushes.at(i).bytes},
@@ -149,7 +150,8 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
           {"cloud", {{"fusing_cpu_seconds", work.fusing_s}}},
           {"total_seconds", timeline.total_s},
           {"recorded_seconds", timeline.recorded_s},
-          {"pushes", pushes}};
+          {"pushes", pushes},
+          {"overlaps", overlaps}};
 }
 
 }  // namespace mapweave::runtime

@@ -37,7 +37,8 @@ std::vector<std::pair<const char*, FusionTime*>> fusions_of(LatencyModel& model)
 std::vector<Field> fields_of(FusionTime& fusion) {
   return {{"fixed_s", &fusion.fixed_s, false},
           {"per_scan_s", &fusion.per_scan_s, false},
-          {"per_scan_pair_s", &fusion.per_scan_pair_s, false}};
+          {"per_scan_pair_s", &fusion.per_scan_pair_s, false},
+          {"per_shared_scan_s", &fusion.per_shared_scan_s, false}};
 }
 
 void read(const Json& object, const std::vector<Field>& fields, const std::string& where, const std::string& prefix) {
@@ -59,7 +60,7 @@ LatencyModel parse_model(std::string_view json, const std::string& where) {
   read(root, fields_of(model), where, "");
   for (const auto& [name, fusion] : fusions_of(model)) {
     if (!root.contains(name)) continue;
-    expect_object(root[name], {"fixed_s", "per_scan_s", "per_scan_pair_s"}, where, name);
+    expect_object(root[name], {"fixed_s", "per_scan_s", "per_scan_pair_s", "per_shared_scan_s"}, where, name);
     read(root[name], fields_of(*fusion), where, std::string(name) + ".");
   }
   return model;
@@ -86,7 +87,18 @@ Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(p
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
       if (other.vertex < robot) own *= 1.0 - shared_part(robot, other.vertex, other.weight);
     own_bytes_.push_back(own);
+    for (const Neighbour& other : problem.overlaps.neighbours(robot))
+      if (other.vertex < robot) all_shared_ += other.weight * (scans(robot) + scans(other.vertex));
   }
+}
+
+double Latency::shared_scans(const std::vector<std::uint32_t>& robots) const {
+  double shared = 0.0;
+  for (const std::uint32_t robot : robots)
+    for (const Neighbour& other : problem_.overlaps.neighbours(robot))
+      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex))
+        shared += other.weight * (scans(robot) + scans(other.vertex));
+  return shared;
 }
 
 double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double degree) const {
@@ -126,6 +138,7 @@ LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots,
     terms.robots.push_back(robot_terms(robot, edge));
     fused.add(scans(robot));
   }
+  if (model_.edge_fusion.per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
   terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
   terms.transfer_s = fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
   return terms;
@@ -151,6 +164,7 @@ LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robot
   double used = 0.0;
   for (const auto& robots : robots_at) used += robots.empty() ? 0.0 : 1.0;
   if (used > 0.0) fused.share_out(used);
+  fused.shared = all_shared_;
   terms.fusion_s = model_.cloud_fusion.seconds(fused);
   return terms;
 }

@@ -13,8 +13,9 @@
 //   (bytes)     T >= the first edge's readiness + the bytes of one map of all / B;  T >= what the slowest robot takes alone
 //
 // A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
-// are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. Where y is a
-// fraction, terms are their perspectives: y f(s / y). Each is convex, so Ipopt's minimum is the minimum.
+// are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. What robots on an
+// edge share is taken as nothing: a plan may part all that overlap. Where y is a fraction, terms are their perspectives: y f(s / y). Each
+// is convex, so Ipopt's minimum is the minimum.
 
 #include <mapweave/scheduling/placement.h>
 
@@ -39,14 +40,14 @@ constexpr double kMoreRoom = 1.0 + 1e-4;  // Ipopt searches within bounds, and w
 struct Relaxation {
   std::size_t edges = 0;
   double robots = 0.0, bandwidth = 0.0, least_own_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0, delay_s = 0.0;
-  double least_weight = 0.0, weights = 0.0;        // of one robot, of all; own_bytes: by weight
-  std::vector<double> count, weight;               // by class
-  std::vector<std::vector<double>> seconds;        // eq. 1, by class, by edge
-  std::vector<double> fastest, speed, room;        // by edge
-  FusionTime edge_fusion;                          // by weight
-  double fewest_edges = 1.0;                       // that have room for everyone
-  double cloud_s = 0.0, cloud_s_per_edge = 0.0;    // with the fewest edges, and each further one
-  double spread_s = 0.0, cloud_pairs_s = 0.0;      // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
+  double least_weight = 0.0, weights = 0.0;      // of one robot, of all; own_bytes: by weight
+  std::vector<double> count, weight;             // by class
+  std::vector<std::vector<double>> seconds;      // eq. 1, by class, by edge
+  std::vector<double> fastest, speed, room;      // by edge
+  FusionTime edge_fusion;                        // by weight
+  double fewest_edges = 1.0;                     // that have room for everyone
+  double cloud_s = 0.0, cloud_s_per_edge = 0.0;  // with the fewest edges, and each further one
+  double spread_s = 0.0, cloud_pairs_s = 0.0;    // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
   double full_s = 0.0, full_linear_s = 0.0, full_square_s = 0.0;  // of the fullest edge, by its share of all scans
 };
 
@@ -71,7 +72,7 @@ void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& resul
 }
 
 // What is left to the cloud, whoever is where.
-void add_cloud(const FusionTime& time, std::vector<double> scans, Relaxation& result) {
+void add_cloud(const FusionTime& time, std::vector<double> scans, double shared, Relaxation& result) {
   std::sort(scans.begin(), scans.end());
   double all = 0.0;
   for (const double one : scans) all += one;
@@ -96,9 +97,9 @@ void add_cloud(const FusionTime& time, std::vector<double> scans, Relaxation& re
     slope = std::min(slope, (shares[used - 1] - least) / static_cast<double>(used - fewest));
   const double spread = 0.5 * all * all / static_cast<double>(most);
   result.fewest_edges = static_cast<double>(fewest);
-  result.cloud_s = time.seconds({all, least});
+  result.cloud_s = time.seconds({all, least, shared});
   result.cloud_s_per_edge = std::isfinite(slope) ? time.per_scan_pair_s * slope : 0.0;
-  result.spread_s = time.seconds({all, spread});
+  result.spread_s = time.seconds({all, spread, shared});
   result.cloud_pairs_s = time.per_scan_pair_s * spread;
 }
 
@@ -156,7 +157,7 @@ Relaxation relaxed(const Latency& latency) {
   result.full_linear_s = all_scans * (fusion.per_scan_s - 0.5 * fusion.per_scan_pair_s * most_scans) / highest_speed;
   result.full_square_s = 0.5 * fusion.per_scan_pair_s * all_scans * all_scans / highest_speed;
   add_classes(kinds, result);
-  add_cloud(model.cloud_fusion, std::move(scans), result);
+  add_cloud(model.cloud_fusion, std::move(scans), latency.shared_scans(), result);
   for (double& room : result.room) room *= kMoreRoom;
   return result;
 }

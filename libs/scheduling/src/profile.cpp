@@ -12,6 +12,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <tuple>
 
 namespace mapweave::scheduling {
 namespace {
@@ -71,7 +72,7 @@ std::map<std::string, RobotOfRun> robots_of(const Json& root, const std::string&
   return robots;
 }
 
-Sample of_fusion(const FusedScans& fused, double seconds) { return {fused.scans, seconds, {1.0, fused.scans, fused.pairs}}; }
+Sample of_fusion(const FusedScans& fused, double seconds) { return {fused.scans, seconds, {1.0, fused.scans, fused.pairs, fused.shared}}; }
 
 void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const std::string& where, Samples& samples) {
   constexpr const char* kKey = "timeline.robots";
@@ -86,6 +87,16 @@ void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const st
   if (robot.cameras) return;  // what they sent and hold of cameras is no matter of scans
   if (offload) samples.sensed_bytes.push_back({scans, sensed_bytes, {scans}});
   samples.map_bytes.push_back({scans, map_bytes, {1.0, scans}});
+}
+
+std::vector<std::tuple<std::string, std::string, double>> overlaps_of(const Json& timeline, const std::string& where) {
+  std::vector<std::tuple<std::string, std::string, double>> overlaps;
+  for (const Json& given : list(timeline, "overlaps", where)) {
+    constexpr const char* kKey = "timeline.overlaps";
+    if (!given.is_array() || given.size() != 3) refuse("two robots and their overlap degree were expected", where, kKey, "");
+    overlaps.emplace_back(name(given[0], where, kKey), name(given[1], where, kKey), number(given[2], 0.0, 0.5, false, where, kKey));
+  }
+  return overlaps;
 }
 
 void add_run(const std::filesystem::path& folder, Samples& samples) {
@@ -113,6 +124,15 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   std::map<std::string, FusedScans> at;  // by edge; where there are none, by robot
   std::map<std::string, bool> sees;      // has a robot with cameras
   bool anybody_sees = false;
+  FusedScans all;
+  for (const auto& [a, b, degree] : overlaps_of(timeline, where)) {
+    const auto one = robots.find(a), other = robots.find(b);
+    if (one == robots.end() || other == robots.end())
+      refuse("a robot that is not among the robots of the run", where, "timeline.overlaps", "");
+    const double shared = degree * (one->second.scans + other->second.scans);
+    all.shared += shared;
+    if (!cloud_only && one->second.edge == other->second.edge) at[one->second.edge].shared += shared;
+  }
   for (const auto& [id, robot] : robots) {
     if (!robot.mapped) continue;
     const std::string& where_fused = cloud_only ? id : robot.edge;
@@ -131,15 +151,13 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   }
   const double seconds =
       longest_errand_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
-  FusedScans all;
   for (const auto& [ignored, fused] : at) all.add(fused.scans);
   if (longest_errand_s > 0.0) all.share_out(static_cast<double>(at.size()));
   if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));
 }
 
 // Fits seconds (or bytes) to their basis, and tells a few predictions. Nothing without samples.
-std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples,
-                                          Profile& profile) {
+std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples, Profile& profile) {
   if (samples.empty()) {
     profile.notes.push_back(name + " is not told by these runs: its default stands");
     return std::nullopt;
@@ -176,8 +194,7 @@ Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
                 "give folders of results of `mapweave run` that came to its end");
   Profile profile;
   profile.notes = samples.notes;
-  if (samples.cameras)
-    profile.notes.push_back("some robots have cameras: nothing is learnt of fusing their maps, nor of what they send");
+  if (samples.cameras) profile.notes.push_back("some robots have cameras: nothing is learnt of fusing their maps, nor of what they send");
   LatencyModel& model = profile.model;
   if (samples.robots > 0.0) model.scans = samples.scans / samples.robots;
   if (const auto found = fitted("packing", "s", samples.packing_s, profile)) model.pack_s_per_scan = found->front();
@@ -188,9 +205,9 @@ Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
     model.map_bytes_per_scan = (*found)[1];
   }
   if (const auto found = fitted("fusion on an edge", "s", samples.edge_fusion_s, profile))
-    model.edge_fusion = {(*found)[0], (*found)[1], (*found)[2]};
+    model.edge_fusion = {(*found)[0], (*found)[1], (*found)[2], (*found)[3]};
   if (const auto found = fitted("fusion in the cloud", "s", samples.cloud_fusion_s, profile))
-    model.cloud_fusion = {(*found)[0], (*found)[1], (*found)[2]};
+    model.cloud_fusion = {(*found)[0], (*found)[1], (*found)[2], (*found)[3]};
   return profile;
 }
 

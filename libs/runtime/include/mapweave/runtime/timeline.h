@@ -107,11 +107,17 @@ struct PushWork {
   RobotId robot;
   std::uint64_t bytes = 0;  // of the team's map
 };
+// What two robots' maps share, once they lie on each other (DESIGN.md, 3).
+struct OverlapOfRobots {
+  RobotId a, b;
+  double degree;
+};
 struct Work {
   std::vector<RobotWork> robots;  // by id
   std::vector<EdgeWork> edges;    // by id; of cloud_only none
   double fusing_s = 0.0;          // in the cloud
   std::vector<PushWork> pushes;
+  std::vector<OverlapOfRobots> overlaps;  // of robots that the team's map has
 };
 
 // All in seconds since the recordings ended.

@@ -15,11 +15,12 @@
 
 namespace mapweave::scheduling {
 
-// Maps that are fused: how many scans they hold together, and over each two of them the product of theirs. On an edge, of its robots; in
-// the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them. Pairs across
-// edges are shared out to all edges that are used (tiers/errand.h), so that what counts is one edge's share.
+// Maps that are fused: how many scans they hold together, over each two of them the product of theirs, which is what is judged, and over
+// each two robots the scans that both saw (their overlap degree times the sum of theirs), which are matched again. On an edge, of its
+// robots; in the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
+// Pairs across edges are shared out to all edges that are used (tiers/errand.h), so that what counts is one edge's share.
 struct FusedScans {
-  double scans = 0.0, pairs = 0.0;
+  double scans = 0.0, pairs = 0.0, shared = 0.0;
   void share_out(double edges) { pairs /= edges; }
   void add(double of_map) {
     pairs += scans * of_map;
@@ -29,9 +30,13 @@ struct FusedScans {
 
 // Quadratic in the number of scans, as RecSLAM's fig. 7a and 11 have it: what is matched are pairs. All parts are 0 or more.
 struct FusionTime {
-  double fixed_s = 0.0, per_scan_s = 0.0, per_scan_pair_s = 0.0;
-  double seconds(const FusedScans& fused) const { return fixed_s + per_scan_s * fused.scans + per_scan_pair_s * fused.pairs; }
-  FusionTime at_speed(double speed) const { return {fixed_s / speed, per_scan_s / speed, per_scan_pair_s / speed}; }
+  double fixed_s = 0.0, per_scan_s = 0.0, per_scan_pair_s = 0.0, per_shared_scan_s = 0.0;
+  double seconds(const FusedScans& fused) const {
+    return fixed_s + per_scan_s * fused.scans + per_scan_pair_s * fused.pairs + per_shared_scan_s * fused.shared;
+  }
+  FusionTime at_speed(double speed) const {
+    return {fixed_s / speed, per_scan_s / speed, per_scan_pair_s / speed, per_shared_scan_s / speed};
+  }
 };
 
 struct LatencyModel {
@@ -40,9 +45,9 @@ struct LatencyModel {
   double scan_bytes = 400.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
   double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
   double robot_delay_s = 0.005;
-  double slam_s_per_scan = 0.0015;               // on an edge of speed 1
-  FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};   // on an edge of speed 1
-  double map_bytes_per_scan = 650.0;             // of a robot's map as it is sent on
+  double slam_s_per_scan = 0.0015;              // on an edge of speed 1
+  FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};  // on an edge of speed 1
+  double map_bytes_per_scan = 650.0;            // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
   double cloud_delay_s = 0.02;                   // edge -> cloud
   FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps
@@ -68,7 +73,7 @@ struct LatencyTerms {
     double seconds() const { return computing_seconds() + transfer_s; }
   };
   std::vector<Edge> edges;
-  double fusion_s = 0.0;  // in the cloud
+  double fusion_s = 0.0;         // in the cloud
   double total_seconds() const;  // eq. 3
 };
 
@@ -85,6 +90,7 @@ class Latency {
   double fused_bytes(const std::vector<std::uint32_t>& robots) const;
   // What nobody with a lower index has seen of it: whoever it is grouped with, it adds at least this to the fused map.
   double own_bytes(std::uint32_t robot) const { return own_bytes_[robot]; }
+  double shared_scans() const { return all_shared_; }  // FusedScans::shared of all robots
   // From the beginning until the edge's map is in the cloud: eq. 2 and its part of eq. 3; 0 without robots.
   double edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;  // eq. 2 alone
@@ -99,9 +105,11 @@ class Latency {
   LatencyTerms::Robot robot_terms(std::uint32_t robot, std::uint32_t edge) const;
   LatencyTerms::Edge edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
+  double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
   const Problem& problem_;
   const LatencyModel& model_;
   std::vector<double> map_bytes_, own_bytes_;
+  double all_shared_ = 0.0;
 };
 
 }  // namespace mapweave::scheduling
