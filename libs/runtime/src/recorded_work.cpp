@@ -75,7 +75,7 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     work.pushes.push_back(
         {RobotId(scheduling::name(member(push, "robot", where, key), where, key + ".robot")), count(push, "bytes", where, key)});
   }
-  for (const Json& overlap : list(line, "overlaps", where)) {
+  for (const Json& overlap : line.contains("overlaps") ? list(line, "overlaps", where) : Json::array()) {
     const std::string key = "timeline.overlaps";
     if (!overlap.is_array() || overlap.size() != 3) refuse("two robots and their overlap degree were expected", where, key, "");
     work.overlaps.push_back({RobotId(scheduling::name(overlap[0], where, key)), RobotId(scheduling::name(overlap[1], where, key)),

@@ -91,6 +91,7 @@ void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const st
 
 std::vector<std::tuple<std::string, std::string, double>> overlaps_of(const Json& timeline, const std::string& where) {
   std::vector<std::tuple<std::string, std::string, double>> overlaps;
+  if (!timeline.contains("overlaps")) return overlaps;  // of a program before they were told
   for (const Json& given : list(timeline, "overlaps", where)) {
     constexpr const char* kKey = "timeline.overlaps";
     if (!given.is_array() || given.size() != 3) refuse("two robots and their overlap degree were expected", where, kKey, "");
