@@ -4,7 +4,9 @@
 #include <coin/IpIpoptApplication.hpp>
 #include <coin/IpTNLP.hpp>
 
+#include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <mutex>
 
@@ -27,7 +29,7 @@ class Program : public Ipopt::TNLP {
 
   bool get_nlp_info(Index& n, Index& m, Index& jacobian, Index& hessian, IndexStyleEnum& style) override {
     n = static_cast<Index>(values_.size());
-    m = 0, jacobian = 0, hessian = 0;
+    m = 0, jacobian = 0, hessian = static_cast<Index>(kCurves * joins_.size());
     style = C_STYLE;
     return true;
   }
@@ -45,48 +47,89 @@ class Program : public Ipopt::TNLP {
     return true;
   }
   bool eval_f(Index, const Number* x, bool, Number& value) override {
-    value = evaluate(x, nullptr);
+    value = 0.0;
+    for (std::size_t k = 0; k < joins_.size(); ++k) value += of_join(k, x).value;
     return true;
   }
   bool eval_grad_f(Index n, const Number* x, bool, Number* gradient) override {
     std::fill(gradient, gradient + n, 0.0);
-    evaluate(x, gradient);
+    for (std::size_t k = 0; k < joins_.size(); ++k) {
+      const OfJoin join = of_join(k, x);
+      const std::array<std::size_t, 7> variables = variables_of(k);
+      for (std::size_t i = 0; i < variables.size(); ++i) gradient[variables[i]] += join.slope(static_cast<Index>(i));
+    }
     return true;
   }
   bool eval_g(Index, const Number*, bool, Index, Number*) override { return true; }
   bool eval_jac_g(Index, const Number*, bool, Index, Index, Index*, Index*, Number*) override { return true; }
+  // Of Gauss and Newton, where poses are concerned; duplicates add up.
+  bool eval_h(Index, const Number* x, bool, Number factor, Index, const Number*, bool, Index, Index* rows, Index* columns,
+              Number* values) override {
+    for (std::size_t k = 0, next = 0; k < joins_.size(); ++k, next += kCurves) {
+      const std::array<std::size_t, 7> variables = variables_of(k);
+      const OfJoin join = values != nullptr ? of_join(k, x) : OfJoin();
+      for (std::size_t i = 0, entry = next; i < variables.size(); ++i)
+        for (std::size_t j = 0; j <= i; ++j, ++entry) {
+          if (values != nullptr) {
+            values[entry] = factor * join.curve(static_cast<Index>(i), static_cast<Index>(j));
+          } else {
+            rows[entry] = static_cast<Index>(std::max(variables[i], variables[j]));
+            columns[entry] = static_cast<Index>(std::min(variables[i], variables[j]));
+          }
+        }
+    }
+    return true;
+  }
   void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number*, const Number*, Index, const Number*, const Number*,
                          Number, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
     values_.assign(x, x + n);
   }
 
  private:
-  double evaluate(const Number* x, Number* gradient) const {
-    double sum = 0.0;
-    for (std::size_t k = 0; k < joins_.size(); ++k) {
-      const Join& join = joins_[k];
-      const Number *a = x + 3 * join.a, *b = x + 3 * join.b;
-      const double s = x[3 * maps_ + k], ca = std::cos(a[2]), sa = std::sin(a[2]), cb = std::cos(b[2]), sb = std::sin(b[2]);
-      double error = 0.0;
-      for (const auto& term : join.terms) {
-        const double ex = a[0] + ca * term.a_x - sa * term.a_y - (b[0] + cb * term.b_x - sb * term.b_y);
-        const double ey = a[1] + sa * term.a_x + ca * term.a_y - (b[1] + sb * term.b_x + cb * term.b_y);
-        // Of the turn, the chord: smooth everywhere.
-        const double turn = b[2] - a[2] - term.yaw, chord = 2.0 - 2.0 * std::cos(turn);
-        error += term.weight * (ex * ex + ey * ey + kYawWeight_m2 * chord);
-        if (gradient == nullptr) continue;
-        const double w = 2.0 * s * s * term.weight, bend = s * s * term.weight * kYawWeight_m2 * 2.0 * std::sin(turn);
-        Number *ga = gradient + 3 * join.a, *gb = gradient + 3 * join.b;
-        ga[0] += w * ex, ga[1] += w * ey;
-        ga[2] += w * (ex * (-sa * term.a_x - ca * term.a_y) + ey * (ca * term.a_x - sa * term.a_y)) - bend;
-        gb[0] -= w * ex, gb[1] -= w * ey;
-        gb[2] -= w * (ex * (-sb * term.b_x - cb * term.b_y) + ey * (cb * term.b_x - sb * term.b_y)) - bend;
-      }
-      sum += s * s * error + join.strength * (1.0 - s) * (1.0 - s);
-      if (gradient != nullptr) gradient[3 * maps_ + k] += 2.0 * s * error - 2.0 * join.strength * (1.0 - s);
-    }
-    return sum;
+  static constexpr std::size_t kCurves = 28;  // the lower half of 7 x 7: both poses and the switch
+
+  std::array<std::size_t, 7> variables_of(std::size_t k) const {
+    const std::size_t a = 3 * joins_[k].a, b = 3 * joins_[k].b;
+    return {a, a + 1, a + 2, b, b + 1, b + 2, 3 * maps_ + k};
   }
+
+  struct OfJoin {
+    double value = 0.0;
+    Eigen::Matrix<double, 7, 1> slope = Eigen::Matrix<double, 7, 1>::Zero();
+    Eigen::Matrix<double, 7, 7> curve = Eigen::Matrix<double, 7, 7>::Zero();
+  };
+  OfJoin of_join(std::size_t k, const Number* x) const {
+    const Join& join = joins_[k];
+    const Number *a = x + 3 * join.a, *b = x + 3 * join.b;
+    const double s = x[3 * maps_ + k], ca = std::cos(a[2]), sa = std::sin(a[2]), cb = std::cos(b[2]), sb = std::sin(b[2]);
+    double error = 0.0;
+    Eigen::Matrix<double, 6, 1> slope = Eigen::Matrix<double, 6, 1>::Zero();
+    Eigen::Matrix<double, 6, 6> curve = Eigen::Matrix<double, 6, 6>::Zero();
+    for (const auto& term : join.terms) {
+      const double pa_x = ca * term.a_x - sa * term.a_y, pa_y = sa * term.a_x + ca * term.a_y, pb_x = cb * term.b_x - sb * term.b_y,
+                   pb_y = sb * term.b_x + cb * term.b_y;
+      const double ex = a[0] + pa_x - (b[0] + pb_x), ey = a[1] + pa_y - (b[1] + pb_y);
+      // Of the turn, the chord: smooth everywhere.
+      const double turn = b[2] - a[2] - term.yaw, chord = 2.0 - 2.0 * std::cos(turn);
+      error += term.weight * (ex * ex + ey * ey + kYawWeight_m2 * chord);
+      Eigen::Matrix<double, 2, 6> moved;
+      moved << 1, 0, -pa_y, -1, 0, pb_y, 0, 1, pa_x, 0, -1, -pb_x;
+      slope += 2.0 * term.weight * moved.transpose() * Eigen::Vector2d(ex, ey);
+      curve += 2.0 * term.weight * moved.transpose() * moved;
+      const double bend = 2.0 * term.weight * kYawWeight_m2 * std::sin(turn), bends = 2.0 * term.weight * kYawWeight_m2 * std::cos(turn);
+      slope(2) -= bend, slope(5) += bend;
+      curve(2, 2) += bends, curve(5, 5) += bends, curve(2, 5) -= bends, curve(5, 2) -= bends;
+    }
+    OfJoin result;
+    result.value = s * s * error + join.strength * (1.0 - s) * (1.0 - s);
+    result.slope << s * s * slope, 2.0 * s * error - 2.0 * join.strength * (1.0 - s);
+    result.curve.topLeftCorner<6, 6>() = s * s * curve;
+    result.curve.row(6).head<6>() = 2.0 * s * slope.transpose();
+    result.curve.col(6).head<6>() = 2.0 * s * slope;
+    result.curve(6, 6) = 2.0 * error + 2.0 * join.strength;
+    return result;
+  }
+
   std::size_t maps_;
   const std::vector<Join>& joins_;
   std::vector<double> values_;
@@ -105,7 +148,6 @@ JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>
   Ipopt::SmartPtr<Ipopt::IpoptApplication> application = new Ipopt::IpoptApplication(false);
   application->Options()->SetIntegerValue("print_level", 0);
   application->Options()->SetStringValue("sb", "yes");
-  application->Options()->SetStringValue("hessian_approximation", "limited-memory");
   application->Options()->SetStringValue("fixed_variable_treatment", "make_parameter");
   application->Options()->SetIntegerValue("max_iter", 500);
   application->Options()->SetNumericValue("tol", 1e-8);
