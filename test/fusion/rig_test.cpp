@@ -299,7 +299,7 @@ FusionResult joined(const SiblingMaps& siblings, const std::vector<Map>& maps) {
   WorkerPool pool(1);
   Memo memo;
   FusionResult result = fuse(input, {}, memo, pool, *make_silent_progress());
-  tell_apart(result, siblings, maps);
+  tell_apart(result, siblings.tied, maps);
   return result;
 }
 

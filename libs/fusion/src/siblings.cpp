@@ -105,11 +105,11 @@ SiblingMaps tied_siblings(const std::vector<Map>& maps, const RigOptions& option
   return result;
 }
 
-void tell_apart(FusionResult& result, const SiblingMaps& siblings, const std::vector<Map>& maps) {
+void tell_apart(FusionResult& result, const std::vector<SiblingMaps::Tied>& all, const std::vector<Map>& maps) {
   std::map<MapId, const Map*> by_id;
   for (const Map& map : maps) by_id.emplace(map.id, &map);
   for (Component& component : result.components) {
-    for (const SiblingMaps::Tied& tied : siblings.tied) {
+    for (const SiblingMaps::Tied& tied : all) {
       const auto known = std::find(component.members.begin(), component.members.end(), tied.map);
       if (known == component.members.end()) continue;
       component.members.erase(known);

@@ -110,6 +110,7 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   if (!visual::session_of(to.client, told.map))
     throw Error(ErrorCode::kBadInput, "map '" + told.map.str() + "' is not one of its own", name_of(to),
                 "a client tells of its own map alone");
+  client.note(told);
   const auto known = client.parts.find(told.map);
   if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
   Client::Part& part = known->second;

@@ -7,6 +7,7 @@
 #include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/visual_server.h>
 
+#include <deque>
 #include <unordered_map>
 
 namespace mapweave::tiers {
@@ -32,6 +33,7 @@ struct LandmarkHash {
 
 struct VisualServer::Client {
   static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
+  static constexpr std::size_t kMostViews = 8;
 
   struct Lent {
     Eigen::Vector3d point_in_map;
@@ -66,8 +68,16 @@ struct VisualServer::Client {
       return result;
     }
   };
-  std::map<MapId, Part> parts;    // by what the client calls them
-  std::size_t waiting_bytes = 0;  // in the inboxes of all
+  // Where it was, the last few times that it said so.
+  void note(const ClientView& view) {
+    while (!seen_at.empty() && !(seen_at.back().stamp < view.stamp)) seen_at.pop_back();
+    seen_at.push_back(view);
+    if (seen_at.size() > kMostViews) seen_at.pop_front();
+  }
+
+  std::map<MapId, Part> parts;     // by what the client calls them
+  std::size_t waiting_bytes = 0;   // in the inboxes of all
+  std::deque<ClientView> seen_at;  // by stamp
   mutable ByteAllowance downlink;
 };
 
@@ -75,6 +85,7 @@ struct VisualServer::State {
   TierId edge;
   ServerOptions options;
   fusion::FusionOptions fusion_options;
+  fusion::RigOptions rig;
   std::map<SessionId, Client> clients;
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
@@ -118,6 +129,14 @@ struct VisualServer::State {
   enum class Frame { map, team };
   static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame);
   matching::Frustum frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const;
+  // Where a robot was in the team, and whose keyframe there says so.
+  struct RobotPlace {
+    const TeamView::Component* component;
+    Pose3 team_from_robot;
+    NodeId beside;
+  };
+  // By other cameras of the client's robot: they are where it is.
+  std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
   void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
             std::size_t most, Share& share) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.

@@ -33,7 +33,7 @@ fusion::FusionInput VisualServer::State::input() const {
 
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   joining = std::make_shared<TeamJoining>();
-  joining->input = input();
+  joining->input = input(), joining->rig = rig;
   if (last) joining->input.judged = last->standing;
   if (!std::exchange(vetoed_since, false) && last) joining->input.teams = last->teams;
   joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
@@ -43,8 +43,8 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
                                            &pool] { joining->run(last.get(), maps, options, fusion_options, pool); });
 }
 
-VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion) : state_(new State) {
-  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion);
+VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, fusion::RigOptions rig) : state_(new State) {
+  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion), state_->rig = rig;
 }
 VisualServer::~VisualServer() = default;
 
@@ -152,7 +152,7 @@ void VisualServer::leave(const SessionId& session) {
     state_->order.erase(std::find(state_->order.begin(), state_->order.end(), std::make_pair(session, told)));
     one = parts.erase(one);
   }
-  client->second.waiting_bytes = 0;
+  client->second.waiting_bytes = 0, client->second.seen_at.clear();
   if (parts.empty()) state_->clients.erase(client);
 }
 
@@ -165,9 +165,13 @@ const fusion::FusionResult& VisualServer::joined() const {
 
 fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input = state_->input();
-  input.maps = maps();
+  const std::vector<Map> own = maps();
+  fusion::SiblingMaps siblings = fusion::tied_siblings(own, state_->rig, pool);
+  input.maps = std::move(siblings.maps);
   fusion::Memo known = state_->last ? state_->last->memo : fusion::Memo();
-  return fusion::fuse(input, state_->fusion_options, known, pool, progress);
+  fusion::FusionResult result = fusion::fuse(input, state_->fusion_options, known, pool, progress);
+  fusion::tell_apart(result, siblings.tied, own);
+  return result;
 }
 
 }  // namespace mapweave::tiers

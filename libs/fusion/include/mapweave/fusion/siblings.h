@@ -28,6 +28,6 @@ struct SiblingMaps {
 SiblingMaps tied_siblings(const std::vector<Map>& maps, const RigOptions& options, WorkerPool& pool);
 
 // Each component then has the members of a tied map instead of it, with the transform and the lengths of each. `maps`: as they were.
-void tell_apart(FusionResult& result, const SiblingMaps& siblings, const std::vector<Map>& maps);
+void tell_apart(FusionResult& result, const std::vector<SiblingMaps::Tied>& all, const std::vector<Map>& maps);
 
 }  // namespace mapweave::fusion
