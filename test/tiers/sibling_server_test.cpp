@@ -127,14 +127,14 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   options.wait = false;
   VisualServer server(TierId("edge"), options, {});
   WorkerPool pool(1);
-  std::optional<SessionId> other;
+  std::optional<SessionId> ahead, other;
   for (const auto& [from, update] : back_to_back().server.snapshot()) {
     server.greet(hello_of(from));
     const bool has_depth = from.client.sensor == SensorId("ahead");
-    if (!has_depth) other = from;
+    (has_depth ? ahead : other) = from;
     server.receive(from, has_depth ? update : encode(single(decode_map_update(update, "test"), kScale)));
   }
-  ASSERT_TRUE(other);
+  ASSERT_TRUE(ahead && other);
   server.advance({}, pool);
   server.pending()->run();
   server.advance({}, pool);
@@ -147,6 +147,12 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
     EXPECT_NEAR(*both.scales.find(name), 1.0 / kScale, 0.03 / kScale);
     EXPECT_LT(back_to_back().error_m(both), 0.03);
   }
+  for (const Map& map : server.maps())
+    for (const auto& [id, node] : map.nodes)
+      if (id.session == *ahead) {
+        EXPECT_FALSE(server.share(*ahead, {map.id, node.stamp, node.map_from_node, 0}))
+            << "lengths that came from it do not come back to it";
+      }
   // It hears in its own lengths what it is lent, and how long they truly are where it is corrected.
   const std::vector<Map> maps = server.maps();
   const auto own = std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == name; });
@@ -219,6 +225,61 @@ TEST(SiblingServer, tells_a_lost_camera_where_its_sibling_is) {
   }
   EXPECT_LT(lost[true], 12);
   EXPECT_GT(lost[false], 48);
+}
+
+TEST(SiblingServer, goes_by_where_a_sibling_said_it_was_around_that_time) {
+  ServerOptions options = sharing(Sharing::view);
+  options.wait = false;
+  VisualServer server(TierId("edge"), options, {});
+  WorkerPool pool(1);
+  std::map<SensorId, SessionId> sessions;
+  for (const auto& [from, update] : back_to_back().server.snapshot()) {
+    sessions[from.client.sensor] = from;
+    server.greet(hello_of(from)), server.receive(from, update);
+  }
+  const SessionId ahead = sessions.at(SensorId("ahead")), other = sessions.at(SensorId("other"));
+  const auto maps = server.maps();
+  ASSERT_EQ(maps.size(), 2U);
+  std::vector<const Node*> seen;  // by the one that is not lost
+  for (const auto& [id, node] : maps[0].nodes) seen.push_back(&node);
+  ASSERT_EQ(maps[0].id, MapId("alpha.ahead"));
+  const auto ask = [&](const Node& lost) {
+    PlaceRequest request{lost.stamp, *keyframe_of(lost)};
+    make_strange(request);
+    return server.place(other, request, pool);
+  };
+  EXPECT_FALSE(ask(maps[1].nodes.begin()->second)) << "nothing is joined yet";
+  server.advance({}, pool);
+  server.pending()->run();
+  server.advance({}, pool);
+  int between = 0, after = 0, too_late = 0;
+  for (const auto& [id, lost] : maps[1].nodes)
+    for (std::size_t i = 1; i + 1 < seen.size(); ++i) {
+      if (!(seen[i]->stamp < lost.stamp && lost.stamp < seen[i + 1]->stamp)) continue;
+      const double since_s = seconds_between(seen[i]->stamp, lost.stamp), until_s = seconds_between(lost.stamp, seen[i + 1]->stamp);
+      const auto say = [&](const Node& node) { server.share(ahead, {maps[0].id, node.stamp, node.map_from_node, 0}); };
+      say(*seen[i - 1]), say(*seen[i]);
+      const auto expect_there = [&](const std::optional<PlaceAnswer>& answer, double most_m) {
+        if (!answer) return false;  // it has nothing to see there
+        EXPECT_EQ(answer->map, maps[1].id);
+        EXPECT_LT((answer->map_from_robot.t - lost.map_from_node.t).norm(), most_m);
+        return true;
+      };
+      const auto late = ask(lost);
+      if (since_s > 0.5) {
+        EXPECT_FALSE(late) << since_s;
+        ++too_late;
+      } else {
+        after += expect_there(late, 0.15);
+      }
+      if (std::min(since_s, until_s) > 0.5 || since_s + until_s > 1.5) continue;
+      say(*seen[i + 1]);
+      between += expect_there(ask(lost), 0.08);
+    }
+  std::printf("asked between two views %d times, after the last one %d times, too late %d times\n", between, after, too_late);
+  EXPECT_GT(between, 5);
+  EXPECT_GT(after, 5);
+  EXPECT_GT(too_late, 0);
 }
 
 TEST(SiblingServer, has_a_camera_that_began_anew_in_the_same_map) {

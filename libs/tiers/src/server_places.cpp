@@ -82,9 +82,8 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_sib
   if (!rig.enabled) return std::nullopt;
   std::optional<RobotPlace> best;
   double least_s = std::nextafter(kAround_s, 1.0);
-  for (const auto& [session, sibling] : clients) {
-    const ClientId& camera = session.client;
-    if (camera.robot != lost.client.robot || camera.sensor == lost.client.sensor) continue;
+  for (const Entry* entry : siblings(lost.client)) {
+    const Client& sibling = entry->second;
     const std::optional<Whereabouts> known = robot_at(sibling.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;
     const auto part = sibling.parts.find(known->map);

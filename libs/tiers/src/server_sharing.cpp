@@ -51,14 +51,33 @@ matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, con
   return frustum;
 }
 
+std::vector<const VisualServer::State::Entry*> VisualServer::State::siblings(const ClientId& camera) const {
+  std::vector<const Entry*> result;
+  for (auto entry = clients.lower_bound({{camera.robot, {}}, std::numeric_limits<std::int64_t>::min()});
+       entry != clients.end() && entry->first.client.robot == camera.robot; ++entry)
+    if (entry->first.client.sensor != camera.sensor) result.push_back(&*entry);
+  return result;
+}
+
+bool VisualServer::State::has_lengths_of_others(const Client& client) const {
+  return std::any_of(client.parts.begin(), client.parts.end(), [&](const auto& entry) {
+    const TeamView::Member* member = view->member(entry.second.name);
+    return member != nullptr && member->scale != 1.0;
+  });
+}
+
 void VisualServer::State::lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
                                const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
   ++part.shares;
+  // A camera that measures lengths would come to rest on those that a sibling has from itself.
+  std::set<SessionId> not_lent{to};
+  for (const Entry* sibling : siblings(to.client))
+    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
   for (const DescribedLandmark* known : member.component->landmarks.look(
            frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
     const DescribedLandmark& one = *known;
-    if (one.id.session == to) continue;
+    if (not_lent.count(one.id.session) != 0) continue;
     if (const auto held = part.lent.find(one.id); held != part.lent.end()) {
       held->second.wanted = part.shares;
       const double moved_m = (held->second.point_in_map - matching::transformed(one.point_in_map, map_from_team)).norm();

@@ -125,6 +125,12 @@ struct VisualServer::State {
     joining.reset(), work.reset();
   }
 
+  // Runs of other cameras of its robot.
+  using Entry = std::pair<const SessionId, Client>;
+  std::vector<const Entry*> siblings(const ClientId& camera) const;
+  // Whether the team gave one of its maps the lengths of others: a single camera does not measure them.
+  bool has_lengths_of_others(const Client& client) const;
+
   // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.
   enum class Frame { map, team };
   static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame);
