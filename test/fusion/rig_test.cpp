@@ -1,5 +1,6 @@
 // A robot with two cameras in an apartment, by features.
 #include <mapweave/fusion/rig.h>
+#include <mapweave/fusion/siblings.h>
 #include <mapweave/maps/map_update.h>
 #include <mapweave/matching/rigid_from_points.h>
 #include <mapweave/simulation/feature_sensor.h>
@@ -283,6 +284,70 @@ TEST_F(TwoCameras, believe_the_one_that_wheels_agree_with) {
   };
   EXPECT_LT(error(robot().odometry), 1.5 * back_m);
   EXPECT_GT(error({}), error(robot().odometry));
+}
+
+// Maps as a server has them: what clients told, and no more.
+std::vector<Map> told(const std::vector<RigMember>& members) {
+  std::vector<Map> maps;
+  for (const RigMember& member : members) maps.push_back(member.map);
+  return maps;
+}
+
+FusionResult joined(const SiblingMaps& siblings, const std::vector<Map>& maps) {
+  FusionInput input;
+  input.maps = siblings.maps;
+  WorkerPool pool(1);
+  Memo memo;
+  FusionResult result = fuse(input, {}, memo, pool, *make_silent_progress());
+  tell_apart(result, siblings.tied, maps);
+  return result;
+}
+
+TEST_F(TwoCameras, are_told_apart_by_name_in_what_they_were_joined_to) {
+  std::vector<RigMember> members = robot().members;
+  members[1] = single(members[1], 0.4, 0.0);
+  const std::vector<Map> maps = told(members);
+  WorkerPool pool(2);
+  const SiblingMaps siblings = tied_siblings(maps, {}, pool);
+  ASSERT_EQ(siblings.maps.size(), 1U) << testing::PrintToString(siblings.notes);
+  const FusionResult result = joined(siblings, maps);
+  ASSERT_EQ(result.components.size(), 1U);
+  const Component& team = result.components.front();
+  EXPECT_THAT(team.members, testing::ElementsAre(maps[0].id, maps[1].id));
+  EXPECT_EQ(team.scales.find(maps[0].id), nullptr);
+  ASSERT_NE(team.scales.find(maps[1].id), nullptr);
+  EXPECT_NEAR(*team.scales.find(maps[1].id), 1.0 / 0.4, 0.05);
+  for (const Map& map : maps) {
+    const Pose3& team_from_map = *team.team_from_map.find(map.id);
+    const double* scale = team.scales.find(map.id);
+    double worst_m = 0.0;
+    for (const auto& [id, node] : map.nodes) {
+      const Pose3 here = compose(team_from_map, Pose3{(scale != nullptr ? *scale : 1.0) * node.map_from_node.t, node.map_from_node.q});
+      worst_m = std::max(worst_m, (here.t - team.map.nodes.find(id)->map_from_node.t).norm());
+    }
+    EXPECT_LT(worst_m, 0.35) << map.id.str();
+  }
+  // The frame is that of who began first.
+  const Map& first = *std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == siblings.tied.front().map; });
+  EXPECT_LT((team.map.nodes.find(first.nodes.front().first)->map_from_node.t - first.nodes.front().second.map_from_node.t).norm(), 1e-9);
+}
+
+TEST_F(TwoCameras, are_tied_to_the_same_bytes_in_any_order) {
+  std::vector<Map> maps = told(robot().members);
+  for (int i = 0; i < 2; ++i) {  // two robots more
+    Map lonely;
+    lonely.id = MapId(i == 0 ? "beta.camera" : "gamma.camera");
+    const NodeId id{{{RobotId(i == 0 ? "beta" : "gamma"), SensorId("camera")}, 5}, 0};
+    lonely.nodes.set(id, {id, Stamp{5}, {}, robot().members[0].map.nodes.front().second.payload});
+    maps.push_back(lonely);
+  }
+  WorkerPool one(1), two(2);
+  const SiblingMaps in_order = tied_siblings(maps, {}, one);
+  std::reverse(maps.begin(), maps.end());
+  const SiblingMaps reversed = tied_siblings(maps, {}, two);
+  ASSERT_EQ(in_order.maps.size(), 3U);
+  ASSERT_EQ(reversed.maps.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(bytes_of(in_order.maps[i]), bytes_of(reversed.maps[i]));
 }
 
 TEST(Rig, brings_a_camera_that_was_blind_back_by_its_sibling) {

@@ -37,21 +37,23 @@ class FeatureTeam {
     Pose3 world_from_camera;
   };
 
-  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1)
-      : pool(threads), server(TierId("edge"), sharing, {}), sharing_(sharing) {}
+  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const fusion::RigOptions& rig = {})
+      : pool(threads), server(TierId("edge"), sharing, {}, rig), sharing_(sharing) {}
+  // Each camera of a robot is a client.
   FeatureTeam(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing, const simulation::FeatureOptions& features = {},
-              int threads = 1)
-      : FeatureTeam(sharing, threads) {
+              int threads = 1, const fusion::RigOptions& rig = {})
+      : FeatureTeam(sharing, threads, rig) {
     world_.emplace(options, pool);
     field_.emplace(world_->scene(0), world_->buildings()[0], features);
-    for (std::size_t i = 0; i < options.robots.size(); ++i) {
-      const auto recording = std::make_shared<const simulation::FeatureRecording>(*world_, *field_, features, i, 0);
-      const auto& model = options.cameras[0].intrinsics();
-      const Pose3 robot_from_camera = compose(inverse(world_->world_from_robot(i, 0.0)), recording->frame(0).world_from_camera);
-      add({{RobotId(options.robots[i].id), SensorId("camera")}, robot_from_camera},
-          {model.width, model.height, model.fx, model.fy, model.cx, model.cy}, recording->frame_count(),
-          [recording](std::size_t number) { return shot_of(recording->frame(number)); });
-    }
+    for (std::size_t i = 0; i < options.robots.size(); ++i)
+      for (std::size_t c = 0; c < options.cameras.size(); ++c) {
+        const auto recording = std::make_shared<const simulation::FeatureRecording>(*world_, *field_, features, i, c);
+        const auto& model = options.cameras[c].intrinsics();
+        const Pose3 robot_from_camera = compose(inverse(world_->world_from_robot(i, 0.0)), recording->frame(0).world_from_camera);
+        add({{RobotId(options.robots[i].id), SensorId(options.cameras[c].id)}, robot_from_camera},
+            {model.width, model.height, model.fx, model.fy, model.cx, model.cy}, recording->frame_count(),
+            [recording](std::size_t number) { return shot_of(recording->frame(number)); });
+      }
   }
 
   struct Robot {
@@ -66,7 +68,7 @@ class FeatureTeam {
     bool has_depth = true, cut_off = false, greeted = false;
     std::map<std::int64_t, Eigen::Vector3d> truth;  // of the camera, by stamp
     Stamp last;
-    int lost = 0, corrections = 0, placed = 0;
+    int lost = 0, corrections = 0, answered = 0, placed = 0;
     std::size_t borrowed_seen = 0;  // at most
 
     // Root mean square distance from the truth, laid on it; of the session.
@@ -101,7 +103,7 @@ class FeatureTeam {
     std::vector<matching::PointPair> pairs;
     for (const Robot& robot : robots)
       for (const auto& [id, node] : component.map.nodes)
-        if (id.session.client.robot == robot.place.client.robot)
+        if (id.session.client == robot.place.client)
           pairs.push_back({robot.truth.at(node.stamp.ns), compose(node.map_from_node, robot.place.robot_from_camera).t});
     return laid(pairs);
   }
@@ -113,13 +115,14 @@ class FeatureTeam {
     pool.for_each(robots.size(), [&](std::size_t i) { drive(robots[i], frames); });
     for (Robot& robot : robots) any = any || robot.next < robot.count;
     ++rounds_;
-    for (Robot& robot : robots) exchange(robot);
+    exchange();
     server.advance(now(), pool);
     return any;
   }
   void run() {
     while (round()) {}
-    for (Robot& robot : robots) robot.client->finish(), exchange(robot);
+    for (Robot& robot : robots) robot.client->finish();
+    exchange();
   }
   Stamp now() const { return now_; }
 
@@ -127,6 +130,7 @@ class FeatureTeam {
   tiers::VisualServer server;
   std::deque<Robot> robots;
   std::function<void(const Robot&, const std::string&)> overheard = {};  // updates that came to be stored
+  std::function<void(PlaceRequest&)> garbled = {};                       // on the way
 
  private:
   static constexpr double kRate_hz = 12.0;
@@ -144,7 +148,12 @@ class FeatureTeam {
     }
   }
 
-  void exchange(Robot& robot) {
+  void exchange() {
+    for (Robot& robot : robots) tell(robot);
+    for (Robot& robot : robots) ask(robot);
+  }
+
+  void tell(Robot& robot) {
     if (robot.client->trajectory().empty() && !robot.client->run(robot.place)) return;
     if (now_ < robot.last) now_ = robot.last;
     for (const std::string& bytes : robot.agent->updates(*robot.client, now_)) {
@@ -163,10 +172,19 @@ class FeatureTeam {
         robot.agent->hear_share(*robot.client, encode(*share));
       }
       robot.borrowed_seen = std::max(robot.borrowed_seen, robot.client->borrowed_seen());
-    } else if (const auto request = robot.agent->place_request(*robot.client)) {
+    }
+  }
+
+  void ask(Robot& robot) {
+    if (robot.cut_off || !robot.client->run(robot.place) || robot.client->view(robot.place)) return;
+    if (const auto request = robot.agent->place_request(*robot.client)) {
       greet(robot);
-      if (const auto answer = server.place(*robot.client->run(robot.place), decode_place_request(*request, "test"), pool))
+      PlaceRequest heard = decode_place_request(*request, "test");
+      if (garbled) garbled(heard);
+      if (const auto answer = server.place(*robot.client->run(robot.place), heard, pool)) {
+        ++robot.answered;
         robot.placed += robot.agent->hear_place(*robot.client, encode(*answer)) == visual::PlaceVerdict::taken;
+      }
     }
   }
 

@@ -17,7 +17,8 @@ class Link {
   Link(const CameraTask::Client& client, const tiers::UplinkOptions& uplink)
       : client_(client.client), report_(client.report), agent_(client.place, uplink), place_(client.place) {}
 
-  void exchange(tiers::VisualServer& server, Stamp now, WorkerPool& pool) {
+  // Its maps, and where it is.
+  void tell(tiers::VisualServer& server, Stamp now) {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
@@ -25,22 +26,35 @@ class Link {
       greeted_ = true;
     }
     for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);
+    has_place_ = false;
     if (const auto view = agent_.view(*client_)) {
+      has_place_ = true;
       if (const auto share = server.share(*run, decode_client_view(*view, "view"))) agent_.hear_share(*client_, encode(*share));
-    } else if (const auto request = agent_.place_request(*client_)) {
+    }
+    count();
+  }
+
+  // Where it is, if it does not know, once its siblings have said where they are.
+  void ask(tiers::VisualServer& server, WorkerPool& pool) {
+    const auto run = client_->run(place_);
+    if (!run || has_place_) return;
+    if (const auto request = agent_.place_request(*client_))
       if (const auto answer = server.place(*run, decode_place_request(*request, "place request"), pool))
         agent_.hear_place(*client_, encode(*answer));
-    }
+    count();
+  }
+
+ private:
+  void count() {
     report_->sent_bytes = agent_.sent_bytes(), report_->heard_bytes = agent_.heard_bytes();
     report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
   }
 
- private:
   visual::VisualClient* client_;
   CameraReport* report_;
   tiers::CameraAgent agent_;
   visual::ClientPlace place_;
-  bool greeted_ = false;
+  bool greeted_ = false, has_place_ = false;
 };
 
 struct Member {
@@ -51,7 +65,7 @@ struct Member {
 
 // All robots of one edge, a moment at a time.
 void drive(std::deque<Member>& members, const RunConfiguration& configuration, const TierId& edge, WorkerPool& pool) {
-  tiers::VisualServer server(edge, configuration.server, configuration.fusion);
+  tiers::VisualServer server(edge, configuration.server, configuration.fusion, configuration.rig);
   const auto period_ns = static_cast<std::int64_t>(1e9 / configuration.server.share_rate_hz);
   const std::atomic<bool> give_up{false};
   for (std::optional<Stamp> moment;;) {
@@ -65,8 +79,10 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
     for (Member& member : members) {
       const auto clients = member.task.clients();
       while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration.uplink);
-      for (Link& link : member.links) link.exchange(server, *moment, pool);
+      for (Link& link : member.links) link.tell(server, *moment);
     }
+    for (Member& member : members)
+      for (Link& link : member.links) link.ask(server, pool);
     server.advance(*moment, pool);
   }
 }

@@ -8,7 +8,7 @@ namespace {
 constexpr int kLeastPairs = 12;       // of keyframes, compared for a pair of maps
 constexpr int kCompanions = 1;        // of a keyframe that is compared
 constexpr double kAdjustAgain = 2.0;  // times as many keyframes: then all are adjusted again, not only what is new
-constexpr std::size_t kSettled = 5;   // later keyframes of its map: one's companions hardly change any more
+constexpr std::size_t kSettled = 5;   // later keyframes of its camera: one's companions hardly change any more
 
 }  // namespace
 
@@ -20,7 +20,9 @@ std::vector<Map> TeamJoining::copies(const Snapshots& snapshots) {
 
 void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
                       WorkerPool& pool) {
-  input.maps = copies(maps);
+  const std::vector<Map> own = copies(maps);
+  fusion::SiblingMaps siblings = fusion::tied_siblings(own, rig, pool);
+  input.maps = std::move(siblings.maps);
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
   if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {
@@ -29,12 +31,13 @@ void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const Serv
   }
   fusion::VisualFusionOptions& visual = fusion_options.visual;
   visual.companions = std::min(visual.companions, kCompanions);
-  const int others = std::max(1, static_cast<int>(maps.size()) - 1);
+  const int others = std::max(1, static_cast<int>(input.maps.size()) - 1);
   visual.most_pairs = std::min(visual.most_pairs, std::max(kLeastPairs, options.judged_pairs / others));
   fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();
   auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
   leave_to_the_next(result);
-  view = std::make_shared<const TeamView>(std::move(result), input.maps, options.index, options.description, *input.pictures, pool);
+  fusion::tell_apart(result, siblings.tied, own);
+  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, *input.pictures, pool);
   input.pictures->forget();
   input = {};
 }
@@ -43,8 +46,9 @@ void TeamJoining::leave_to_the_next(const fusion::FusionResult& result) {
   std::set<SubmapId> settled;
   for (const Map& map : input.maps)
     for (std::size_t i = 0; i + kSettled < map.nodes.size(); ++i) {
-      const NodeId& id = map.nodes.begin()[static_cast<std::ptrdiff_t>(i)].first;
-      settled.insert({id.session, id.index});
+      const auto node = map.nodes.begin() + static_cast<std::ptrdiff_t>(i);
+      const NodeId& id = node->first;
+      if (node[kSettled].first.session == id.session) settled.insert({id.session, id.index});
     }
   for (const Judgement& judgement : result.judgements) {
     memo.emplace(judgement.id, judgement);

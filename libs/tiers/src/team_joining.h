@@ -3,6 +3,7 @@
 
 #include "team_view.h"
 
+#include <mapweave/fusion/siblings.h>
 #include <mapweave/tiers/visual_server.h>
 
 namespace mapweave::tiers {
@@ -14,6 +15,7 @@ struct TeamJoining {
   static std::vector<Map> copies(const Snapshots& snapshots);
 
   fusion::FusionInput input;  // without maps
+  fusion::RigOptions rig;
   Stamp due;
   fusion::Memo memo;  // of what was judged
   // To the next one: judgements that stand, and where the maps lie.

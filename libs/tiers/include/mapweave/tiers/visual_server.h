@@ -1,10 +1,12 @@
 #pragma once
 // The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients tell, joins it by fuse(), and tells each client
 // what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3): what is believed of all lies beside them, so
-// that nobody waits while it is computed. A state machine: no thread, no clock, no file.
+// that nobody waits while it is computed. Clients whose robot is the same are cameras of one robot (CVS III-D): their maps are tied first
+// (fusion/siblings.h), and where one of them is the others are. A state machine: no thread, no clock, no file.
 
 #include <mapweave/core/background_work.h>
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/fusion/rig.h>
 #include <mapweave/maps/exchange.h>
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/tiers/update_inbox.h>
@@ -62,7 +64,8 @@ struct ServerOptions {
 
 class VisualServer {
  public:
-  VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion);
+  // rig: of clients that are cameras of one robot.
+  VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, fusion::RigOptions rig = {});
   ~VisualServer();
 
   // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws Error(kUnsupported)
@@ -94,7 +97,8 @@ class VisualServer {
   // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
   // receive.
   std::optional<Share> share(const SessionId& to, const ClientView& view);
-  // Where the picture was taken; nullopt where that is not known, or sharing is off.
+  // Where the picture was taken: as it is known again, else by where another camera of the robot said it was within half a second; nullopt
+  // where neither tells, nothing is known of what the camera should see there, or sharing is off.
   std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
   // The same in two steps: the search, to be run on any thread while the server goes on, and the answer, after it. null: as nullopt.
   class PlaceSearch;
@@ -111,7 +115,7 @@ class VisualServer {
   std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
-  // As joined last; empty before.
+  // As joined last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
   const fusion::FusionResult& joined() const;
   // All joined now. Neither the order in which updates came nor threads change a byte.
   fusion::FusionResult seal(WorkerPool& pool, Progress& progress);

@@ -1,0 +1,155 @@
+#include "server_state.h"
+
+#include <mapweave/matching/alignment_search.h>
+#include <mapweave/visual/borrowing.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace mapweave::tiers {
+namespace {
+
+constexpr std::uint64_t kHeldFor = 20;    // shares out of view: clients forget after 30 keyframes
+constexpr std::uint64_t kSweepEvery = 4;  // shares
+constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
+constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
+constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the joining began knows better
+constexpr double kLandmarkBytes = 70.0;   // on the wire, about
+
+}  // namespace
+
+std::size_t landmarks_within(const ByteAllowance& downlink) {
+  return static_cast<std::size_t>(std::max(0.0, downlink.bytes()) / kLandmarkBytes);
+}
+
+std::vector<DescribedLandmark> thinned(std::vector<DescribedLandmark> all, std::size_t count) {
+  if (all.size() <= count) return all;
+  for (std::size_t i = 0; i < count; ++i)
+    if (const std::size_t from = i * all.size() / count; from != i) all[i] = std::move(all[from]);
+  all.resize(count);
+  return all;
+}
+
+const Node* VisualServer::State::nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place,
+                                         Frame frame) {
+  const Node* best = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const TeamView::Member::Placed& one : member.nodes) {
+    const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm();
+    if (!(apart < least)) continue;
+    if (const Node* node = part.inbox.map().nodes.find(one.id)) least = apart, best = node;
+  }
+  return best;
+}
+
+matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const {
+  matching::Frustum frustum;
+  frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+  frustum.map_from_camera = compose(team_from_robot, camera.robot_from_camera);
+  frustum.far_m = options.far_m;
+  return frustum;
+}
+
+std::vector<const VisualServer::State::Entry*> VisualServer::State::siblings(const ClientId& camera) const {
+  std::vector<const Entry*> result;
+  for (auto entry = clients.lower_bound({{camera.robot, {}}, std::numeric_limits<std::int64_t>::min()});
+       entry != clients.end() && entry->first.client.robot == camera.robot; ++entry)
+    if (entry->first.client.sensor != camera.sensor) result.push_back(&*entry);
+  return result;
+}
+
+bool VisualServer::State::has_lengths_of_others(const Client& client) const {
+  return std::any_of(client.parts.begin(), client.parts.end(), [&](const auto& entry) {
+    const TeamView::Member* member = view->member(entry.second.name);
+    return member != nullptr && member->scale != 1.0;
+  });
+}
+
+void VisualServer::State::lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
+                               const Node& near, std::size_t most, Share& share) const {
+  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
+  ++part.shares;
+  // A camera that measures lengths would come to rest on those that a sibling has from itself.
+  std::set<SessionId> not_lent{to};
+  for (const Entry* sibling : siblings(to.client))
+    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
+  for (const DescribedLandmark* known : member.component->landmarks.look(
+           frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
+    const DescribedLandmark& one = *known;
+    if (not_lent.count(one.id.session) != 0) continue;
+    if (const auto held = part.lent.find(one.id); held != part.lent.end()) {
+      held->second.wanted = part.shares;
+      const double moved_m = (held->second.point_in_map - matching::transformed(one.point_in_map, map_from_team)).norm();
+      if (moved_m < std::max(kResent_m, map_from_team.scale * one.sigma_m)) continue;
+    }
+    DescribedLandmark here = matching::transformed(one, map_from_team);
+    if (matching::flaw(here).empty()) share.landmarks.push_back(std::move(here));
+  }
+  share.landmarks = thinned(std::move(share.landmarks), most);
+  for (const DescribedLandmark& here : share.landmarks) part.lent[here.id] = {here.point_in_map, part.shares};
+  if (part.shares % kSweepEvery != 0 && part.lent.size() <= kMostHeld) return;
+  const auto is_old = [&](const Client::Lent& lent, std::uint64_t shares) { return lent.wanted + shares < part.shares; };
+  for (std::uint64_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
+    for (auto one = part.lent.begin(); one != part.lent.end();) one = is_old(one->second, patience) ? part.lent.erase(one) : std::next(one);
+    if (patience == 0) break;
+  }
+}
+
+void VisualServer::State::correct(Client::Part& part, const TeamView::Member& member, Share& share) const {
+  if (part.corrected_by == views) return;
+  part.corrected_by = views;
+  const Map& own = part.inbox.map();
+  const Map& team = member.component->content->map;
+  const Node* first = nullptr;
+  double square = 0.0;
+  Pose3 map_from_team;
+  for (const TeamView::Member::Placed& one : member.nodes) {
+    const NodeId& id = one.id;
+    const Node* node = own.nodes.find(id);
+    if (node == nullptr) continue;
+    if ((node->map_from_node.t - member.told.find(id)->t).norm() > kUnchanged_m) {
+      share.corrected.clear();
+      return;
+    }
+    const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
+    if (first == nullptr) first = node, map_from_team = compose(node->map_from_node, inverse(team_from_node));
+    share.corrected.push_back({id, compose(map_from_team, team_from_node)});
+    square += (share.corrected.back().map_from_node.t - node->map_from_node.t).squaredNorm();
+  }
+  if (share.corrected.empty() || std::sqrt(square / static_cast<double>(share.corrected.size())) <= options.correct_m)
+    share.corrected.clear();
+  else
+    share.scale = member.scale;
+}
+
+std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& told) {
+  State& state = *state_;
+  Client& client = state.client(to);
+  if (!visual::session_of(to.client, told.map))
+    throw Error(ErrorCode::kBadInput, "map '" + told.map.str() + "' is not one of its own", name_of(to),
+                "a client tells of its own map alone");
+  client.note(told);
+  const auto known = client.parts.find(told.map);
+  if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
+  Client::Part& part = known->second;
+  if (part.forgotten != told.forgotten) part.lent.clear(), part.forgotten = told.forgotten;
+  const TeamView::Member* member = state.view->member(part.name);
+  if (member == nullptr || member->component->content->members.size() < 2) return std::nullopt;
+  const Node* near = State::nearest(part, *member, told.map_from_robot.t, State::Frame::map);
+  if (near == nullptr) return std::nullopt;
+  Share share;
+  share.map = told.map;
+  const bool is_bound = state.options.most_bytes_per_s > 0.0;
+  client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
+  if (state.options.share == Sharing::full && (!is_bound || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
+  // What is lent is lent for the map as it is: after a correction the client forgets it.
+  if (share.corrected.empty())
+    state.lend(part, to, told, *member, *near, is_bound ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(),
+               share);
+  if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
+  if (is_bound) client.downlink.spend(encode(share).size());
+  return share;
+}
+
+}  // namespace mapweave::tiers

@@ -1,0 +1,152 @@
+#pragma once
+// What a map server keeps, of each client and of all.
+
+#include "team_joining.h"
+
+#include <mapweave/core/error.h>
+#include <mapweave/tiers/byte_allowance.h>
+#include <mapweave/tiers/visual_server.h>
+
+#include <deque>
+#include <unordered_map>
+
+namespace mapweave::tiers {
+
+inline std::string name_of(const SessionId& session) { return "client " + to_string(session); }
+
+// Where pose_in_map is in the team, and the way back.
+inline Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
+  return compose(team_from_map.pose, Pose3{team_from_map.scale * pose_in_map.t, pose_in_map.q});
+}
+
+// Landmarks that a client may still be told.
+std::size_t landmarks_within(const ByteAllowance& downlink);
+// So many of them, from all over.
+std::vector<DescribedLandmark> thinned(std::vector<DescribedLandmark> all, std::size_t count);
+
+struct LandmarkHash {
+  std::size_t operator()(const LandmarkId& id) const {
+    const auto robot = reinterpret_cast<std::uintptr_t>(&id.session.client.robot.str());  // names are kept once
+    return (robot ^ (static_cast<std::uint64_t>(id.session.run) * 31 + id.index)) * 0x9e3779b97f4a7c15ULL;
+  }
+};
+
+struct VisualServer::Client {
+  static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
+  static constexpr std::size_t kMostViews = 8;
+
+  struct Lent {
+    Eigen::Vector3d point_in_map;
+    std::uint64_t wanted = 0;  // the share, counted, that it was in the view of last
+  };
+  struct Part {  // one of its maps
+    MapId name;  // here; the client says `told`
+    UpdateInbox inbox;
+    std::unordered_map<LandmarkId, Lent, LandmarkHash> lent = {};
+    std::uint32_t forgotten = 0;
+    std::uint64_t shares = 0;
+    std::uint64_t corrected_by = 0;                                          // the view
+    std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
+
+    void note(const MapUpdate& update) {
+      for (const NodeId& id : update.removed_nodes) borrowed.erase(id);
+      for (const LandmarkChange& change : update.borrowed)
+        for (const LandmarkSighting& sighting : change.seen) {
+          auto& of_keyframe = borrowed[sighting.node];
+          if (of_keyframe.size() < kMostBorrowed) of_keyframe.insert_or_assign(change.id, sighting);
+        }
+    }
+    std::vector<LandmarkChange> all_borrowed() const {  // by landmark, then keyframe
+      std::map<LandmarkId, LandmarkChange> changes;
+      for (const auto& [node, of_keyframe] : borrowed)
+        for (const auto& [id, sighting] : of_keyframe) {
+          LandmarkChange& change = changes[id];
+          change.id = id, change.seen.push_back(sighting);
+        }
+      std::vector<LandmarkChange> result;
+      for (auto& entry : changes) result.push_back(std::move(entry.second));
+      return result;
+    }
+  };
+  // Where it was, the last few times that it said so.
+  void note(const ClientView& view) {
+    while (!seen_at.empty() && !(seen_at.back().stamp < view.stamp)) seen_at.pop_back();
+    seen_at.push_back(view);
+    if (seen_at.size() > kMostViews) seen_at.pop_front();
+  }
+
+  std::map<MapId, Part> parts;     // by what the client calls them
+  std::size_t waiting_bytes = 0;   // in the inboxes of all
+  std::deque<ClientView> seen_at;  // by stamp
+  mutable ByteAllowance downlink;
+};
+
+struct VisualServer::State {
+  TierId edge;
+  ServerOptions options;
+  fusion::FusionOptions fusion_options;
+  fusion::RigOptions rig;
+  std::map<SessionId, Client> clients;
+  std::set<MapId> names;
+  std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
+  std::set<Hash> vetoed;
+  std::shared_ptr<TeamJoining> last;  // that was taken over
+  std::shared_ptr<TeamJoining> joining;
+  std::shared_ptr<BackgroundWork> work;  // of the joining
+  std::shared_ptr<const TeamView> view;
+  std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
+  std::uint64_t views = 0;                          // counted
+  std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
+  bool vetoed_since = false;
+
+  Client& client(const SessionId& session) {
+    const auto found = clients.find(session);
+    if (found == clients.end()) throw Error(ErrorCode::kMissing, "it has not greeted", name_of(session), "say hello first");
+    return found->second;
+  }
+
+  MapId fresh_name(const MapId& told) {
+    MapId name = told;
+    for (int run = 2; !names.insert(name).second; ++run) name = MapId(told.str() + "-" + std::to_string(run));
+    return name;
+  }
+
+  TeamJoining::Snapshots snapshots() const;
+  fusion::FusionInput input() const;
+
+  void begin(Stamp now, WorkerPool& pool);
+
+  // What is let go of is left to whoever holds the work.
+  void abandon() { joining.reset(), work.reset(); }
+  void take_over() {
+    work->run();
+    view = joining->view, ++views;
+    last.swap(joining);
+    joining.reset(), work.reset();
+  }
+
+  // Runs of other cameras of its robot.
+  using Entry = std::pair<const SessionId, Client>;
+  std::vector<const Entry*> siblings(const ClientId& camera) const;
+  // Whether the team gave one of its maps the lengths of others: a single camera does not measure them.
+  bool has_lengths_of_others(const Client& client) const;
+
+  // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.
+  enum class Frame { map, team };
+  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame);
+  matching::Frustum frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const;
+  // Where a robot was in the team, and whose keyframe there says so.
+  struct RobotPlace {
+    const TeamView::Component* component;
+    Pose3 team_from_robot;
+    NodeId beside;
+  };
+  // By other cameras of the client's robot: they are where it is.
+  std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
+  void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
+            std::size_t most, Share& share) const;
+  // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
+  void correct(Client::Part& part, const TeamView::Member& member, Share& share) const;
+};
+
+}  // namespace mapweave::tiers
