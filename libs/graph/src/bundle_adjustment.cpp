@@ -1,4 +1,7 @@
+#include "block_kernels.h"
+
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/bundle_adjustment.h>
 
@@ -68,6 +71,7 @@ class Adjustment {
           seen.view < bundle.views.size() && seen.point < bundle.points.size() && (i == 0 || bundle.sightings[i - 1].point <= seen.point),
           "sightings name views and points, in order");
       while (next <= seen.point) first_[next++] = i;
+      column_of_sighting_.push_back(column_[seen.view]);
     }
     for (const BundleTie& tie : bundle.ties)
       MAPWEAVE_EXPECT(
@@ -116,30 +120,48 @@ class Adjustment {
  private:
   // Blocks below the diagonal, by row, then column: of free views that see a common point.
   void find_blocks() {
-    std::vector<std::vector<std::int32_t>> below(static_cast<std::size_t>(free_));
-    for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
-          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
-          if (column >= 0 && row > column) below[static_cast<std::size_t>(row)].push_back(column);
-        }
+    const auto rows = static_cast<std::size_t>(free_);
+    std::vector<std::vector<std::uint32_t>> sightings(rows);  // of each row
+    std::vector<std::size_t> first_pair;                      // of each sighting as that of the row
+    std::size_t pairs = 0;
+    for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
+      const int row = column_of_sighting_[i];
+      first_pair.push_back(pairs);
+      if (row < 0) continue;
+      sightings[static_cast<std::size_t>(row)].push_back(static_cast<std::uint32_t>(i));
+      for_each_below(i, [&](int) { ++pairs; });
+    }
+    std::vector<std::vector<std::int32_t>> tied(rows);
     for (const BundleTie& tie : bundle_.ties) {
-      const int row = std::max(column_[tie.from], column_[tie.to]), column = std::min(column_[tie.from], column_[tie.to]);
-      if (column >= 0) below[static_cast<std::size_t>(row)].push_back(column);
+      const auto [column, row] = std::minmax(column_[tie.from], column_[tie.to]);
+      if (column >= 0) tied[static_cast<std::size_t>(row)].push_back(column);
     }
-    row_begin_.push_back(0);
-    for (auto& columns : below) {
-      std::sort(columns.begin(), columns.end());
-      columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-      columns_.insert(columns_.end(), columns.begin(), columns.end());
+    block_of_pair_.resize(pairs);
+    std::vector<std::size_t> met(rows, 0), block(rows);  // in which row, counted from 1; where in that row
+    for (std::size_t row = 0; row < rows; ++row) {
       row_begin_.push_back(columns_.size());
+      const auto meet = [&](int other) {
+        const auto column = static_cast<std::size_t>(other);
+        if (met[column] != row + 1) met[column] = row + 1, columns_.push_back(other);
+      };
+      for (const std::uint32_t i : sightings[row]) for_each_below(i, meet);
+      for (const std::int32_t column : tied[row]) meet(column);
+      std::sort(columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]), columns_.end());
+      for (std::size_t i = row_begin_[row]; i < columns_.size(); ++i) block[static_cast<std::size_t>(columns_[i])] = i;
+      for (const std::uint32_t i : sightings[row]) {
+        std::size_t pair = first_pair[i];
+        for_each_below(i,
+                       [&](int column) { block_of_pair_[pair++] = static_cast<std::uint32_t>(block[static_cast<std::size_t>(column)]); });
+      }
     }
-    for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
-          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
-          if (column >= 0 && row > column) block_of_pair_.push_back(static_cast<std::uint32_t>(block(row, column)));
-        }
+    row_begin_.push_back(columns_.size());
+  }
+  // Columns of the sightings of the same point that are less than its own.
+  template <class Visit>
+  void for_each_below(std::size_t sighting, const Visit& visit) const {
+    const std::uint32_t point = bundle_.sightings[sighting].point;
+    for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
+      if (const int column = column_of_sighting_[j]; column >= 0 && column < column_of_sighting_[sighting]) visit(column);
   }
   std::size_t block(int row, int column) const {
     const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
@@ -252,35 +274,44 @@ class Adjustment {
       const int one = column_[bundle_.ties[i].from], other = column_[bundle_.ties[i].to];
       if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_tie_[i];
     }
-    Eigen::VectorXd right = -gradient_of_view_;
     inverse_.resize(points_.size());
-    std::size_t pair = 0;
     for (std::size_t point = 0; point < points_.size(); ++point) {
       Matrix3d damped = hessian_of_point_[point];
       damped.diagonal() *= 1.0 + lambda;
       damped.diagonal().array() += 1e-6;
       inverse_[point] = damped.inverse();
-      const Vector3d shift = inverse_[point] * gradient_of_point_[point];
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i) {
-        const int row = column_[bundle_.sightings[i].view];
-        if (row < 0) continue;
-        Matrix63 left = Matrix63::Zero();
-        if (used_[i]) {
-          right.segment<6>(6 * row).noalias() += cross_[i] * shift;
-          left = cross_[i] * inverse_[point];
-          diagonal[static_cast<std::size_t>(row)].noalias() -= left * cross_[i].transpose();
-        }
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
-          if (const int column = column_[bundle_.sightings[j].view]; column >= 0 && column < row) {
-            if (used_[i] && used_[j]) below[block_of_pair_[pair]].noalias() -= left.lazyProduct(cross_[j].transpose());
-            ++pair;
-          }
-      }
     }
+    Eigen::VectorXd right = -gradient_of_view_;
+    eliminate_points(diagonal.data(), below.data(), right.data());
     if (!cholesky_) cholesky_.emplace(row_begin_, columns_);
     if (!cholesky_->factorise(diagonal, below)) return false;
     change = cholesky_->solved(right);
     return change.allFinite();
+  }
+
+  // What the points that are left out change of the views' system.
+  MAPWEAVE_WIDE_CLONES void eliminate_points(Matrix6* diagonal, Matrix6* below, double* right) const {
+    const std::uint32_t* target = block_of_pair_.data();
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      const std::size_t begin = first_[point], end = first_[point + 1];
+      for (std::size_t i = begin; i < end; ++i) {
+        const int row = column_of_sighting_[i];
+        if (row < 0) continue;
+        if (used_[i] == 0) {
+          for_each_below(i, [&](int) { ++target; });
+          continue;
+        }
+        const Matrix63 left = cross_[i].lazyProduct(inverse_[point]);
+        Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
+        subtract_product<3>(left.data(), cross_[i].data(), diagonal[row].data());
+        for (std::size_t j = begin; j < end; ++j) {
+          const int column = column_of_sighting_[j];
+          if (column < 0 || column >= row) continue;
+          if (used_[j] != 0) subtract_product<3>(left.data(), cross_[j].data(), below[*target].data());
+          ++target;
+        }
+      }
+    }
   }
 
   void write_back() {
@@ -302,7 +333,7 @@ class Adjustment {
   BundleOptions options_;
   std::vector<View> views_;
   std::vector<Vector3d> points_;
-  std::vector<int> column_;  // of each view; -1: fixed
+  std::vector<int> column_, column_of_sighting_;  // of each view, and of what each is seen by; -1: fixed
   int free_ = 0;
   std::vector<std::size_t> first_;  // sighting of each point, and the end
   std::vector<std::size_t> row_begin_;
