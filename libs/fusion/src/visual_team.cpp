@@ -25,7 +25,9 @@ constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
-constexpr std::size_t kLeastFound = 12;                 // in one keyframe, from all its neighbours
+constexpr std::size_t kOfOneMap = 3;                    // sightings of a landmark while maps are laid on each other
+constexpr auto kAll = static_cast<std::size_t>(-1);
+constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
 struct TeamKeyframe {
@@ -299,20 +301,26 @@ class Team {
     return result;
   }
 
+  // most: of each landmark, spread over those that there are.
   template <class Visit>
-  void for_own_sightings(const Visit& visit) const {
+  void for_own_sightings(std::size_t most, const Visit& visit) const {
     std::size_t number = 0;
+    std::vector<std::pair<std::size_t, const LandmarkSighting*>> own;
     for (std::size_t m = 0; m < members_.size(); ++m)
       for (const auto& [id, landmark] : members_[m]->map().landmarks) {
+        own.clear();
         for (const LandmarkSighting& seen : landmark.seen)
           if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
-            visit(first_keyframe_[m] + keyframe, number, seen);
+            own.emplace_back(first_keyframe_[m] + keyframe, &seen);
+        const std::size_t count = own.size(), chosen = std::min(most, count);
+        for (std::size_t i = 0; i < count; ++i)
+          if (i * chosen / count != (i + 1) * chosen / count) visit(own[i].first, number, *own[i].second);
         ++number;
       }
   }
 
-  // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their
-  // keyframes. free: with those that free keyframes see.
+  // shared: with landmarks that two maps see alone, few sightings each, which lays the maps on each other within their shapes; the others
+  // stay at their keyframes. free: with those that free keyframes see.
   enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
     const Classes same = classes();
@@ -341,12 +349,13 @@ class Team {
       bundle.sightings.push_back(sighting);
     };
     if (extent == Extent::free)
-      for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
+      for_own_sightings(kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
         if (is_free_[keyframe]) counts[same.find(landmark)] = 1;
       });
-    for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
-      see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
-    });
+    for_own_sightings(
+        extent == Extent::shared ? kOfOneMap : kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
+          see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
+        });
     for (const Found& found : found_) {
       const MappedKeyframe& content = *keyframes_[found.keyframe].content;
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake

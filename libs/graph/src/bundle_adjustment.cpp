@@ -63,15 +63,28 @@ class Adjustment {
       column_.push_back(view.fixed ? -1 : free_++);
       views_.push_back(view_of(view.map_from_camera));
     }
-    first_.assign(bundle.points.size() + 1, bundle.sightings.size());
+    first_.resize(bundle.points.size() + 1);
     std::size_t next = 0;
     for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
       const BundleSighting& seen = bundle.sightings[i];
       MAPWEAVE_EXPECT(
           seen.view < bundle.views.size() && seen.point < bundle.points.size() && (i == 0 || bundle.sightings[i - 1].point <= seen.point),
           "sightings name views and points, in order");
-      while (next <= seen.point) first_[next++] = i;
-      column_of_sighting_.push_back(column_[seen.view]);
+      while (next <= seen.point) first_[next++] = sightings_.size();
+      if (seen.fits) sightings_.push_back(seen);
+    }
+    while (next < first_.size()) first_[next++] = sightings_.size();
+    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) { return column_[a.view] < column_[b.view]; };
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      const auto begin = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point]),
+                 end = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point + 1]);
+      for (auto next_one = begin; next_one != end; ++next_one)  // few
+        std::rotate(std::upper_bound(begin, next_one, *next_one, by_column), next_one, next_one + 1);
+    }
+    for (const BundleSighting& seen : sightings_) column_of_sighting_.push_back(column_[seen.view]);
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      first_free_.push_back(first_[point]);
+      while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0) ++first_free_[point];
     }
     for (const BundleTie& tie : bundle.ties)
       MAPWEAVE_EXPECT(
@@ -95,9 +108,8 @@ class Adjustment {
       std::vector<Vector3d> points = points_;
       for (std::size_t point = 0; point < points.size(); ++point) {
         Vector3d sum = gradient_of_point_[point];
-        for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-          if (const int c = column_[bundle_.sightings[i].view]; c >= 0 && used_[i])
-            sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * c);
+        for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
+          if (used_[i] != 0) sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * column_of_sighting_[i]);
         points[point] -= inverse_[point] * sum;
       }
       const double now = cost_of(views, points);
@@ -121,47 +133,37 @@ class Adjustment {
   // Blocks below the diagonal, by row, then column: of free views that see a common point.
   void find_blocks() {
     const auto rows = static_cast<std::size_t>(free_);
-    std::vector<std::vector<std::uint32_t>> sightings(rows);  // of each row
-    std::vector<std::size_t> first_pair;                      // of each sighting as that of the row
-    std::size_t pairs = 0;
-    for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
-      const int row = column_of_sighting_[i];
-      first_pair.push_back(pairs);
-      if (row < 0) continue;
-      sightings[static_cast<std::size_t>(row)].push_back(static_cast<std::uint32_t>(i));
-      for_each_below(i, [&](int) { ++pairs; });
-    }
-    std::vector<std::vector<std::int32_t>> tied(rows);
-    for (const BundleTie& tie : bundle_.ties) {
-      const auto [column, row] = std::minmax(column_[tie.from], column_[tie.to]);
-      if (column >= 0) tied[static_cast<std::size_t>(row)].push_back(column);
-    }
-    block_of_pair_.resize(pairs);
-    std::vector<std::size_t> met(rows, 0), block(rows);  // in which row, counted from 1; where in that row
+    constexpr std::size_t kBits = 64;
+    const std::size_t words = (rows + kBits - 1) / kBits;  // of a row: a bit for each column
+    std::vector<std::uint64_t> pattern(rows * words, 0);
+    const auto meet = [&](int row, int column) {
+      const auto bit = static_cast<std::size_t>(column);
+      pattern[static_cast<std::size_t>(row) * words + bit / kBits] |= std::uint64_t{1} << (bit % kBits);
+    };
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
+        for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of_sighting_[i], column_of_sighting_[j]);
+    for (const BundleTie& tie : bundle_.ties)
+      if (const auto [column, row] = std::minmax(column_[tie.from], column_[tie.to]); column >= 0) meet(row, column);
     for (std::size_t row = 0; row < rows; ++row) {
       row_begin_.push_back(columns_.size());
-      const auto meet = [&](int other) {
-        const auto column = static_cast<std::size_t>(other);
-        if (met[column] != row + 1) met[column] = row + 1, columns_.push_back(other);
-      };
-      for (const std::uint32_t i : sightings[row]) for_each_below(i, meet);
-      for (const std::int32_t column : tied[row]) meet(column);
-      std::sort(columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]), columns_.end());
-      for (std::size_t i = row_begin_[row]; i < columns_.size(); ++i) block[static_cast<std::size_t>(columns_[i])] = i;
-      for (const std::uint32_t i : sightings[row]) {
-        std::size_t pair = first_pair[i];
-        for_each_below(i,
-                       [&](int column) { block_of_pair_[pair++] = static_cast<std::uint32_t>(block[static_cast<std::size_t>(column)]); });
+      for (std::size_t column = 0; column < row; ++column) {
+        const std::uint64_t left = pattern[row * words + column / kBits] >> (column % kBits);
+        if (left == 0) column |= kBits - 1;
+        if ((left & 1) != 0) columns_.push_back(static_cast<std::int32_t>(column));
       }
     }
     row_begin_.push_back(columns_.size());
-  }
-  // Columns of the sightings of the same point that are less than its own.
-  template <class Visit>
-  void for_each_below(std::size_t sighting, const Visit& visit) const {
-    const std::uint32_t point = bundle_.sightings[sighting].point;
-    for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
-      if (const int column = column_of_sighting_[j]; column >= 0 && column < column_of_sighting_[sighting]) visit(column);
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
+        const auto row = static_cast<std::size_t>(column_of_sighting_[i]);
+        const auto end = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row + 1]);
+        auto place = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]);
+        for (std::size_t j = first_free_[point]; j < i; ++j) {
+          place = std::lower_bound(place, end, column_of_sighting_[j]);
+          block_of_pair_.push_back(static_cast<std::uint32_t>(place - columns_.begin()));
+        }
+      }
   }
   std::size_t block(int row, int column) const {
     const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
@@ -178,8 +180,7 @@ class Adjustment {
   double cost_of(const std::vector<View>& views, const std::vector<Vector3d>& points) const {
     double sum = 0.0;
     Vector3d value;
-    for (const BundleSighting& seen : bundle_.sightings) {
-      if (!seen.fits) continue;
+    for (const BundleSighting& seen : sightings_) {
       const View& view = views[seen.view];
       const Vector3d p = view.rotation * points[seen.point] + view.translation;
       if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, nullptr))
@@ -233,15 +234,14 @@ class Adjustment {
     gradient_of_view_ = Eigen::VectorXd::Zero(6 * free_);
     hessian_of_point_.assign(points_.size(), Matrix3d::Zero());
     gradient_of_point_.assign(points_.size(), Vector3d::Zero());
-    cross_.resize(bundle_.sightings.size());
-    used_.assign(bundle_.sightings.size(), 0);
+    cross_.resize(sightings_.size());
+    used_.assign(sightings_.size(), 0);
     cross_of_tie_.resize(bundle_.ties.size());
     for (std::size_t i = 0; i < bundle_.ties.size(); ++i) linearise(bundle_.ties[i], i);
     Vector3d value;
     Matrix3d by_camera_point;
-    for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
-      const BundleSighting& seen = bundle_.sightings[i];
-      if (!seen.fits) continue;
+    for (std::size_t i = 0; i < sightings_.size(); ++i) {
+      const BundleSighting& seen = sightings_[i];
       const View& view = views_[seen.view];
       const Vector3d p = view.rotation * points_[seen.point] + view.translation;
       if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_camera_point)) continue;
@@ -251,7 +251,7 @@ class Adjustment {
       const Vector3d weighted_value = weights.cwiseProduct(value);
       hessian_of_point_[seen.point].noalias() += by_point.transpose() * weighted;
       gradient_of_point_[seen.point].noalias() += by_point.transpose() * weighted_value;
-      const int c = column_[seen.view];
+      const int c = column_of_sighting_[i];
       if (c < 0) continue;
       Eigen::Matrix<double, 3, 6> by_motion;
       Matrix3d turned;
@@ -292,26 +292,19 @@ class Adjustment {
   // What the points that are left out change of the views' system.
   MAPWEAVE_WIDE_CLONES void eliminate_points(Matrix6* diagonal, Matrix6* below, double* right) const {
     const std::uint32_t* target = block_of_pair_.data();
-    for (std::size_t point = 0; point < points_.size(); ++point) {
-      const std::size_t begin = first_[point], end = first_[point + 1];
-      for (std::size_t i = begin; i < end; ++i) {
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
         const int row = column_of_sighting_[i];
-        if (row < 0) continue;
         if (used_[i] == 0) {
-          for_each_below(i, [&](int) { ++target; });
+          target += i - first_free_[point];
           continue;
         }
         const Matrix63 left = cross_[i].lazyProduct(inverse_[point]);
         Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
         subtract_product<3>(left.data(), cross_[i].data(), diagonal[row].data());
-        for (std::size_t j = begin; j < end; ++j) {
-          const int column = column_of_sighting_[j];
-          if (column < 0 || column >= row) continue;
-          if (used_[j] != 0) subtract_product<3>(left.data(), cross_[j].data(), below[*target].data());
-          ++target;
-        }
+        for (std::size_t j = first_free_[point]; j < i; ++j, ++target)
+          if (used_[j] != 0 && column_of_sighting_[j] != row) subtract_product<3>(left.data(), cross_[j].data(), below[*target].data());
       }
-    }
   }
 
   void write_back() {
@@ -333,9 +326,11 @@ class Adjustment {
   BundleOptions options_;
   std::vector<View> views_;
   std::vector<Vector3d> points_;
-  std::vector<int> column_, column_of_sighting_;  // of each view, and of what each is seen by; -1: fixed
+  std::vector<BundleSighting> sightings_;         // that fit; by point, then column
+  std::vector<int> column_, column_of_sighting_;  // of each view, and of the view of each sighting; -1: fixed
   int free_ = 0;
-  std::vector<std::size_t> first_;  // sighting of each point, and the end
+  std::vector<std::size_t> first_;       // sighting of each point, and the end
+  std::vector<std::size_t> first_free_;  // of a view that is not fixed
   std::vector<std::size_t> row_begin_;
   std::vector<std::int32_t> columns_;
   std::vector<std::uint32_t> block_of_pair_;  // of two sightings of one point, in order
