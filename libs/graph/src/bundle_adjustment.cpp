@@ -239,28 +239,43 @@ class Adjustment {
     cross_of_tie_.resize(bundle_.ties.size());
     for (std::size_t i = 0; i < bundle_.ties.size(); ++i) linearise(bundle_.ties[i], i);
     Vector3d value;
-    Matrix3d by_camera_point;
+    Matrix3d by_point = Matrix3d::Zero();  // in the camera's frame
     for (std::size_t i = 0; i < sightings_.size(); ++i) {
       const BundleSighting& seen = sightings_[i];
       const View& view = views_[seen.view];
       const Vector3d p = view.rotation * points_[seen.point] + view.translation;
-      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_camera_point)) continue;
+      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_point)) continue;
       used_[i] = 1;
-      const Vector3d weights = weights_of(value);
-      const Matrix3d by_point = by_camera_point * view.rotation, weighted = weights.asDiagonal() * by_point;
-      const Vector3d weighted_value = weights.cwiseProduct(value);
-      hessian_of_point_[seen.point].noalias() += by_point.transpose() * weighted;
-      gradient_of_point_[seen.point].noalias() += by_point.transpose() * weighted_value;
+      // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p. Element by element:
+      // of `by_point` the half is zero.
+      const Vector3d weights = weights_of(value), slope = by_point.transpose() * weights.cwiseProduct(value);
+      const double x = by_point(0, 0), x_z = by_point(0, 2), y = by_point(1, 1), y_z = by_point(1, 2), z = by_point(2, 2);
+      const double xx = weights.x() * x * x, xz = weights.x() * x * x_z, yy = weights.y() * y * y, yz = weights.y() * y * y_z,
+                   zz = weights.x() * x_z * x_z + weights.y() * y_z * y_z + weights.z() * z * z;
+      const Matrix3d& rotation = view.rotation;
+      Matrix3d& of_point = hessian_of_point_[seen.point];
       const int c = column_of_sighting_[i];
+#pragma GCC unroll 3
+      for (int k = 0; k < 3; ++k) {
+        const Vector3d axis = rotation.col(k);
+        const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(), xz * axis.x() + yz * axis.y() + zz * axis.z());
+        of_point(0, k) += rotation.col(0).dot(known), of_point(1, k) += rotation.col(1).dot(known);
+        of_point(2, k) += rotation.col(2).dot(known);
+        gradient_of_point_[seen.point](k) += axis.dot(slope);
+        if (c >= 0) cross_[i].col(k).head<3>() = known, cross_[i].col(k).tail<3>() = p.cross(known);
+      }
       if (c < 0) continue;
-      Eigen::Matrix<double, 3, 6> by_motion;
-      Matrix3d turned;
-      turned << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
-      by_motion.leftCols<3>() = by_camera_point;
-      by_motion.rightCols<3>().noalias() = by_camera_point * turned;
-      hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by_motion.transpose() * (weights.asDiagonal() * by_motion);
-      gradient_of_view_.segment<6>(6 * c).noalias() += by_motion.transpose() * weighted_value;
-      cross_[i].noalias() = by_motion.transpose() * weighted;
+      const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx), second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
+          third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
+      Matrix6& hessian = hessian_of_view_[static_cast<std::size_t>(c)];  // the lower triangle
+      hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
+#pragma GCC unroll 3
+      for (int k = 0; k < 3; ++k) {
+        const Vector3d turned(first(k), second(k), third(k)), of_turns = p.cross(turned);
+        hessian(3 + k, 0) += turned.x(), hessian(3 + k, 1) += turned.y(), hessian(3 + k, 2) += turned.z();
+        for (int row = k; row < 3; ++row) hessian(3 + row, 3 + k) += of_turns(row);
+      }
+      gradient_of_view_.segment<3>(6 * c) += slope, gradient_of_view_.segment<3>(6 * c + 3) += p.cross(slope);
     }
   }
 
