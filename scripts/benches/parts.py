@@ -2,9 +2,8 @@
 
 Needs the benchmark programs (scripts/build release all) and, for place recognition, visual/ below MAPWEAVE_DATA (default ../shared/data).
 Processor time, so that a busy machine disturbs little. Writes the table between <!-- bench:parts --> and <!-- /bench --> of README.md, and
-out/bench/parts.json. Takes some ten minutes, most of them the hour of driving. A partial run (--parts) keeps the other rows.
+out/bench/parts.json. Takes some ten minutes, most of them the hour of driving. A partial run (--parts) keeps the other rows as they were measured before.
 """
-import json
 import pathlib
 import re
 import subprocess
@@ -65,6 +64,16 @@ def bundle():
     return f"{seconds} s", "1.5 s (CORB-SLAM: 4.5)"
 
 
+def merge():
+    text = told_by("visual_fuse_benchmark")
+    keyframes, = found(r"^2 maps, (\d+) keyframes,", text)
+    matching, = found(r"pairwise matching\s+([\d.]+) s", text)
+    optimising, = found(r"transform optimisation\s+([\d.]+) s", text)
+    seconds, = found(r"in all\s+[\d.]+ s, ([\d.]+) s of a processor", text)
+    return (f"{float(seconds):.2f} s, {keyframes} of them (wall times: matching {float(matching):.2f}, optimising {float(optimising):.2f} s)",
+            "0.5 s (CORB-SLAM: 2.84)")
+
+
 def pose_graph():
     seconds, = found(r"([\d.]+) s of processor time", told_by("pose_graph_benchmark"))
     return f"{seconds} s", "0.1 s (CVS: 1.12)"
@@ -86,6 +95,7 @@ PARTS = {
     "recognition": ("places known again in public pictures, each as a single keyframe", recognition, "place_recognition_benchmark"),
     "landmarks": ("landmarks in a camera's view, of 60,000 in halls of 25, 50 and 100 m", landmarks, "landmark_index_benchmark"),
     "bundle": ("bundle of 456 keyframes, 60,000 landmarks, 300,000 sightings", bundle, "bundle_benchmark"),
+    "merge": ("merge of 456 keyframes, two robots' maps of an apartment", merge, "visual_fuse_benchmark"),
     "pose_graph": ("pose graph of 1000 keyframes", pose_graph, "pose_graph_benchmark"),
     "endurance": ("an hour of driving by features", endurance, "endurance_benchmark"),
 }
@@ -101,12 +111,13 @@ def run(arguments):
     for name in chosen:
         if name not in PARTS:
             common.give_up(f"unknown part '{name}'; known: {', '.join(PARTS)}", 2)
-    stored = common.OUT / "parts.json"
-    rows = json.loads(stored.read_text())["rows"] if stored.exists() else {}
+    rows = {}
     for name in chosen:
-        rows[name] = PARTS[name][1]()
+        what, measure, program = PARTS[name]
+        rows[what] = (what, *measure(), f"`{program}`")
         common.write_json("parts", {"machine": common.machine(), "commit": common.commit(), "rows": rows})
-    text = common.table(HEADERS, [(what, *rows[name], f"`{program}`") for name, (what, _, program) in PARTS.items() if name in rows])
+    kept = common.readme_rows("parts", HEADERS)
+    text = common.table(HEADERS, [rows.get(what) or kept[what] for what, _, _ in PARTS.values() if what in rows or what in kept])
     text += f"\n\nMeasured by `scripts/bench parts` on {common.machine()}: processor time of one core."
     print(text)
     if not arguments.dry_run:

@@ -29,6 +29,17 @@ inline simulation::WorldOptions camera_world(simulation::PlanKind kind, std::int
   return options;
 }
 
+// An apartment of seven rooms, so many metres of way for each; every robot shares rooms with the next.
+inline simulation::WorldOptions apartment(std::size_t robots, double length_m, std::int64_t seed = 7) {
+  simulation::WorldOptions options = camera_world(simulation::PlanKind::apartment, seed, robots);
+  for (std::size_t i = 0; i < robots; ++i) {
+    auto& robot = options.robots[i];
+    robot.first_room = static_cast<int>(i % 5), robot.last_room = robot.first_room + 2, robot.length_m = length_m;
+    if (i >= 5) robot.order = simulation::TourOrder::back;
+  }
+  return options;
+}
+
 class FeatureTeam {
  public:
   // What a robot's camera gives, and where it was.
@@ -121,6 +132,10 @@ class FeatureTeam {
   }
   void run() {
     while (round()) {}
+    finish();
+  }
+  // Nobody drives on; the last updates.
+  void finish() {
     for (Robot& robot : robots) robot.client->finish();
     exchange();
   }

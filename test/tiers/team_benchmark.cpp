@@ -117,15 +117,9 @@ nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
 
 nlohmann::json apartment(int robots) {
   const double began_s = processor_s();
-  auto options = test::camera_world(simulation::PlanKind::apartment, 7, static_cast<std::size_t>(robots));
-  for (int i = 0; i < robots; ++i) {
-    auto& robot = options.robots[static_cast<std::size_t>(i)];
-    robot.first_room = i % 5, robot.last_room = robot.first_room + 2, robot.length_m = 60.0;
-    if (i >= 5) robot.order = simulation::TourOrder::back;
-  }
   tiers::ServerOptions sharing;
   sharing.share = tiers::Sharing::view;
-  FeatureTeam team(options, sharing, {}, 2);
+  FeatureTeam team(test::apartment(static_cast<std::size_t>(robots), 60.0), sharing, {}, 2);
   KeyframeBytes keyframes;
   team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { keyframes.add(bytes); };
   team.run();

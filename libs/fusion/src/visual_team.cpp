@@ -1,4 +1,5 @@
 #include "visual_team.h"
+#include "shared_landmarks.h"
 #include "warm_start.h"
 
 #include <mapweave/core/error.h>
@@ -23,11 +24,10 @@ constexpr double kTieShare = 0.015, kTie_m = 0.006, kTie_rad = 0.003, kStiff = 0
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
-constexpr int kMostDifferent = 50;                      // bits
-constexpr double kClearly = 0.85;                       // nearest descriptor to the second nearest
-constexpr double kSameDepth = 0.1;                      // of the distance
 constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
-constexpr std::size_t kLeastFound = 12;                 // in one keyframe, from all its neighbours
+constexpr std::size_t kOfOneMap = 3;                    // sightings of a landmark while maps are laid on each other
+constexpr auto kAll = static_cast<std::size_t>(-1);
+constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
 struct TeamKeyframe {
@@ -235,54 +235,32 @@ class Team {
       const Pose3 camera = keyframe.team_from_camera();
       looks.push_back({camera.t, camera.q * Vector3d::UnitZ()});
     }
+    if (features_.empty())
+      for (const TeamKeyframe& keyframe : keyframes_) features_.emplace_back(*keyframe.content, scale_of(keyframe.member));
+    constexpr auto kNobody = static_cast<std::size_t>(-1);
+    std::vector<std::size_t> asked_by(landmark_ids_.size(), kNobody);
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
-      std::map<std::size_t, const BinaryDescriptor*> looked_for;  // landmarks, and how one of their features looks
+      const Pose3 camera_from_team = inverse(keyframes_[number].team_from_camera());
+      const matching::Pinhole& camera = keyframes_[number].content->camera;
+      const Eigen::Matrix3d rotation = camera_from_team.q.toRotationMatrix();
+      std::vector<SoughtLandmark> sought;
       for (const std::size_t other : neighbours(number, looks)) {
         const TeamKeyframe& from = keyframes_[other];
-        for (std::size_t f = 0; f < from.content->points.size(); ++f)
-          if (const std::int32_t landmark = from.content->landmark_of_feature[f]; landmark >= 0)
-            looked_for.emplace(from.first_landmark + static_cast<std::size_t>(landmark), &from.content->content->descriptors[f]);
+        for (std::size_t f = 0; f < from.content->points.size(); ++f) {
+          if (from.content->landmark_of_feature[f] < 0) continue;
+          const std::size_t landmark = from.first_landmark + static_cast<std::size_t>(from.content->landmark_of_feature[f]);
+          if (asked_by[landmark] == number) continue;
+          asked_by[landmark] = number;
+          const Vector3d p = rotation * points_[landmark] + camera_from_team.t;
+          if (!(p.z() > 0.1)) continue;
+          const Vector2d pixel = camera.project(p);
+          if (camera.shows(pixel)) sought.push_back({landmark, pixel, p.z(), &from.content->content->descriptors[f]});
+        }
       }
-      std::vector<Found> found = find_in(number, looked_for, radius_px);
-      if (found.size() >= kLeastFound) found_.insert(found_.end(), found.begin(), found.end());
+      const auto shown = features_[number].find(sought, radius_px);
+      if (shown.size() < kLeastFound) continue;
+      for (const auto& [feature, landmark] : shown) found_.push_back({number, feature, landmark});
     }
-  }
-
-  std::vector<Found> find_in(std::size_t number, const std::map<std::size_t, const BinaryDescriptor*>& looked_for, double radius_px) const {
-    const TeamKeyframe& here = keyframes_[number];
-    const MappedKeyframe& content = *here.content;
-    const Pose3 camera_from_team = inverse(here.team_from_camera());
-    const double scale = scale_of(here.member);
-    std::vector<std::pair<float, std::size_t>> rows;
-    for (std::size_t f = 0; f < content.points.size(); ++f) rows.emplace_back(content.points[f].v_px, f);
-    std::sort(rows.begin(), rows.end());
-    std::map<std::size_t, std::pair<int, std::size_t>> best_of_feature;  // bits that differ, landmark
-    for (const auto& [landmark, descriptor] : looked_for) {
-      const Vector3d p = transformed(points_[landmark], camera_from_team);
-      if (!(p.z() > 0.1)) continue;
-      const Vector2d pixel = content.camera.project(p);
-      if (!content.camera.shows(pixel)) continue;
-      int nearest = kMostDifferent + 1, second = 257;
-      std::size_t feature = 0;
-      for (auto row = std::lower_bound(rows.begin(), rows.end(), std::make_pair(static_cast<float>(pixel.y() - radius_px), std::size_t{0}));
-           row != rows.end() && static_cast<double>(row->first) <= pixel.y() + radius_px; ++row) {
-        const matching::FeaturePoint& point = content.points[row->second];
-        if ((Vector2d(point.u_px, point.v_px) - pixel).squaredNorm() > radius_px * radius_px) continue;
-        const double depth_m = scale * depth_m_of(content.content->points[row->second].inverse_depth);
-        if (depth_m > 0.0 && std::abs(depth_m - p.z()) > kSameDepth * p.z()) continue;
-        const int bits = matching::hamming(*descriptor, content.content->descriptors[row->second]);
-        if (bits < nearest)
-          second = nearest, nearest = bits, feature = row->second;
-        else
-          second = std::min(second, bits);
-      }
-      if (nearest > kMostDifferent || nearest > kClearly * second) continue;
-      const auto [known, is_new] = best_of_feature.try_emplace(feature, nearest, landmark);
-      if (!is_new && nearest < known->second.first) known->second = {nearest, landmark};
-    }
-    std::vector<Found> found;
-    for (const auto& [feature, best] : best_of_feature) found.push_back({number, feature, best.second});
-    return found;
   }
 
   Classes classes() const {
@@ -323,20 +301,26 @@ class Team {
     return result;
   }
 
+  // most: of each landmark, spread over those that there are.
   template <class Visit>
-  void for_own_sightings(const Visit& visit) const {
+  void for_own_sightings(std::size_t most, const Visit& visit) const {
     std::size_t number = 0;
+    std::vector<std::pair<std::size_t, const LandmarkSighting*>> own;
     for (std::size_t m = 0; m < members_.size(); ++m)
       for (const auto& [id, landmark] : members_[m]->map().landmarks) {
+        own.clear();
         for (const LandmarkSighting& seen : landmark.seen)
           if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
-            visit(first_keyframe_[m] + keyframe, number, seen);
+            own.emplace_back(first_keyframe_[m] + keyframe, &seen);
+        const std::size_t count = own.size(), chosen = std::min(most, count);
+        for (std::size_t i = 0; i < count; ++i)
+          if (i * chosen / count != (i + 1) * chosen / count) visit(own[i].first, number, *own[i].second);
         ++number;
       }
   }
 
-  // shared: with landmarks that two maps see alone, which lays the maps on each other within their shapes; the others stay at their
-  // keyframes. free: with those that free keyframes see.
+  // shared: with landmarks that two maps see alone, few sightings each, which lays the maps on each other within their shapes; the others
+  // stay at their keyframes. free: with those that free keyframes see.
   enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
     const Classes same = classes();
@@ -365,12 +349,13 @@ class Team {
       bundle.sightings.push_back(sighting);
     };
     if (extent == Extent::free)
-      for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
+      for_own_sightings(kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
         if (is_free_[keyframe]) counts[same.find(landmark)] = 1;
       });
-    for_own_sightings([&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
-      see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
-    });
+    for_own_sightings(
+        extent == Extent::shared ? kOfOneMap : kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
+          see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
+        });
     for (const Found& found : found_) {
       const MappedKeyframe& content = *keyframes_[found.keyframe].content;
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
@@ -466,6 +451,7 @@ class Team {
   std::vector<Vector3d> points_;                                  // in the team's frame
   std::vector<graph::BundleTie> straightened_;                    // of nodes
   std::vector<std::vector<const Constraint*>> rigs_;              // of each member
+  std::vector<FeaturesByPlace> features_;                         // of each keyframe, once they were looked for
   std::vector<Found> found_;
 };
 

@@ -1,4 +1,7 @@
+#include "block_kernels.h"
+
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/graph/block_cholesky.h>
 
 #include <Eigen/Cholesky>
@@ -28,6 +31,13 @@ std::vector<std::int32_t> places(std::size_t count, const std::vector<std::size_
   for (std::size_t i = 0; i < count; ++i)
     place[static_cast<std::size_t>(order.indices()(static_cast<int>(i)))] = static_cast<std::int32_t>(i);
   return place;
+}
+
+// Puts the factor into the place of the block.
+bool has_root(BlockCholesky::Block& block) {
+  const Eigen::LLT<BlockCholesky::Block> cholesky(block);
+  if (cholesky.info() == Eigen::Success) block = cholesky.matrixL();
+  return cholesky.info() == Eigen::Success;
 }
 
 }  // namespace
@@ -68,6 +78,43 @@ BlockCholesky::BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std
     }
 }
 
+namespace {
+
+// The factor in the place of the matrix; false where it is not positive definite.
+MAPWEAVE_WIDE_CLONES bool eliminate(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky::Block* pivots,
+                                    BlockCholesky::Block* blocks) {
+  constexpr std::int32_t kNone = -1;
+  // Columns that are finished and whose next row is this one; which block that is.
+  std::vector<std::int32_t> waiting(count, kNone), next(count, kNone);
+  std::vector<std::size_t> reached(count), where(count);
+  for (std::size_t column = 0; column < count; ++column) {
+    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i) where[static_cast<std::size_t>(rows[i])] = i;
+    for (std::int32_t done = waiting[column]; done != kNone;) {
+      const auto from = static_cast<std::size_t>(done);
+      const std::size_t first = reached[from], end = begin[from + 1];
+      const double* const factor = blocks[first].data();
+      subtract_product<6>(factor, factor, pivots[column].data());
+      for (std::size_t i = first + 1; i < end; ++i)
+        subtract_product<6>(blocks[i].data(), factor, blocks[where[static_cast<std::size_t>(rows[i])]].data());
+      done = next[from];
+      if (first + 1 < end) {
+        reached[from] = first + 1;
+        auto& list = waiting[static_cast<std::size_t>(rows[first + 1])];
+        next[from] = list, list = static_cast<std::int32_t>(from);
+      }
+    }
+    if (!has_root(pivots[column])) return false;
+    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i) divide_by_transposed(pivots[column].data(), blocks[i].data());
+    if (begin[column] == begin[column + 1]) continue;
+    reached[column] = begin[column];
+    auto& list = waiting[static_cast<std::size_t>(rows[begin[column]])];
+    next[column] = list, list = static_cast<std::int32_t>(column);
+  }
+  return true;
+}
+
+}  // namespace
+
 bool BlockCholesky::factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below) {
   MAPWEAVE_EXPECT(diagonal.size() == count_ && below.size() == columns_.size(), "blocks as the pattern has them");
   pivots_.resize(count_);
@@ -79,38 +126,7 @@ bool BlockCholesky::factorise(const std::vector<Block>& diagonal, const std::vec
     else
       blocks_[target_[i]] = below[i];
   }
-  constexpr std::int32_t kNone = -1;
-  // Columns that are finished and whose next row is this one; which block that is.
-  std::vector<std::int32_t> waiting(count_, kNone), next(count_, kNone);
-  std::vector<std::size_t> reached(count_), where(count_);
-  for (std::size_t column = 0; column < count_; ++column) {
-    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) where[static_cast<std::size_t>(rows_[i])] = i;
-    Block pivot = pivots_[column];
-    for (std::int32_t done = waiting[column]; done != kNone;) {
-      const auto from = static_cast<std::size_t>(done);
-      const std::size_t first = reached[from], end = begin_[from + 1];
-      const Block factor = blocks_[first].transpose();
-      pivot.noalias() -= blocks_[first].lazyProduct(factor);
-      for (std::size_t i = first + 1; i < end; ++i)
-        blocks_[where[static_cast<std::size_t>(rows_[i])]].noalias() -= blocks_[i].lazyProduct(factor);
-      done = next[from];
-      if (first + 1 < end) {
-        reached[from] = first + 1;
-        auto& list = waiting[static_cast<std::size_t>(rows_[first + 1])];
-        next[from] = list, list = static_cast<std::int32_t>(from);
-      }
-    }
-    const Eigen::LLT<Block> cholesky(pivot);
-    if (cholesky.info() != Eigen::Success) return false;
-    pivots_[column] = cholesky.matrixL();
-    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i)
-      pivots_[column].triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(blocks_[i]);
-    if (begin_[column] == begin_[column + 1]) continue;
-    reached[column] = begin_[column];
-    auto& list = waiting[static_cast<std::size_t>(rows_[begin_[column]])];
-    next[column] = list, list = static_cast<std::int32_t>(column);
-  }
-  return true;
+  return eliminate(count_, begin_.data(), rows_.data(), pivots_.data(), blocks_.data());
 }
 
 Eigen::VectorXd BlockCholesky::solved(const Eigen::VectorXd& right) const {

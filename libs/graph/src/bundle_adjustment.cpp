@@ -1,4 +1,7 @@
+#include "block_kernels.h"
+
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/bundle_adjustment.h>
 
@@ -60,14 +63,28 @@ class Adjustment {
       column_.push_back(view.fixed ? -1 : free_++);
       views_.push_back(view_of(view.map_from_camera));
     }
-    first_.assign(bundle.points.size() + 1, bundle.sightings.size());
+    first_.resize(bundle.points.size() + 1);
     std::size_t next = 0;
     for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
       const BundleSighting& seen = bundle.sightings[i];
       MAPWEAVE_EXPECT(
           seen.view < bundle.views.size() && seen.point < bundle.points.size() && (i == 0 || bundle.sightings[i - 1].point <= seen.point),
           "sightings name views and points, in order");
-      while (next <= seen.point) first_[next++] = i;
+      while (next <= seen.point) first_[next++] = sightings_.size();
+      if (seen.fits) sightings_.push_back(seen);
+    }
+    while (next < first_.size()) first_[next++] = sightings_.size();
+    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) { return column_[a.view] < column_[b.view]; };
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      const auto begin = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point]),
+                 end = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point + 1]);
+      for (auto next_one = begin; next_one != end; ++next_one)  // few
+        std::rotate(std::upper_bound(begin, next_one, *next_one, by_column), next_one, next_one + 1);
+    }
+    for (const BundleSighting& seen : sightings_) column_of_sighting_.push_back(column_[seen.view]);
+    for (std::size_t point = 0; point < points_.size(); ++point) {
+      first_free_.push_back(first_[point]);
+      while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0) ++first_free_[point];
     }
     for (const BundleTie& tie : bundle.ties)
       MAPWEAVE_EXPECT(
@@ -91,9 +108,8 @@ class Adjustment {
       std::vector<Vector3d> points = points_;
       for (std::size_t point = 0; point < points.size(); ++point) {
         Vector3d sum = gradient_of_point_[point];
-        for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-          if (const int c = column_[bundle_.sightings[i].view]; c >= 0 && used_[i])
-            sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * c);
+        for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
+          if (used_[i] != 0) sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * column_of_sighting_[i]);
         points[point] -= inverse_[point] * sum;
       }
       const double now = cost_of(views, points);
@@ -116,30 +132,38 @@ class Adjustment {
  private:
   // Blocks below the diagonal, by row, then column: of free views that see a common point.
   void find_blocks() {
-    std::vector<std::vector<std::int32_t>> below(static_cast<std::size_t>(free_));
+    const auto rows = static_cast<std::size_t>(free_);
+    constexpr std::size_t kBits = 64;
+    const std::size_t words = (rows + kBits - 1) / kBits;  // of a row: a bit for each column
+    std::vector<std::uint64_t> pattern(rows * words, 0);
+    const auto meet = [&](int row, int column) {
+      const auto bit = static_cast<std::size_t>(column);
+      pattern[static_cast<std::size_t>(row) * words + bit / kBits] |= std::uint64_t{1} << (bit % kBits);
+    };
     for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
-          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
-          if (column >= 0 && row > column) below[static_cast<std::size_t>(row)].push_back(column);
-        }
-    for (const BundleTie& tie : bundle_.ties) {
-      const int row = std::max(column_[tie.from], column_[tie.to]), column = std::min(column_[tie.from], column_[tie.to]);
-      if (column >= 0) below[static_cast<std::size_t>(row)].push_back(column);
-    }
-    row_begin_.push_back(0);
-    for (auto& columns : below) {
-      std::sort(columns.begin(), columns.end());
-      columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-      columns_.insert(columns_.end(), columns.begin(), columns.end());
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
+        for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of_sighting_[i], column_of_sighting_[j]);
+    for (const BundleTie& tie : bundle_.ties)
+      if (const auto [column, row] = std::minmax(column_[tie.from], column_[tie.to]); column >= 0) meet(row, column);
+    for (std::size_t row = 0; row < rows; ++row) {
       row_begin_.push_back(columns_.size());
+      for (std::size_t column = 0; column < row; ++column) {
+        const std::uint64_t left = pattern[row * words + column / kBits] >> (column % kBits);
+        if (left == 0) column |= kBits - 1;
+        if ((left & 1) != 0) columns_.push_back(static_cast<std::int32_t>(column));
+      }
     }
+    row_begin_.push_back(columns_.size());
     for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i)
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j) {
-          const int row = column_[bundle_.sightings[i].view], column = column_[bundle_.sightings[j].view];
-          if (column >= 0 && row > column) block_of_pair_.push_back(static_cast<std::uint32_t>(block(row, column)));
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
+        const auto row = static_cast<std::size_t>(column_of_sighting_[i]);
+        const auto end = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row + 1]);
+        auto place = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]);
+        for (std::size_t j = first_free_[point]; j < i; ++j) {
+          place = std::lower_bound(place, end, column_of_sighting_[j]);
+          block_of_pair_.push_back(static_cast<std::uint32_t>(place - columns_.begin()));
         }
+      }
   }
   std::size_t block(int row, int column) const {
     const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
@@ -156,8 +180,7 @@ class Adjustment {
   double cost_of(const std::vector<View>& views, const std::vector<Vector3d>& points) const {
     double sum = 0.0;
     Vector3d value;
-    for (const BundleSighting& seen : bundle_.sightings) {
-      if (!seen.fits) continue;
+    for (const BundleSighting& seen : sightings_) {
       const View& view = views[seen.view];
       const Vector3d p = view.rotation * points[seen.point] + view.translation;
       if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, nullptr))
@@ -211,34 +234,48 @@ class Adjustment {
     gradient_of_view_ = Eigen::VectorXd::Zero(6 * free_);
     hessian_of_point_.assign(points_.size(), Matrix3d::Zero());
     gradient_of_point_.assign(points_.size(), Vector3d::Zero());
-    cross_.resize(bundle_.sightings.size());
-    used_.assign(bundle_.sightings.size(), 0);
+    cross_.resize(sightings_.size());
+    used_.assign(sightings_.size(), 0);
     cross_of_tie_.resize(bundle_.ties.size());
     for (std::size_t i = 0; i < bundle_.ties.size(); ++i) linearise(bundle_.ties[i], i);
     Vector3d value;
-    Matrix3d by_camera_point;
-    for (std::size_t i = 0; i < bundle_.sightings.size(); ++i) {
-      const BundleSighting& seen = bundle_.sightings[i];
-      if (!seen.fits) continue;
+    Matrix3d by_point = Matrix3d::Zero();  // in the camera's frame
+    for (std::size_t i = 0; i < sightings_.size(); ++i) {
+      const BundleSighting& seen = sightings_[i];
       const View& view = views_[seen.view];
       const Vector3d p = view.rotation * points_[seen.point] + view.translation;
-      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_camera_point)) continue;
+      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_point)) continue;
       used_[i] = 1;
-      const Vector3d weights = weights_of(value);
-      const Matrix3d by_point = by_camera_point * view.rotation, weighted = weights.asDiagonal() * by_point;
-      const Vector3d weighted_value = weights.cwiseProduct(value);
-      hessian_of_point_[seen.point].noalias() += by_point.transpose() * weighted;
-      gradient_of_point_[seen.point].noalias() += by_point.transpose() * weighted_value;
-      const int c = column_[seen.view];
+      // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p. Element by element:
+      // of `by_point` the half is zero.
+      const Vector3d weights = weights_of(value), slope = by_point.transpose() * weights.cwiseProduct(value);
+      const double x = by_point(0, 0), x_z = by_point(0, 2), y = by_point(1, 1), y_z = by_point(1, 2), z = by_point(2, 2);
+      const double xx = weights.x() * x * x, xz = weights.x() * x * x_z, yy = weights.y() * y * y, yz = weights.y() * y * y_z,
+                   zz = weights.x() * x_z * x_z + weights.y() * y_z * y_z + weights.z() * z * z;
+      const Matrix3d& rotation = view.rotation;
+      Matrix3d& of_point = hessian_of_point_[seen.point];
+      const int c = column_of_sighting_[i];
+#pragma GCC unroll 3
+      for (int k = 0; k < 3; ++k) {
+        const Vector3d axis = rotation.col(k);
+        const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(), xz * axis.x() + yz * axis.y() + zz * axis.z());
+        of_point(0, k) += rotation.col(0).dot(known), of_point(1, k) += rotation.col(1).dot(known);
+        of_point(2, k) += rotation.col(2).dot(known);
+        gradient_of_point_[seen.point](k) += axis.dot(slope);
+        if (c >= 0) cross_[i].col(k).head<3>() = known, cross_[i].col(k).tail<3>() = p.cross(known);
+      }
       if (c < 0) continue;
-      Eigen::Matrix<double, 3, 6> by_motion;
-      Matrix3d turned;
-      turned << 0, p.z(), -p.y(), -p.z(), 0, p.x(), p.y(), -p.x(), 0;
-      by_motion.leftCols<3>() = by_camera_point;
-      by_motion.rightCols<3>().noalias() = by_camera_point * turned;
-      hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by_motion.transpose() * (weights.asDiagonal() * by_motion);
-      gradient_of_view_.segment<6>(6 * c).noalias() += by_motion.transpose() * weighted_value;
-      cross_[i].noalias() = by_motion.transpose() * weighted;
+      const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx), second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
+          third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
+      Matrix6& hessian = hessian_of_view_[static_cast<std::size_t>(c)];  // the lower triangle
+      hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
+#pragma GCC unroll 3
+      for (int k = 0; k < 3; ++k) {
+        const Vector3d turned(first(k), second(k), third(k)), of_turns = p.cross(turned);
+        hessian(3 + k, 0) += turned.x(), hessian(3 + k, 1) += turned.y(), hessian(3 + k, 2) += turned.z();
+        for (int row = k; row < 3; ++row) hessian(3 + row, 3 + k) += of_turns(row);
+      }
+      gradient_of_view_.segment<3>(6 * c) += slope, gradient_of_view_.segment<3>(6 * c + 3) += p.cross(slope);
     }
   }
 
@@ -252,35 +289,37 @@ class Adjustment {
       const int one = column_[bundle_.ties[i].from], other = column_[bundle_.ties[i].to];
       if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_tie_[i];
     }
-    Eigen::VectorXd right = -gradient_of_view_;
     inverse_.resize(points_.size());
-    std::size_t pair = 0;
     for (std::size_t point = 0; point < points_.size(); ++point) {
       Matrix3d damped = hessian_of_point_[point];
       damped.diagonal() *= 1.0 + lambda;
       damped.diagonal().array() += 1e-6;
       inverse_[point] = damped.inverse();
-      const Vector3d shift = inverse_[point] * gradient_of_point_[point];
-      for (std::size_t i = first_[point]; i < first_[point + 1]; ++i) {
-        const int row = column_[bundle_.sightings[i].view];
-        if (row < 0) continue;
-        Matrix63 left = Matrix63::Zero();
-        if (used_[i]) {
-          right.segment<6>(6 * row).noalias() += cross_[i] * shift;
-          left = cross_[i] * inverse_[point];
-          diagonal[static_cast<std::size_t>(row)].noalias() -= left * cross_[i].transpose();
-        }
-        for (std::size_t j = first_[point]; j < first_[point + 1]; ++j)
-          if (const int column = column_[bundle_.sightings[j].view]; column >= 0 && column < row) {
-            if (used_[i] && used_[j]) below[block_of_pair_[pair]].noalias() -= left.lazyProduct(cross_[j].transpose());
-            ++pair;
-          }
-      }
     }
+    Eigen::VectorXd right = -gradient_of_view_;
+    eliminate_points(diagonal.data(), below.data(), right.data());
     if (!cholesky_) cholesky_.emplace(row_begin_, columns_);
     if (!cholesky_->factorise(diagonal, below)) return false;
     change = cholesky_->solved(right);
     return change.allFinite();
+  }
+
+  // What the points that are left out change of the views' system.
+  MAPWEAVE_WIDE_CLONES void eliminate_points(Matrix6* diagonal, Matrix6* below, double* right) const {
+    const std::uint32_t* target = block_of_pair_.data();
+    for (std::size_t point = 0; point < points_.size(); ++point)
+      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
+        const int row = column_of_sighting_[i];
+        if (used_[i] == 0) {
+          target += i - first_free_[point];
+          continue;
+        }
+        const Matrix63 left = cross_[i].lazyProduct(inverse_[point]);
+        Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
+        subtract_product<3>(left.data(), cross_[i].data(), diagonal[row].data());
+        for (std::size_t j = first_free_[point]; j < i; ++j, ++target)
+          if (used_[j] != 0 && column_of_sighting_[j] != row) subtract_product<3>(left.data(), cross_[j].data(), below[*target].data());
+      }
   }
 
   void write_back() {
@@ -302,9 +341,11 @@ class Adjustment {
   BundleOptions options_;
   std::vector<View> views_;
   std::vector<Vector3d> points_;
-  std::vector<int> column_;  // of each view; -1: fixed
+  std::vector<BundleSighting> sightings_;         // that fit; by point, then column
+  std::vector<int> column_, column_of_sighting_;  // of each view, and of the view of each sighting; -1: fixed
   int free_ = 0;
-  std::vector<std::size_t> first_;  // sighting of each point, and the end
+  std::vector<std::size_t> first_;       // sighting of each point, and the end
+  std::vector<std::size_t> first_free_;  // of a view that is not fixed
   std::vector<std::size_t> row_begin_;
   std::vector<std::int32_t> columns_;
   std::vector<std::uint32_t> block_of_pair_;  // of two sightings of one point, in order

@@ -1,7 +1,7 @@
-#include "popcount_clones.h"
 #include "vocabulary_tree.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,4 @@
-#include "popcount_clones.h"
-
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/matching/orb_descriptor.h>
 
 namespace mapweave::matching {
