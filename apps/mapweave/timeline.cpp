@@ -31,18 +31,19 @@ int tell_timeline(const Arguments& arguments) {
                 "run it again with --set mode=cloud-only");
   double recorded_s = 0.0;
   const runtime::Work work = runtime::read_work(arguments.folder / "summary.json", &recorded_s);
-  const runtime::Timeline line =
-      timeline({configuration.mode, configuration.network, configuration.processors, configuration.cloud, recorded_s, configuration.seed}, work);
+  const runtime::Timeline line = timeline(
+      {configuration.mode, configuration.network, configuration.processors, configuration.cloud, recorded_s, configuration.seed}, work);
   if (arguments.json) {
     std::cout << timeline_json(line, work).dump(2) << '\n';
     return 0;
   }
   std::printf("seconds since the recordings ended\n");
   for (const auto& robot : line.robots)
-    std::printf("robot %-16s packed %8.3f  arrived %8.3f  mapped %8.3f  load %5.1f %%\n", robot.id.str().c_str(), robot.packed_s, robot.arrived_s,
-                robot.mapped_s, 100.0 * robot.load);
+    std::printf("robot %-16s packed %8.3f  arrived %8.3f  mapped %8.3f  load %5.1f %%\n", robot.id.str().c_str(), robot.packed_s,
+                robot.arrived_s, robot.mapped_s, 100.0 * robot.load);
   for (const auto& edge : line.edges)
-    std::printf("edge  %-16s ready  %8.3f  fused   %8.3f  arrived %7.3f\n", edge.id.str().c_str(), edge.ready_s, edge.fused_s, edge.arrived_s);
+    std::printf("edge  %-16s ready  %8.3f  fused   %8.3f  arrived %7.3f\n", edge.id.str().c_str(), edge.ready_s, edge.fused_s,
+                edge.arrived_s);
   std::printf("all   %.3f\n", line.total_s);
   for (const auto& push : line.pushes) std::printf("robot %-16s has it at %.3f\n", push.robot.str().c_str(), push.arrived_s);
   return 0;
@@ -53,7 +54,8 @@ int tell_timeline(const Arguments& arguments) {
 Action set_up_timeline(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("RUN_DIR", arguments->folder, "folder of results of `mapweave run`")->required();
-  verb.add_option("--set", arguments->settings, "wires and processors that are otherwise: network.robot_edge.profile=4g, processors.robot=0.12")
+  verb.add_option("--set", arguments->settings,
+                  "wires and processors that are otherwise: network.robot_edge.profile=4g, processors.robot=0.12")
       ->type_name("KEY=VALUE");
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] { return tell_timeline(*arguments); };

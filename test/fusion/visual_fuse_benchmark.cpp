@@ -1,5 +1,5 @@
-// How long maps of cameras take to join, stage by stage, one thread: medians of several rounds. Wall times of stages; of all, processor time
-// too.
+// How long maps of cameras take to join, stage by stage, one thread: medians of several rounds. Wall times of stages; of all, processor
+// time too.
 //   visual_fuse_benchmark [--rounds N] [--keyframes N] [--seed N] [MAP.mwdb...]
 // Without maps, those of two robots that drive through an apartment until both together have so many keyframes: 456, as in CORB-SLAM's
 // table 2. Then their errors are told, too.
@@ -101,7 +101,8 @@ void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* si
     std::printf("%s, %s: %s %s, %zu witnesses, %zu contradicted\n", verdict.a.str().c_str(), verdict.b.str().c_str(),
                 to_text(verdict.decision).data(), to_text(verdict.reason).data(), verdict.witnesses.size(), verdict.contradicted.size());
   if (simulated == nullptr) return;
-  for (const auto& robot : simulated->robots) std::printf("%s alone: error %.5f m\n", robot.place.client.robot.str().c_str(), robot.error_m());
+  for (const auto& robot : simulated->robots)
+    std::printf("%s alone: error %.5f m\n", robot.place.client.robot.str().c_str(), robot.error_m());
   for (const auto& component : result.components)
     std::printf("team of %zu: error %.5f m\n", component.members.size(), simulated->error_m(component));
 }

@@ -28,7 +28,8 @@ struct CoordinatedRun : testing::Test {
     return run_batch(configuration, make_plan(configuration, {}), {folder / out, false, false}, pool, *silent);
   }
   void expect_same(const std::string& one, const std::string& other, const std::vector<std::string>& files) {
-    for (const std::string& file : files) EXPECT_TRUE(read_file(folder / one / file) == read_file(folder / other / file)) << other << " " << file;
+    for (const std::string& file : files)
+      EXPECT_TRUE(read_file(folder / one / file) == read_file(folder / other / file)) << other << " " << file;
   }
   const std::vector<std::string> kMaps{"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/trajectory.tum"};
   test::TemporaryFolder folder;

@@ -103,7 +103,8 @@ TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
   for (EdgeResources& edge : problem.edges) edge.capacity = 2;
   const Latency latency(problem, model);
   const double bound = lower_bound_seconds(latency);
-  EXPECT_GT(bound, 1e-3 * (1000.0 * 5000.0 + 1000.0 * 4000.0) / 3.0);  // two edges but for two robots hold one, and the rest is on the third
+  EXPECT_GT(bound,
+            1e-3 * (1000.0 * 5000.0 + 1000.0 * 4000.0) / 3.0);  // two edges but for two robots hold one, and the rest is on the third
   EXPECT_GT(bound, 2.0 * anywhere);
   EXPECT_LE(bound, least_of_all(latency));
 }

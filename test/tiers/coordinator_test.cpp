@@ -127,7 +127,8 @@ TEST(Coordinator, moves_a_robot_whose_wire_became_slow) {
 TEST(Coordinator, decides_the_same_whoever_speaks_first) {
   CoordinatorOptions options;
   std::vector<CoordinatorEvent> events{edge("north"), edge("south")};
-  for (const char* robot : {"a", "b", "c", "d", "e"}) events.push_back(RobotComes{RobotId(robot), corridor(8.0 * robot[0], 8.0 * robot[0] + 15.0), {}});
+  for (const char* robot : {"a", "b", "c", "d", "e"})
+    events.push_back(RobotComes{RobotId(robot), corridor(8.0 * robot[0], 8.0 * robot[0] + 15.0), {}});
   Coordinator forth(options), back(options);
   for (auto event = events.begin(); event != events.end(); ++event) forth.hear(*event);
   for (auto event = events.rbegin(); event != events.rend(); ++event) back.hear(*event);

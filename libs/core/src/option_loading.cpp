@@ -275,7 +275,8 @@ class Loader {
 
   static std::string remedy_of_null(const Option& option) {
     if (std::holds_alternative<OptionText>(option.as)) return "write \"\" for an empty text, and quotes around a text like null or ~";
-    if (std::holds_alternative<OptionList>(option.as) || std::holds_alternative<OptionTexts>(option.as)) return "write [] for an empty list";
+    if (std::holds_alternative<OptionList>(option.as) || std::holds_alternative<OptionTexts>(option.as))
+      return "write [] for an empty list";
     return requirement(option);
   }
 

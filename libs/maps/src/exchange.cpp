@@ -51,9 +51,10 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
 }
 
 std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  form.set_version(form.has_map_report()                                 ? kVersion
-                   : form.has_sensed()                                   ? kSensedVersion
-                   : form.place_request().features().dense().empty() ? 1 : kDenseVersion);
+  form.set_version(form.has_map_report()                             ? kVersion
+                   : form.has_sensed()                               ? kSensedVersion
+                   : form.place_request().features().dense().empty() ? 1
+                                                                     : kDenseVersion);
   for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
   return form.SerializeAsString();
 }

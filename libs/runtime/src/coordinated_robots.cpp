@@ -43,7 +43,9 @@ static_assert(static_cast<int>(Coordination::exact) - static_cast<int>(Coordinat
               "methods of a run are those of a plan");
 
 constexpr double kAnyBytesPerS = 1e12;  // of a wire without a bound
-double bytes_per_s(const transport::LinkState& wire) { return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS; }
+double bytes_per_s(const transport::LinkState& wire) {
+  return wire.bytes_per_s > 0.0 ? wire.bytes_per_s * (1.0 - wire.loss) : kAnyBytesPerS;
+}
 
 }  // namespace
 
@@ -63,7 +65,8 @@ void CoordinatedRobots::hear_robots(double now_s) {
     std::vector<scheduling::Waypoint> route;
     for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
     const double range_m = configuration_.coordinator.route_range_m;
-    coordinator_.hear(tiers::RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
+    coordinator_.hear(
+        tiers::RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
   }
 }
 

@@ -111,7 +111,8 @@ void LaserTask::move() {
     state.begin_mapping();
     for (const std::string& bytes : state.sensed) {
       state.work.repeated_bytes += bytes.size();
-      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed"))) state.outcome = std::move(*ended), state.next.reset();
+      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed")))
+        state.outcome = std::move(*ended), state.next.reset();
     }
     state.work.repeated_s += thread_cpu_seconds() - before_s;
   });

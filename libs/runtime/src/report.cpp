@@ -100,7 +100,8 @@ Json coordination_json(const CoordinationReport& report, const std::optional<Tim
   Json decisions = Json::array();
   for (const tiers::CoordinatorDecision& decision : report.decisions) {
     Json moves = Json::array(), placement = Json::object();
-    for (const auto& move : decision.moves) moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
+    for (const auto& move : decision.moves)
+      moves.push_back({{"robot", move.robot.str()}, {"from", move.from.str()}, {"to", move.to.str()}});
     for (const auto& [robot, edge] : decision.edge_of) placement[robot.str()] = edge.str();
     decisions.push_back({{"at_seconds", decision.at_s},
                          {"because", decision.because},
@@ -181,7 +182,8 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
     text += "\n";
   }
   if (timeline && !report.decisions.empty())
-    text += format("coordinator: all was expected after %.3g s and came after %.3g s\n", report.decisions.back().expected_s, timeline->total_s);
+    text +=
+        format("coordinator: all was expected after %.3g s and came after %.3g s\n", report.decisions.back().expected_s, timeline->total_s);
   return text;
 }
 

@@ -111,8 +111,8 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
     expect_known(configuration.cloud.push_to[i], robots, "a robot", origins.place_of("cloud.push_to." + std::to_string(i)),
                  "name a robot of this run");
   if (configuration.coordinator.method != Coordination::none && configuration.mode == Mode::cloud_only)
-    throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none", origins.place_of("coordinator.method"),
-                "leave out one of them");
+    throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none",
+                origins.place_of("coordinator.method"), "leave out one of them");
   std::uint64_t room = 0;
   for (std::size_t i = 0; i < plan.edges.size(); ++i) {
     const EdgeEntry entry = edge_entry(configuration, plan.edges[i]);
@@ -124,12 +124,14 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
     std::uint64_t robots_there = 0;
     for (const PlannedRobot& robot : plan.robots) robots_there += robot.edge == plan.edges[i];
     if (entry.capacity > 0 && robots_there > static_cast<std::uint64_t>(entry.capacity))
-      throw Error(ErrorCode::kBadInput,
-                  "edge '" + entry.id + "' takes " + std::to_string(entry.capacity) + " robots, and " + std::to_string(robots_there) + " use it",
-                  origins.place_of("edges"), "raise its capacity, or let a coordinator place robots: coordinator: {method: default}");
+      throw Error(
+          ErrorCode::kBadInput,
+          "edge '" + entry.id + "' takes " + std::to_string(entry.capacity) + " robots, and " + std::to_string(robots_there) + " use it",
+          origins.place_of("edges"), "raise its capacity, or let a coordinator place robots: coordinator: {method: default}");
   }
   if (room < robots.size())
-    throw Error(ErrorCode::kBadInput, "the edges' capacities hold " + std::to_string(room) + " of " + std::to_string(robots.size()) + " robots",
+    throw Error(ErrorCode::kBadInput,
+                "the edges' capacities hold " + std::to_string(room) + " of " + std::to_string(robots.size()) + " robots",
                 origins.place_of("edges"), "raise capacities, or add an edge");
 }
 
@@ -195,9 +197,8 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
 }
 
 RobotEntry robot_entry(const RunConfiguration& configuration, const RobotId& robot) {
-  const auto entry = std::find_if(configuration.robots.begin(), configuration.robots.end(), [&](const RobotEntry& one) {
-    return (one.id.empty() ? name_of_file(one.log) : one.id) == robot.str();
-  });
+  const auto entry = std::find_if(configuration.robots.begin(), configuration.robots.end(),
+                                  [&](const RobotEntry& one) { return (one.id.empty() ? name_of_file(one.log) : one.id) == robot.str(); });
   MAPWEAVE_EXPECT(entry != configuration.robots.end(), "robot '" + robot.str() + "' is of this run");
   return *entry;
 }

@@ -36,8 +36,8 @@ class Wires {
 
 const transport::LinkOptions& wire_between(const NetworkOptions& network, const std::string& from, const std::string& to,
                                            const transport::LinkOptions& otherwise) {
-  const auto named =
-      std::find_if(network.links.begin(), network.links.end(), [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
+  const auto named = std::find_if(network.links.begin(), network.links.end(),
+                                  [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
   return named != network.links.end() ? *named : otherwise;
 }
 
@@ -66,7 +66,8 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     } else {
       line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot_speed();
       if (is_alone)
-        line.arrived_s = wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge, line.mapped_s, robot.map_bytes);
+        line.arrived_s =
+            wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge, line.mapped_s, robot.map_bytes);
       else
         line.arrived_s = wires.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes);
     }
@@ -98,8 +99,9 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   }
   result.total_s = judged_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud)));
   for (const PushWork& push : work.pushes)
-    result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
-                                                    result.total_s, push.bytes)});
+    result.pushes.push_back(
+        {push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
+                                result.total_s, push.bytes)});
   return result;
 }
 
@@ -141,9 +143,8 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
   }
   for (const auto& [a, b, degree] : work.overlaps) overlaps.push_back({a.str(), b.str(), degree});
   for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
-    pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
-                      {"bytes", work.pushes.at(i).bytes},
-                      {"arrived_seconds", timeline.pushes[i].arrived_s}});
+    pushes.push_back(
+        {{"robot", timeline.pushes[i].robot.str()}, {"bytes", work.pushes.at(i).bytes}, {"arrived_seconds", timeline.pushes[i].arrived_s}});
   return {{"mode", kModes[static_cast<int>(timeline.mode)]},
           {"robots", robots},
           {"edges", edges},

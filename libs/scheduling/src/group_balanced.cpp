@@ -70,7 +70,7 @@ class Search {
 
   // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by powers.
   std::uint64_t budget(double effort) const {
-    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},   {10, 2e4},    {20, 1.2e5},   {50, 1.9e5},    {100, 2.5e6},
+    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},    {10, 2e4},    {20, 1.2e5},   {50, 1.9e5},    {100, 2.5e6},
                                                       {200, 10e6}, {1000, 16e6}, {10'000, 9e8}, {100'000, 2e10}};
     std::size_t i = 1;
     while (i + 1 < std::size(kBudgets) && graph_.size() > kBudgets[i].first) ++i;
@@ -250,8 +250,7 @@ GroupOf group_balanced(const OverlapGraph& overlaps, const std::vector<std::uint
   // What others find is cheap on small graphs, and then never better than what is found from there.
   constexpr std::size_t kFew = 40;
   std::vector<GroupOf> starts;
-  if (overlaps.size() <= kFew)
-    starts = {group_greedy(overlaps, sizes), group_recslam(overlaps, static_cast<std::uint32_t>(sizes.size()))};
+  if (overlaps.size() <= kFew) starts = {group_greedy(overlaps, sizes), group_recslam(overlaps, static_cast<std::uint32_t>(sizes.size()))};
   const ContractedGraph graph = contracted(overlaps);
   return Search(graph, sizes, options).run(starts);
 }

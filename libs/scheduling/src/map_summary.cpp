@@ -28,8 +28,7 @@ class Sketch {
     const double columns = std::floor(high_.x / kCell_m) - std::floor(low_.x / kCell_m) + 1.0,
                  rows = std::floor(high_.y / kCell_m) - std::floor(low_.y / kCell_m) + 1.0;
     constexpr double kFarthest_m = 1e6;  // from the frame's origin
-    if (!(columns * rows <= static_cast<double>(MapSummary::kMostCells)) ||
-        !(std::max({-low_.x, -low_.y, high_.x, high_.y}) < kFarthest_m))
+    if (!(columns * rows <= static_cast<double>(MapSummary::kMostCells)) || !(std::max({-low_.x, -low_.y, high_.x, high_.y}) < kFarthest_m))
       return result;
     result.left = cell_of(low_.x), result.bottom = cell_of(low_.y);
     result.columns = static_cast<std::int32_t>(columns), result.rows = static_cast<std::int32_t>(rows);
@@ -46,7 +45,7 @@ class Sketch {
     }
     for (const auto& [where, is_wall] : seen_) is_wall ? ++at(where.x, where.y).hit : ++at(where.x, where.y).passed;
     for (const Count& count : counts)
-      result.cells.push_back(count.passed + count.hit == 0              ? Cell::unknown
+      result.cells.push_back(count.passed + count.hit == 0               ? Cell::unknown
                              : kPassesOfAWall * count.hit > count.passed ? Cell::wall
                                                                          : Cell::free);
     describe(way, result);
@@ -169,8 +168,9 @@ MapSummary summary_of_route(const std::vector<Waypoint>& route, double range_m) 
         const double x = (column + 0.5) * kCell_m - from.x_m, y = (row + 0.5) * kCell_m - from.y_m;
         const double along = squared > 0.0 ? std::clamp((x * dx + y * dy) / squared, 0.0, 1.0) : 0.0;
         if (std::hypot(x - along * dx, y - along * dy) <= range_m)
-          summary.cells[static_cast<std::size_t>(row - bottom) * static_cast<std::size_t>(columns) +
-                        static_cast<std::size_t>(column - left)] = Cell::free;
+          summary
+              .cells[static_cast<std::size_t>(row - bottom) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column - left)] =
+              Cell::free;
       }
   }
   return summary;

@@ -101,8 +101,7 @@ void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess
       for (int step = 0; step < 27; ++step) {
         const Pose2 pose{around.x + (step % 3 - 1) * step_m, around.y + (step / 3 % 3 - 1) * step_m,
                          wrap_angle(around.phi + (step / 9 - 1) * step_rad)};
-        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score)
-          guess = {score, pose}, is_better = true;
+        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score) guess = {score, pose}, is_better = true;
       }
     }
 }
@@ -156,7 +155,8 @@ void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {
   entry.summary = std::move(summary);
 }
 
-// Up to a few dozen maps all pairs; of more, for each map those that share most words. A word is how many walls stand near, farther and far.
+// Up to a few dozen maps all pairs; of more, for each map those that share most words. A word is how many walls stand near, farther and
+// far.
 std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
   std::vector<std::pair<RobotId, RobotId>> pairs;
   constexpr std::size_t kAllPairs = 24, kMostAlike = 8;

@@ -81,8 +81,8 @@ class TabuSearch {
   std::vector<std::int32_t> all_;  // what a vertex is linked to
   std::vector<std::int32_t> link_to_;  // all 0 between uses
   std::int32_t little_ = 0;
-  std::vector<std::int64_t> robots_;                  // by group
-  std::vector<std::uint8_t> may_give_, may_take_;     // by group: one robot
+  std::vector<std::int64_t> robots_;               // by group
+  std::vector<std::uint8_t> may_give_, may_take_;  // by group: one robot
   std::vector<std::uint8_t> held_;
   std::vector<std::uint32_t> held_until_, next_held_;  // a ring by step of lists: the first of each, and who follows whom
   std::uint64_t step_ = 0, spent_ = 0;

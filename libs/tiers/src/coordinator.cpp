@@ -38,47 +38,47 @@ Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(option
 
 void Coordinator::hear(CoordinatorEvent event) {
   const auto expect_known = [&](const RobotId& robot) { MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came"); };
-  std::visit(
-      Overloaded{
-          [&](RobotComes& comes) {
-            robots_[comes.robot];
-            edge_of_[comes.robot] = comes.edge;
-            if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
-            because_.push_back("robot " + comes.robot.str() + " comes");
-          },
-          [&](RobotReports& reports) {
-            expect_known(reports.robot);
-            robots_[reports.robot].scans = reports.scans;
-            if (reports.summary.known() > 0) overlaps_.put(reports.robot, std::move(reports.summary));
-            const std::string why = "maps have grown";
-            if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
-          },
-          [&](const RobotGoes& goes) {
-            expect_known(goes.robot);
-            because_.push_back("robot " + goes.robot.str() + " has sensed all");
-          },
-          [&](EdgeIs& edge) {
-            const auto known = edges_.find(edge.resources.id);
-            if (known != edges_.end() && is_same(known->second, edge.resources)) return;
-            because_.push_back("edge " + edge.resources.id.str() + (known == edges_.end() ? " comes" : " is otherwise"));
-            edges_.insert_or_assign(edge.resources.id, edge.resources);
-          },
-          [&](const EdgeGoes& goes) {
-            if (edges_.erase(goes.edge) == 0) return;
-            because_.push_back("edge " + goes.edge.str() + " goes");
-            for (auto& [robot, edge] : edge_of_)
-              if (edge == goes.edge) edge = TierId();
-          },
-          [&](const LinkIs& link) {
-            expect_known(link.robot);
-            const auto key = std::make_pair(link.robot, link.edge);
-            const auto known = links_.find(key);
-            if (known != links_.end() && known->second.bytes_per_s == link.link.bytes_per_s && known->second.delay_s == link.link.delay_s)
-              return;
-            if (known != links_.end()) because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
-            links_.insert_or_assign(key, link.link);
-          }},
-      event);
+  std::visit(Overloaded{[&](RobotComes& comes) {
+                          robots_[comes.robot];
+                          edge_of_[comes.robot] = comes.edge;
+                          if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
+                          because_.push_back("robot " + comes.robot.str() + " comes");
+                        },
+                        [&](RobotReports& reports) {
+                          expect_known(reports.robot);
+                          robots_[reports.robot].scans = reports.scans;
+                          if (reports.summary.known() > 0) overlaps_.put(reports.robot, std::move(reports.summary));
+                          const std::string why = "maps have grown";
+                          if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
+                        },
+                        [&](const RobotGoes& goes) {
+                          expect_known(goes.robot);
+                          because_.push_back("robot " + goes.robot.str() + " has sensed all");
+                        },
+                        [&](EdgeIs& edge) {
+                          const auto known = edges_.find(edge.resources.id);
+                          if (known != edges_.end() && is_same(known->second, edge.resources)) return;
+                          because_.push_back("edge " + edge.resources.id.str() + (known == edges_.end() ? " comes" : " is otherwise"));
+                          edges_.insert_or_assign(edge.resources.id, edge.resources);
+                        },
+                        [&](const EdgeGoes& goes) {
+                          if (edges_.erase(goes.edge) == 0) return;
+                          because_.push_back("edge " + goes.edge.str() + " goes");
+                          for (auto& [robot, edge] : edge_of_)
+                            if (edge == goes.edge) edge = TierId();
+                        },
+                        [&](const LinkIs& link) {
+                          expect_known(link.robot);
+                          const auto key = std::make_pair(link.robot, link.edge);
+                          const auto known = links_.find(key);
+                          if (known != links_.end() && known->second.bytes_per_s == link.link.bytes_per_s &&
+                              known->second.delay_s == link.link.delay_s)
+                            return;
+                          if (known != links_.end())
+                            because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
+                          links_.insert_or_assign(key, link.link);
+                        }},
+             event);
 }
 
 // Where edges cannot hold everyone, who is on one stays first; the others map on board.
@@ -172,7 +172,9 @@ Coordinator::Candidate Coordinator::planned(const Latency& latency, CoordinatorD
       for (std::uint32_t& edge : exchanged) edge = edge == a ? b : edge == b ? a : edge;
       if (moved(exchanged) >= moved(result.edge_of)) continue;
       const Groups there = robots_at(exchanged, edges);
-      const auto holds = [&](std::uint32_t edge) { return !problem.edges[edge].capacity || there[edge].size() <= *problem.edges[edge].capacity; };
+      const auto holds = [&](std::uint32_t edge) {
+        return !problem.edges[edge].capacity || there[edge].size() <= *problem.edges[edge].capacity;
+      };
       if (!holds(a) || !holds(b)) continue;
       constexpr double kRounding = 1e-9;
       if (const double seconds = latency.total_seconds(there); seconds <= result.seconds * (1.0 + kRounding))

@@ -76,8 +76,7 @@ EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Pro
     map.id = update.origin.map;
     if (needed.count(map.id) != 0 && !maps_.contains(map.id)) input.maps.push_back(updated(map, update));
   }
-  if (input.maps.size() != needed.size())
-    throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
+  if (input.maps.size() != needed.size()) throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
   fusion::Memo memo;
   Effects effects;
   effects.for_cloud = told(fusion::judge_pairs(input, errand.pairs, options_, memo, pool, progress));

@@ -93,7 +93,8 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   std::stable_sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) { return a.size > b.size; });
   std::vector<std::size_t> breaks;  // first keyframes of stretches of their own
   for (const Change& change : changes)
-    if (std::none_of(breaks.begin(), breaks.end(), [&](std::size_t at) { return std::abs(driven_m[at] - driven_m[change.at]) < kDriven_m; }))
+    if (std::none_of(breaks.begin(), breaks.end(),
+                     [&](std::size_t at) { return std::abs(driven_m[at] - driven_m[change.at]) < kDriven_m; }))
       breaks.push_back(change.at);
   if (breaks.empty()) return stretches;
   breaks.push_back(0), breaks.push_back(order.size());
@@ -130,7 +131,8 @@ void MapCorrection::run() {
   };
   for (const Tie& known : ties_) {
     const auto from = static_cast<std::size_t>(known.from), to = static_cast<std::size_t>(known.to);
-    tie(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])}, std::max(kWeakTie, static_cast<double>(known.landmarks)));
+    tie(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])},
+        std::max(kWeakTie, static_cast<double>(known.landmarks)));
   }
   tie(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale}, 10.0 * static_cast<double>(loop_.matches.size()));
   constexpr int kIterations = 50;

@@ -83,8 +83,8 @@ struct Report {
   Work work;                         // run
   std::optional<Timeline> timeline;  // run; none where it was interrupted
   std::optional<CoordinationReport> coordination;
-  std::vector<std::string> notes;    // for people: maps renamed, maps too large to draw
-  std::string picture;               // the one to look at first, within the folder; may be empty
+  std::vector<std::string> notes;  // for people: maps renamed, maps too large to draw
+  std::string picture;             // the one to look at first, within the folder; may be empty
   bool interrupted = false;
   double wall_seconds = 0.0;
   std::uint64_t peak_rss_bytes = 0;

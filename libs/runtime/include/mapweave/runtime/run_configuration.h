@@ -217,8 +217,8 @@ EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 TierId cloud_tier();
 
 // Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput
-// for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that cannot hold all robots, a wire between two that are
-// none; kMissing for a robot without a log, a log, a trace or a model that is not there.
+// for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that cannot hold all robots, a wire between two
+// that are none; kMissing for a robot without a log, a log, a trace or a model that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots by id, each with its edge and the full path of its log.

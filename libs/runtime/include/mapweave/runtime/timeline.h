@@ -55,7 +55,8 @@ struct ProcessorOptions {
   double cloud_speed() const { return speed_of(cloud_profile) * cloud; }
   template <class Visitor>
   void describe(Visitor& v) {
-    const auto tier = [&v](const char* name, const char* speed_name, Profile& profile, double& speed, const char* doc, const char* speed_doc) {
+    const auto tier = [&v](const char* name, const char* speed_name, Profile& profile, double& speed, const char* doc,
+                           const char* speed_doc) {
       v.choice(name, profile,
                {{"this-machine", Profile::this_machine},
                 {"raspberry-pi-3b-plus", Profile::raspberry_pi_3b_plus},
@@ -131,7 +132,7 @@ struct Timeline {
   struct Edge {
     TierId id;
     double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there
-    double judged_s = 0.0;  // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
+    double judged_s = 0.0;                                 // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
   };
   struct Push {
     RobotId robot;
