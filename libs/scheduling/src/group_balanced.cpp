@@ -70,7 +70,7 @@ class Search {
 
   // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by powers.
   std::uint64_t budget(double effort) const {
-    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},    {10, 2e4},    {20, 1.2e5},   {50, 1.9e5},    {100, 2.5e6},
+    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},    {10, 2e4},    {20, 2.4e5},   {50, 2.6e5},    {100, 2.5e6},
                                                       {200, 10e6}, {1000, 16e6}, {10'000, 9e8}, {100'000, 2e10}};
     std::size_t i = 1;
     while (i + 1 < std::size(kBudgets) && graph_.size() > kBudgets[i].first) ++i;
