@@ -1,7 +1,5 @@
-#include "hearsay.h"
 #include "joint_transforms.h"
-#include "map_pair.h"
-#include "repetition.h"
+#include "pair_judging.h"
 #include "ties.h"
 #include "warm_start.h"
 
@@ -18,26 +16,6 @@
 namespace mapweave::fusion {
 namespace {
 
-std::vector<const Map*> sorted(const std::vector<Map>& maps) {
-  std::vector<const Map*> order;
-  for (const auto& map : maps) order.push_back(&map);
-  std::sort(order.begin(), order.end(), [](const Map* a, const Map* b) { return a->id < b->id; });
-  std::vector<std::pair<NodeId, const Map*>> nodes;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    if (i > 0 && order[i]->id == order[i - 1]->id)
-      throw Error(ErrorCode::kBadInput, "two maps are called '" + order[i]->id.str() + "'", {}, "give each its own name");
-    for (const auto& entry : order[i]->nodes) nodes.emplace_back(entry.first, order[i]);
-  }
-  std::stable_sort(nodes.begin(), nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (std::size_t i = 1; i < nodes.size(); ++i)
-    if (nodes[i].first == nodes[i - 1].first)
-      throw Error(ErrorCode::kBadInput,
-                  "session " + to_string(nodes[i].first.session) + " stands in two maps, '" + nodes[i - 1].second->id.str() + "' and '" +
-                      nodes[i].second->id.str() + "'",
-                  {}, "leave one of them out");
-  return order;
-}
-
 struct Groups {
   std::vector<std::size_t> parent;
   explicit Groups(std::size_t count) : parent(count) { std::iota(parent.begin(), parent.end(), std::size_t{0}); }
@@ -47,15 +25,6 @@ struct Groups {
     parent[std::max(i, j)] = std::min(i, j);
     return i != j;
   }
-};
-
-struct PairJoin {
-  std::size_t a, b;  // numbers in id order
-  PairResult result;
-  std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
-  Repetition repetition;
-  bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
-  std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
 };
 
 struct Placement {
@@ -121,20 +90,13 @@ void revoke(PairJoin& join) {
 class Fusing {
  public:
   Fusing(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress)
-      : input_(input),
-        options_(options),
-        pool_(pool),
-        progress_(progress),
-        cache_(static_cast<std::size_t>(options.cache_mb) << 20),
-        judge_(options_, cache_, memo, pool),
-        visual_judge_(options_.visual, input, memo, pool),
-        memo_(memo) {}
+      : input_(input), options_(options), pool_(pool), progress_(progress), judging_(input, options, memo, pool) {}
 
   FusionResult run() {
     Stopwatch watch;
-    prepare_maps();
+    judging_.prepare_maps();
     result_.stages.push_back({"features", watch.lap()});
-    compare();
+    pairs_ = judging_.all_pairs(progress_);
     result_.stages.push_back({"pairwise matching", watch.lap()});
     const auto components = connect();
     result_.stages.push_back({"component connection", watch.lap()});
@@ -147,150 +109,11 @@ class Fusing {
     });
     result_.stages.push_back({"transform optimisation", watch.lap()});
     for (auto& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
-    result_.judgements = judgements();
+    result_.judgements = judging_.judgements();
     return std::move(result_);
   }
 
-  std::vector<Judgement> judged(const std::vector<MapPair>& pairs) {
-    prepare_maps();
-    const auto index_of = [&](const MapId& id) {
-      const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const PreparedMap& one) { return one.map->id == id; });
-      MAPWEAVE_EXPECT(map != maps_.end(), "map '" + id.str() + "' is among the maps");
-      return static_cast<std::size_t>(map - maps_.begin());
-    };
-    const int task = progress_.begin("comparing maps", pairs.size(), "pairs of maps");
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::size_t one = index_of(pairs[i].first), other = index_of(pairs[i].second);
-      MAPWEAVE_EXPECT(one != other, "a pair has two maps");
-      const auto ids = compared(std::min(one, other), std::max(one, other)).result.judged;
-      judged_.insert(judged_.end(), ids.begin(), ids.end());
-      progress_.advance(task, i + 1);
-    }
-    progress_.end(task);
-    return judgements();
-  }
-
  private:
-  void prepare_maps() {
-    for (const Map* map : sorted(input_.maps)) {
-      maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
-      seen_.emplace_back(*map, pool_, *input_.pictures);
-    }
-    hearsay_.emplace(input_.borrowed, seen_);
-  }
-
-  std::vector<Judgement> judgements() {
-    std::sort(judged_.begin(), judged_.end());
-    judged_.erase(std::unique(judged_.begin(), judged_.end()), judged_.end());
-    std::vector<Judgement> all;
-    for (const auto& id : judged_) all.push_back(memo_.at(id));
-    return all;
-  }
-
-  void compare() {
-    const std::size_t count = maps_.size() * (maps_.size() - (maps_.empty() ? 0 : 1)) / 2;
-    if (count == 0) return;
-    const int task = progress_.begin("comparing maps", count, "pairs of maps");
-    for (std::size_t a = 0; a < maps_.size(); ++a)
-      for (std::size_t b = a + 1; b < maps_.size(); ++b) {
-        Stopwatch watch;
-        pairs_.push_back(compared(a, b));
-        auto& result = pairs_.back().result;
-        result.verdict.seconds = watch.lap();
-        judged_.insert(judged_.end(), result.judged.begin(), result.judged.end());
-        progress_.advance(task, pairs_.size());
-      }
-    progress_.end(task);
-    doubt_what_repeats();
-  }
-
-  // What a map has twice tells nothing in other maps either.
-  void doubt_what_repeats() {
-    std::vector<std::set<std::size_t>> known(maps_.size());
-    std::vector<std::vector<Hash>> because(maps_.size());
-    for (const PairJoin& pair : pairs_) {
-      known[pair.a].insert(pair.repetition.of_a.begin(), pair.repetition.of_a.end());
-      known[pair.b].insert(pair.repetition.of_b.begin(), pair.repetition.of_b.end());
-      for (const std::size_t map : {pair.a, pair.b})
-        because[map].insert(because[map].end(), pair.repetition.because.begin(), pair.repetition.because.end());
-    }
-    for (PairJoin& pair : pairs_) {
-      if (!pair.is_accepted() || pair.result.verdict.kind != "vision") continue;
-      if (!rests_on(known[pair.a], known[pair.b], seen_[pair.a], seen_[pair.b], pair.seen)) continue;
-      for (const std::size_t map : {pair.a, pair.b}) doubt(pair.result.verdict, because[map]);
-      pair.seen.clear();
-    }
-  }
-
-  PairJoin compared(std::size_t a, std::size_t b) {
-    PairJoin join{a, b, {}, {}, {}};
-    const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
-    if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
-    if (!cameras) return join;
-    VisualPairResult seen = decide(seen_[a], seen_[b], hearsay_->pairs(a, b), input_, options_, visual_judge_);
-    join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
-    join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
-    join.repetition = std::move(seen.repetition);
-    if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
-    if (!join.is_accepted() || join.result.verdict.kind == "vision") join.result.witnesses.clear();
-    return join;
-  }
-
-  // One verdict of two senses. What one believes, the other must not contradict.
-  Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged) {
-    const bool by_laser = laser.decision == Decision::accepted, by_camera = seen.decision == Decision::accepted;
-    if (by_laser && by_camera) {
-      Verdict both = laser;
-      both.kind = "laser and vision";
-      both.witnesses.insert(both.witnesses.end(), seen.witnesses.begin(), seen.witnesses.end());
-      std::sort(both.witnesses.begin(), both.witnesses.end());
-      both.probability = 1.0 - (1.0 - laser.probability) * (1.0 - seen.probability);
-      if (!lie_alike(laser.alignment->a_from_b, seen.alignment->a_from_b, b))
-        both.decision = Decision::deferred, both.reason = Reason::ambiguous;
-      return both;
-    }
-    if (by_camera) {
-      Verdict verdict = seen;
-      verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)));
-      if (verdict.conflict > options_.max_wall_conflict) verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;
-      return verdict;
-    }
-    Verdict verdict = laser;
-    if (by_laser && contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged))
-      verdict.decision = Decision::refused, verdict.reason = Reason::contradiction, verdict.kind = "laser and vision";
-    return verdict;
-  }
-
-  bool lie_alike(const Sim3& one, const Sim3& other, std::size_t b) const {
-    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-    for (const MappedKeyframe& keyframe : seen_[b].keyframes())
-      middle += keyframe.map_from_node.t / static_cast<double>(seen_[b].keyframes().size());
-    constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;
-    const Eigen::Vector3d apart = matching::transformed(middle, one) - matching::transformed(middle, other);
-    return apart.head<2>().norm() < kAlike_m && std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
-  }
-
-  // Share of the walls of one map that the other saw through, once b lies so. Nothing is searched for, so that nothing can be missed.
-  double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b) {
-    double conflict = 0.0, overlap_m2 = 0.0;
-    for (const std::size_t j : maps_[b].representatives) {
-      std::pair<double, std::size_t> nearest{1e300, 0};
-      const Pose2 there = compose(a_from_b, maps_[b].map_from_submap[j]);
-      for (const std::size_t i : maps_[a].representatives) {
-        const Pose2 apart = between(maps_[a].map_from_submap[i], there);
-        nearest = std::min(nearest, {std::hypot(apart.x, apart.y), i});
-      }
-      constexpr double kNear_m = 6.0;
-      if (nearest.first > kNear_m) continue;
-      const PreparedMap &one = maps_[a], &other = maps_[b];
-      const Evidence e =
-          matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes), *cache_.get(*other.submaps[j], other.map->nodes),
-                          between(one.map_from_submap[nearest.second], there));
-      conflict += e.conflict * e.overlap_m2, overlap_m2 += e.overlap_m2;
-    }
-    return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;
-  }
-
   bool in_space(const std::vector<std::size_t>& members) const {
     return std::none_of(members.begin(), members.end(), [&](std::size_t m) { return !maps_[m].submaps.empty(); });
   }
@@ -311,7 +134,7 @@ class Fusing {
       for (PairJoin* join : strongest) {
         if (std::find(branches.begin(), branches.end(), join) != branches.end()) continue;
         const Sim3 a_from_b = composed(matching::inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
-        if (lie_alike(a_from_b, join->result.verdict.alignment->a_from_b, join->b)) continue;
+        if (lie_alike(seen_[join->b], a_from_b, join->result.verdict.alignment->a_from_b)) continue;
         revoke(*join);
         revoked = true;
       }
@@ -365,7 +188,7 @@ class Fusing {
         joins.push_back({static_cast<std::size_t>(a - members.begin()), static_cast<std::size_t>(b - members.begin()), &pair.seen});
     }
     std::vector<ToldSighting> told;
-    for (ToldSighting sighting : hearsay_->sightings()) {
+    for (ToldSighting sighting : judging_.hearsay().sightings()) {
       const auto by = std::lower_bound(members.begin(), members.end(), sighting.map),
                  of = std::lower_bound(members.begin(), members.end(), sighting.map_of_landmark);
       if (by == members.end() || *by != sighting.map || of == members.end() || *of != sighting.map_of_landmark) continue;
@@ -482,8 +305,7 @@ class Fusing {
           for (const auto& candidate : near)
             questions.push_back({candidate.second, j, {between(pose(a, candidate.second), pose(b, j)), 0.6, 0.06}});
         }
-        for (const auto& w : judge_.ask(a, b, questions)) {
-          judged_.push_back(w.judgement.id);
+        for (const auto& w : judging_.ask(members[m], members[n], questions)) {
           if (!w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options_.min_probability &&
               input_.vetoed.count(w.judgement.id) == 0)
             ties.push_back(tie_of(w, a, b));
@@ -493,18 +315,13 @@ class Fusing {
   }
 
   const FusionInput& input_;
-  FusionOptions options_;
+  const FusionOptions& options_;
   WorkerPool& pool_;
   Progress& progress_;
-  matching::ModelCache cache_;
-  Judge judge_;
-  VisualJudge visual_judge_;
-  Memo& memo_;
-  std::vector<PreparedMap> maps_;
-  std::deque<VisualMap> seen_;  // of each map; empty without keyframes
-  std::optional<Hearsay> hearsay_;
+  PairJudging judging_;
+  const std::vector<PreparedMap>& maps_ = judging_.maps();
+  const std::deque<VisualMap>& seen_ = judging_.seen();
   std::vector<PairJoin> pairs_;
-  std::vector<Hash> judged_;
   FusionResult result_;
 };
 
@@ -512,7 +329,10 @@ class Fusing {
 
 std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<MapPair>& pairs, const FusionOptions& options, Memo& memo,
                                    WorkerPool& pool, Progress& progress) {
-  return Fusing(input, options, memo, pool, progress).judged(pairs);
+  PairJudging judging(input, options, memo, pool);
+  judging.prepare_maps();
+  judging.judge(pairs, progress);
+  return judging.judgements();
 }
 
 FusionResult fuse(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress) {

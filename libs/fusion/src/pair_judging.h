@@ -1,0 +1,60 @@
+#pragma once
+// The first half of fuse(): maps made ready, and each two of them judged by all senses that both have.
+
+#include "hearsay.h"
+#include "map_pair.h"
+#include "repetition.h"
+
+#include <deque>
+#include <optional>
+
+namespace mapweave::fusion {
+
+struct PairJoin {
+  std::size_t a, b;  // numbers in id order
+  PairResult result;
+  std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
+  Repetition repetition;
+  bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
+  std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
+};
+
+// Numbers of maps are in the order of their ids. Not thread-safe; works in parallel within. Input and memo must outlive it.
+class PairJudging {
+ public:
+  PairJudging(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool);
+
+  // Before all else. Throws as fuse() does.
+  void prepare_maps();
+  const std::vector<PreparedMap>& maps() const { return maps_; }
+  const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
+  const Hearsay& hearsay() const { return *hearsay_; }
+
+  std::vector<PairJoin> all_pairs(Progress& progress);
+  void judge(const std::vector<MapPair>& pairs, Progress& progress);
+  std::vector<Witness> ask(std::size_t a, std::size_t b, const std::vector<Question>& questions);
+  std::vector<Judgement> judgements();  // that were asked for, sorted by id
+
+ private:
+  void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
+  PairJoin compared(std::size_t a, std::size_t b);
+  Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
+  double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b);
+
+  const FusionInput& input_;
+  const FusionOptions options_;
+  WorkerPool& pool_;
+  matching::ModelCache cache_;
+  Judge judge_;
+  VisualJudge visual_judge_;
+  Memo& memo_;
+  std::vector<PreparedMap> maps_;
+  std::deque<VisualMap> seen_;
+  std::optional<Hearsay> hearsay_;
+  std::vector<Hash> judged_;
+};
+
+// Whether two ways to lay map b put its keyframes in about the same place.
+bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other);
+
+}  // namespace mapweave::fusion
