@@ -67,6 +67,13 @@ def readme_rows(name, headers):
     return {cells[0]: cells for cells in lines[2:]} if lines and lines[0] == list(headers) else {}
 
 
+def readme_text(name, pattern):
+    """What matches between <!-- bench:name --> and <!-- /bench -->; nothing where nothing does."""
+    found = re.search(rf"<!-- bench:{name} -->\n(.*?)<!-- /bench -->", (ROOT / "README.md").read_text(), re.DOTALL)
+    match = re.search(pattern, found.group(1)) if found else None
+    return match.group(0) if match else ""
+
+
 def write_json(name, value):
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / f"{name}.json").write_text(json.dumps(value, indent=2) + "\n")
