@@ -136,7 +136,7 @@ def measure_pictures(name):
     joined = [robot for robot, path in zip(routes, team) if path.exists()]
     team_m = error_of(one_after_the_other([path for path in team if path.exists()], out / "team.tum"),
                       one_after_the_other([truths[robot] for robot in joined], out / "truth.tum"))
-    return {"name": name, "title": scene["title"], "robots": len(routes), "maps": sum(len(team) for team in summary["team"]["components"]), "components": len(summary["team"]["components"]),
+    return {"name": name, "title": scene["title"], "robots": len(routes), "maps": sum(len(team) for team in summary["team"]["members"]), "components": summary["team"]["components"],
             "falsely_joined": int(team_m > 0.5), "alone_m": math.sqrt(statistics.mean(error * error for error in alone)), "team_m": team_m,
             "up_kb_per_s": statistics.mean(sent), "down_kb_per_s": statistics.mean(heard)}
 
