@@ -25,7 +25,7 @@ if(MAPWEAVE_SANITIZER STREQUAL "address")
   add_compile_definitions(EIGEN_MALLOC_ALREADY_ALIGNED=1)
   add_link_options(-fsanitize=address,undefined)
 elseif(MAPWEAVE_SANITIZER STREQUAL "thread")
-  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer -Wno-maybe-uninitialized)   # gcc 12 takes members of empty optionals for used
   add_link_options(-fsanitize=thread)
 elseif(MAPWEAVE_SANITIZER)
   message(FATAL_ERROR "MAPWEAVE_SANITIZER is '${MAPWEAVE_SANITIZER}'; it must be address, thread or empty")
