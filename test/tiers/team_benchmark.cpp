@@ -69,23 +69,49 @@ double alone_m(const std::deque<FeatureTeam::Robot>& robots) {
   return std::sqrt(square);
 }
 
-// Keyframes as they are told: once in full, with the landmarks that they made, then a pose and an id (CORB-SLAM, table 1).
-struct KeyframeBytes {
-  std::size_t full = 0, light = 0, full_bytes = 0, light_bytes = 0;
+// What is told of keyframes and landmarks: once in full, then what changes of them alone (CORB-SLAM, table 1).
+struct ToldParts {
+  struct Part {
+    std::size_t count = 0, bytes = 0;
+    double seconds = 0.0;  // of a processor, at both ends: encoding and decoding
+
+    void add(std::size_t things, const MapUpdate& update, std::size_t head) {
+      if (things == 0) return;
+      const double before_s = processor_s();
+      const std::string bytes_of = encode(update);
+      decode_map_update(bytes_of, "client");
+      seconds += processor_s() - before_s;
+      count += things, bytes += bytes_of.size() - head;
+    }
+    nlohmann::json json() const { return {{"count", count}, {"bytes", bytes}, {"seconds", seconds}}; }
+  };
+  Part keyframes, landmarks, moved_keyframes, changed_landmarks;
 
   void add(const std::string& bytes) {
     const MapUpdate told = decode_map_update(bytes, "client");
-    MapUpdate once, again;
-    once.origin = again.origin = told.origin, once.sequence = again.sequence = told.sequence;
-    const std::size_t head = encode(once).size();
-    once.nodes = told.nodes, once.landmarks = told.landmarks, again.moved = told.moved;
-    full += told.nodes.size(), full_bytes += encode(once).size() - head;
-    light += told.moved.size(), light_bytes += encode(again).size() - head;
+    MapUpdate nothing;
+    nothing.origin = told.origin, nothing.sequence = told.sequence;
+    const std::size_t head = encode(nothing).size();
+    MapUpdate part = nothing;
+    part.nodes = told.nodes;
+    keyframes.add(told.nodes.size(), part, head);
+    part = nothing, part.landmarks = told.landmarks;
+    landmarks.add(told.landmarks.size(), part, head);
+    part = nothing, part.moved = told.moved;
+    moved_keyframes.add(told.moved.size(), part, head);
+    part = nothing, part.changed_landmarks = told.changed_landmarks;
+    changed_landmarks.add(told.changed_landmarks.size(), part, head);
   }
-  nlohmann::json json() const { return {{"full", full}, {"full_bytes", full_bytes}, {"light", light}, {"light_bytes", light_bytes}}; }
+  nlohmann::json json() const {
+    return {{"full keyframes", keyframes.json()},
+            {"full landmarks", landmarks.json()},
+            {"light keyframes", moved_keyframes.json()},
+            {"light landmarks", changed_landmarks.json()}};
+  }
 };
 
-nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
+// by_themselves_m: of the same robots where nobody tells them anything.
+nlohmann::json report(const char* name, FeatureTeam& team, double began_s, double by_themselves_m) {
   const auto silent = make_silent_progress();
   const double driven_s = processor_s();
   const auto sealed = team.server.seal(team.pool, *silent);
@@ -107,7 +133,8 @@ nlohmann::json report(const char* name, FeatureTeam& team, double began_s) {
           {"components", found.components},
           {"placed", placed},
           {"falsely_joined", found.falsely_joined},
-          {"alone_m", alone_m(team.robots)},
+          {"alone_m", by_themselves_m},
+          {"sharing_m", alone_m(team.robots)},
           {"team_m", found.team_m},
           {"up_kb_per_s", up},
           {"down_kb_per_s", down},
@@ -120,11 +147,15 @@ nlohmann::json apartment(int robots) {
   tiers::ServerOptions sharing;
   sharing.share = tiers::Sharing::view;
   FeatureTeam team(test::apartment(static_cast<std::size_t>(robots), 60.0), sharing, {}, 2);
-  KeyframeBytes keyframes;
-  team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { keyframes.add(bytes); };
+  ToldParts parts;
+  team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { parts.add(bytes); };
   team.run();
-  auto told = report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s);
-  told["keyframes"] = keyframes.json();
+  FeatureTeam unheard(test::apartment(static_cast<std::size_t>(robots), 60.0), tiers::ServerOptions{}, {}, 2);
+  unheard.run();
+  auto told = report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s, alone_m(unheard.robots));
+  std::size_t loops = 0;
+  for (const auto& robot : unheard.robots) loops += robot.client->loops().size();
+  told["told"] = parts.json(), told["loops_alone"] = loops;
   return told;
 }
 
@@ -145,7 +176,7 @@ nlohmann::json single_camera() {
   team.run();
   double scale = 0.0;
   beta.error_m(0, true, &scale);
-  auto told = report("a single camera in a mapped area", team, began_s);
+  auto told = report("a single camera in a mapped area", team, began_s, alone_m(team.robots));
   told["scale"] = scale;
   return told;
 }
