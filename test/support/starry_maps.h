@@ -13,7 +13,7 @@ struct StarryOptions {
   double pixel_noise = 0.3;
   double inverse_depth_noise = 0.002;
   double drift_rad_per_keyframe = 0.0;  // in yaw: the map bends
-  bool depth = true;                    // false: one camera, whose lengths are `scale` times the true ones
+  bool depth = true;                    // false: one camera, whose way and landmarks it has `scale` times as long; where it sits it knows
   double scale = 1.0;
 };
 
@@ -50,10 +50,13 @@ class StarryBuilding {
     for (std::uint32_t k = 0; k < poses.size(); ++k) {
       if (k > 0) {
         Pose2 step = between(poses[k - 1], poses[k]);
-        step.x *= options.scale, step.y *= options.scale, step.phi += options.drift_rad_per_keyframe;
+        step.phi += options.drift_rad_per_keyframe;
         believed = compose(believed, step);
       }
       const NodeId id{session, k};
+      Pose3 map_from_node = spatial(believed);
+      const Eigen::Vector3d swung_m = map_from_node.q * geometry->robot_from_camera.t - geometry->robot_from_camera.t;
+      map_from_node.t += (options.scale - 1.0) * (map_from_node.t + swung_m);
       const Pose3 building_from_camera = compose(spatial(poses[k]), geometry->robot_from_camera),
                   camera_from_building = inverse(building_from_camera);
       KeyframeFeatures features;
@@ -81,7 +84,7 @@ class StarryBuilding {
         landmark->second.seen.push_back({id, point.u, point.v, point.inverse_depth, 0});
       }
       map.nodes.set(
-          id, {id, {session.run + std::int64_t{k} * 100'000'000}, spatial(believed), std::make_shared<const Payload>(std::move(features))});
+          id, {id, {session.run + std::int64_t{k} * 100'000'000}, map_from_node, std::make_shared<const Payload>(std::move(features))});
     }
     std::map<LandmarkId, Landmark> by_id;
     for (auto& [number, landmark] : seen)

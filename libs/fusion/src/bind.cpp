@@ -1,5 +1,6 @@
 #include "aligned_ways.h"
 #include "covisibility.h"
+#include "ties.h"
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/fusion/bind.h>
@@ -43,12 +44,6 @@ struct Pair {
   LaserWay::Place place;
 };
 
-Constraint constraint_of(ConstraintKind kind, const NodeId& from, const NodeId& to, const Pose3& from_from_to, double sigma_m,
-                         double sigma_rad) {
-  const double m = 1.0 / (sigma_m * sigma_m), rad = 1.0 / (sigma_rad * sigma_rad);
-  return planar_constraint({kind, from, to, 0}, planar(from_from_to), Eigen::Vector3d(m, m, rad).asDiagonal());
-}
-
 }  // namespace
 
 BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& options, const graph::SolveOptions& solve) {
@@ -68,11 +63,10 @@ BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& op
     std::vector<PosePair> both;
     for (const Pair& pair : pairs) both.push_back({pair.place.map_from_robot, pair.keyframe->map_from_node});
     const Sim3 laser_from_map = aligned(both, is_metric(camera) ? 1.0 : scale_of_ways(both).value_or(1.0));
-    const auto moved = [&](const Pose3& pose) { return compose(laser_from_map.pose, Pose3{laser_from_map.scale * pose.t, pose.q}); };
-    for (const auto& [id, node] : camera.nodes) {
-      Node placed = node;
-      placed.map_from_node = moved(node.map_from_node);
-      nodes.emplace(id, std::move(placed));
+    Map placed = camera;
+    for (auto& [id, node] : placed.nodes) {
+      node.map_from_node = compose(laser_from_map.pose, Pose3{laser_from_map.scale * node.map_from_node.t, node.map_from_node.q});
+      nodes.emplace(id, node);
     }
     for (auto [id, landmark] : camera.landmarks) {
       if (laser_from_map.scale != 1.0) landmark.point_units = landmark_units(laser_from_map.scale * landmark.point_in_anchor());
@@ -82,11 +76,7 @@ BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& op
     for (const Pair& pair : pairs)
       add(constraint_of(ConstraintKind::extrinsic, pair.place.before->id, pair.keyframe->id,
                         between(pair.place.before->map_from_node, pair.place.map_from_robot), options.tie_m, options.tie_rad));
-    for (const Step& step : steps(covisibility(camera), options.least_shared)) {
-      const Pose3 moved_by = between(nodes.at(step.from->id).map_from_node, nodes.at(step.to->id).map_from_node);
-      add(constraint_of(ConstraintKind::scan_match, step.from->id, step.to->id, moved_by,
-                        options.step_m + options.step_share * moved_by.t.norm(), options.step_rad));
-    }
+    for (const Constraint& step : steps_of(placed, options)) add(step);
     for (auto [id, constraint] : camera.constraints) {  // of several cameras of the robot
       if (id.kind != ConstraintKind::extrinsic) continue;
       constraint.from_from_to.pose.t *= laser_from_map.scale;

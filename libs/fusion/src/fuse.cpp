@@ -1,4 +1,5 @@
 #include "joint_transforms.h"
+#include "lengths.h"
 #include "pair_judging.h"
 #include "ties.h"
 #include "warm_start.h"
@@ -29,12 +30,13 @@ struct Groups {
 
 struct Placement {
   std::vector<std::size_t> members;  // numbers of maps
-  std::vector<Sim3> team_from_map;   // of each, about
+  std::vector<Sim3> team_from_map;   // of each, about; beside a laser by how much its lengths grow, and where it lies once they have
 };
 
 constexpr double kBend_weight = 16.0;  // 1 / (0.25 m)^2: maps bend
 
-Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const VisualMap& seen_b, std::size_t a, std::size_t b) {
+Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const std::deque<VisualMap>& seen, const std::vector<Sim3>& placed,
+             std::size_t a, std::size_t b) {
   Join join{a, b, 0.0, {}};
   const double share = 1.0 / static_cast<double>(pair.witnesses());
   for (const auto& w : pair.result.witnesses) {
@@ -43,9 +45,15 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const V
     join.terms.push_back(
         {w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, kBend_weight * share});
   }
+  const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
+    const MappedKeyframe& content = map.keyframes()[keyframe];
+    return in_lengths(content.map_from_node, content.content->geometry->robot_from_camera, scale);
+  };
   for (const VisualWitness& w : pair.seen) {
-    const Eigen::Vector3d& p = seen_b.keyframes()[w.keyframe_b].map_from_node.t;
-    const Eigen::Vector3d q = matching::transformed(p, w.a_from_b);
+    const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
+    const MetricWitness metric = in_lengths(w, of_a, of_b, placed[a].scale, placed[b].scale);
+    const Eigen::Vector3d p = node(of_b, w.keyframe_b, placed[b].scale).t,
+                          q = transformed(metric.node_a_from_node_b.t, node(of_a, w.keyframe_a, placed[a].scale));
     join.terms.push_back({q.x(), q.y(), p.x(), p.y(), planar(w.a_from_b.pose).phi, kBend_weight * share});
   }
   join.strength = 4.0 + 4.0 * static_cast<double>(std::min<std::size_t>(10, pair.witnesses()));
@@ -139,10 +147,12 @@ class Fusing {
         revoked = true;
       }
     } else {
+      in_metres(placement);
       std::vector<Join> terms;
       std::vector<Pose2> start;
       for (const Sim3& pose : placement.team_from_map) start.push_back(planar(pose.pose));
-      for (const PairJoin* join : joins) terms.push_back(join_of(*join, maps_, seen_[join->b], local(join->a), local(join->b)));
+      for (const PairJoin* join : joins)
+        terms.push_back(join_of(*join, maps_, seen_, placement.team_from_map, local(join->a), local(join->b)));
       const JointTransforms solution = solve_joint_transforms(members.size(), terms, start);
       for (std::size_t i = 0; i < joins.size(); ++i)
         if (solution.switches[i] < 0.5) {
@@ -152,6 +162,20 @@ class Fusing {
       for (std::size_t i = 0; i < members.size(); ++i) placement.team_from_map[i].pose = spatial(solution.team_from_map[i]);
     }
     return revoked ? std::nullopt : std::optional(placement);
+  }
+
+  bool knows_lengths(std::size_t member) const { return !maps_[member].map->submaps.empty() || seen_[member].is_metric(); }
+
+  // The lengths of a team with a laser are the laser's, whoever is its first member.
+  void in_metres(Placement& placement) const {
+    std::size_t known = 0;
+    while (maps_[placement.members[known]].submaps.empty()) ++known;
+    const double all = placement.team_from_map[known].scale;
+    for (std::size_t i = 0; i < placement.members.size(); ++i) {
+      Sim3& pose = placement.team_from_map[i];
+      pose.pose.t /= all;
+      pose.scale = knows_lengths(placement.members[i]) ? 1.0 : pose.scale / all;
+    }
   }
 
   std::vector<Placement> connect() {
@@ -229,7 +253,10 @@ class Fusing {
     std::vector<std::pair<NodeId, Node>> nodes;
     std::vector<Constraint> constraints;
     for (std::size_t i = 0; i < members.size(); ++i) {
-      const Map& map = *maps_[members[i]].map;
+      const Map& own = *maps_[members[i]].map;
+      const double scale = placement.team_from_map[i].scale;
+      const Map grown = scale != 1.0 ? in_lengths(own, scale) : Map();
+      const Map& map = scale != 1.0 ? grown : own;
       for (const auto& [id, node] : map.nodes) {
         Node moved = node;
         moved.map_from_node = compose(placement.team_from_map[i].pose, node.map_from_node);
@@ -238,6 +265,8 @@ class Fusing {
       for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
       for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
       for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
+      if (members.size() == 1 || !map.submaps.empty()) continue;
+      for (Constraint& step : steps_of(map, BindOptions{})) constraints.push_back(std::move(step));
     }
     std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
     team.nodes.reserve(nodes.size());
@@ -249,7 +278,8 @@ class Fusing {
     for (const PairJoin& pair : pairs_) {
       if (!pair.is_accepted() || !std::binary_search(members.begin(), members.end(), pair.a)) continue;
       for (const auto& w : pair.result.witnesses) constraints.push_back(tie_of(w, maps_[pair.a], maps_[pair.b]));
-      for (const auto& w : pair.seen) constraints.push_back(tie_of(w, seen_[pair.a], seen_[pair.b]));
+      for (const auto& w : pair.seen)
+        constraints.push_back(tie_of(w, seen_[pair.a], seen_[pair.b], scale_of(placement, pair.a), scale_of(placement, pair.b)));
     }
     add_all(team, std::move(constraints));
     graph::optimise(team, options_.solve);
@@ -258,6 +288,11 @@ class Fusing {
     add_all(team, matching::rematch(team, options_.rematch, pool_));
     graph::optimise(team, options_.solve);
     back_to_lowest(*maps_[members.front()].map, team);
+  }
+
+  static double scale_of(const Placement& placement, std::size_t member) {
+    const auto place = std::lower_bound(placement.members.begin(), placement.members.end(), member);
+    return placement.team_from_map[static_cast<std::size_t>(place - placement.members.begin())].scale;
   }
 
   // In space a team has no nodes but keyframes.

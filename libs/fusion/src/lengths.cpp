@@ -1,0 +1,46 @@
+#include "lengths.h"
+
+namespace mapweave::fusion {
+namespace {
+
+const Pose3& mounting(const VisualMap& map, std::size_t keyframe) { return map.keyframes()[keyframe].content->geometry->robot_from_camera; }
+
+}  // namespace
+
+Pose3 in_lengths(const Pose3& map_from_node, const Pose3& robot_from_camera, double scale) {
+  if (scale == 1.0) return map_from_node;
+  const Eigen::Vector3d swung_m = map_from_node.q * robot_from_camera.t - robot_from_camera.t;  // of the camera, about where it began
+  return {scale * map_from_node.t + (scale - 1.0) * swung_m, map_from_node.q};
+}
+
+Map in_lengths(Map map, double scale) {
+  if (scale == 1.0) return map;
+  const auto camera_on = [&](const NodeId& id) {
+    const Node* node = map.nodes.find(id);
+    const KeyframeFeatures* keyframe = node != nullptr ? keyframe_of(*node) : nullptr;
+    return keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3();
+  };
+  for (auto& [id, landmark] : map.landmarks) {
+    const Eigen::Vector3d camera_m = camera_on(landmark.anchor).t;
+    landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
+  }
+  for (auto& [id, node] : map.nodes) node.map_from_node = in_lengths(node.map_from_node, camera_on(id), scale);
+  for (auto& [id, constraint] : map.constraints) constraint.from_from_to.pose.t *= scale;
+  return map;
+}
+
+MetricWitness in_lengths(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
+  MetricWitness result{w.node_a_from_node_b.pose, w.information};
+  const Pose3& here = w.node_a_from_node_b.pose;
+  const Eigen::Vector3d &camera_a = mounting(a, w.keyframe_a).t, &camera_b = mounting(b, w.keyframe_b).t;
+  if (scale_a != 1.0 || w.node_a_from_node_b.scale != 1.0) {
+    const Eigen::Vector3d b_in_a = matching::transformed(camera_b, w.node_a_from_node_b);  // b's camera, in a's lengths
+    result.node_a_from_node_b.t = camera_a + scale_a * (b_in_a - camera_a) - here.q * camera_b;
+  }
+  // Of a small motion of b, in b's lengths.
+  result.information.topRows<3>() /= scale_b;
+  result.information.leftCols<3>() /= scale_b;
+  return result;
+}
+
+}  // namespace mapweave::fusion
