@@ -61,8 +61,10 @@ int export_map(Arguments arguments) {
 
 Action set_up_export(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("MAP", arguments->map,
-                  "a map of mapweave (.mwdb), or a map_server grid (.yaml); without one of the five flags below all but --g2o is written")
+  verb.add_option(
+          "MAP", arguments->map,
+          "a map of mapweave (.mwdb), a live map server's journal (.mwj), or a map_server grid (.yaml); without one of the five flags "
+          "below all but --g2o is written")
       ->required();
   verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' ways");
   verb.add_flag("--pgm", arguments->files.pgm, "map.pgm and map.yaml, as map_server and nav2 load them");

@@ -1,4 +1,4 @@
-// mapweave inspect: what is in a log or a folder of pictures, a map store, a map_server grid or a folder of results.
+// mapweave inspect: what is in a log or a folder of pictures, a map store, a server's journal, a map_server grid or a folder of results.
 
 #include "command.h"
 
@@ -7,7 +7,9 @@
 #include <mapweave/core/hash.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/mapdb/update_journal.h>
 #include <mapweave/rawlog/contents.h>
+#include <mapweave/runtime/map_input.h>
 
 #include <nlohmann/json.hpp>
 
@@ -74,30 +76,23 @@ Json of_log(const std::filesystem::path& path) {
           {"sensors", sensors}};
 }
 
+Json of_map(const mapdb::MapSummary& map) {
+  Json sessions = Json::array();
+  for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
+  Json told = {{"id", map.id.str()},         {"nodes", map.nodes},     {"contents", map.contents},       {"keyframes", map.keyframes},
+               {"landmarks", map.landmarks}, {"submaps", map.submaps}, {"constraints", map.constraints}, {"first", map.first.seconds()},
+               {"last", map.last.seconds()}, {"min_x_m", map.min_x_m}, {"min_y_m", map.min_y_m},         {"max_x_m", map.max_x_m},
+               {"max_y_m", map.max_y_m}};
+  if (map.bytes > 0) told["bytes"] = map.bytes, told["stored_bytes"] = map.stored_bytes;
+  told["content"] = to_hex(map.content);
+  told["sessions"] = sessions;
+  return told;
+}
+
 Json of_store(const std::filesystem::path& path) {
   const mapdb::StoreSummary store = mapdb::summarize_store(path);
   Json maps = Json::array();
-  for (const mapdb::MapSummary& map : store.maps) {
-    Json sessions = Json::array();
-    for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
-    maps.push_back({{"id", map.id.str()},
-                    {"nodes", map.nodes},
-                    {"contents", map.contents},
-                    {"keyframes", map.keyframes},
-                    {"landmarks", map.landmarks},
-                    {"submaps", map.submaps},
-                    {"constraints", map.constraints},
-                    {"first", map.first.seconds()},
-                    {"last", map.last.seconds()},
-                    {"min_x_m", map.min_x_m},
-                    {"min_y_m", map.min_y_m},
-                    {"max_x_m", map.max_x_m},
-                    {"max_y_m", map.max_y_m},
-                    {"bytes", map.bytes},
-                    {"stored_bytes", map.stored_bytes},
-                    {"content", to_hex(map.content)},
-                    {"sessions", sessions}});
-  }
+  for (const mapdb::MapSummary& map : store.maps) maps.push_back(of_map(map));
   return {{"kind", "map store"},
           {"schema", store.schema},
           {"file_bytes", store.file_bytes},
@@ -106,6 +101,16 @@ Json of_store(const std::filesystem::path& path) {
           {"verdicts", store.verdicts},
           {"metadata", store.metadata},
           {"identity", to_hex(store.identity)}};
+}
+
+Json of_journal(const std::filesystem::path& path) {
+  const runtime::MapInput input = runtime::read_map_input(path, MapId(path.stem().string()));
+  std::uint64_t updates = 0, file_bytes = 0;
+  mapdb::UpdateJournal::left_behind(path).replay([&](const mapdb::JournalEntry&) { ++updates; });
+  for (const std::filesystem::path& file : input.files) file_bytes += std::filesystem::file_size(file);
+  Json maps = Json::array();
+  for (const Map& map : input.maps) maps.push_back(of_map(mapdb::summary_of(map)));
+  return {{"kind", "journal of a live map server"}, {"file_bytes", file_bytes}, {"updates", updates}, {"maps", maps}};
 }
 
 Json of_grid(const std::filesystem::path& path) {
@@ -169,6 +174,7 @@ Json contents_of(const std::filesystem::path& path) {
   if (std::filesystem::exists(path / "manifest.json")) return of_results(path);
   if (std::filesystem::exists(path / "map.mwdb")) return of_store(path / "map.mwdb");  // a part of results: one map with its pictures
   if (path.extension() == ".mwdb") return of_store(path);
+  if (path.extension() == ".mwj") return of_journal(path);
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
   return of_log(path);
 }
@@ -202,7 +208,9 @@ Action set_up_inspect(CLI::App& verb) {
     bool json = false;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("PATH", arguments->path, "a log or a folder of pictures, a map (.mwdb), a map_server grid (.yaml) or a folder of results")
+  verb.add_option("PATH", arguments->path,
+                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a map_server grid (.yaml) or a folder "
+                  "of results")
       ->required();
   verb.add_flag("--json", arguments->json, "print JSON");
   return [arguments] {

@@ -15,10 +15,12 @@ Action set_up_merge(CLI::App& verb) {
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("MAPS", arguments->maps,
-                  "map.mwdb files of mapweave and map_server grids (.yaml), mixed; each is named by its file's stem")
+  verb.add_option(
+          "MAPS", arguments->maps,
+          "map.mwdb files of mapweave, journals of live map servers (.mwj) and map_server grids (.yaml), mixed; each is named by its "
+          "file's stem")
       ->required()
-      ->type_name("MAP.mwdb|MAP.yaml");
+      ->type_name("MAP.mwdb|MAP.mwj|MAP.yaml");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     const LoadedConfiguration loaded = load_configuration({}, {}, arguments->flags);

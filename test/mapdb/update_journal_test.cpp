@@ -1,5 +1,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
+#include <support/killed.h>
 #include <support/temporary_folder.h>
 
 #include <sqlite3.h>
@@ -70,6 +71,91 @@ TEST(UpdateJournal, refuses_what_is_none_and_what_is_damaged) {
   EXPECT_EQ(damage("table.mwj", "CREATE TABLE more (x)"), ErrorCode::kCorrupt);
   EXPECT_EQ(damage("newer.mwj", "PRAGMA user_version = 7"), ErrorCode::kUnsupported);
   EXPECT_EQ(damage("other.mwj", "PRAGMA application_id = 7"), ErrorCode::kCorrupt);
+}
+
+// As code_of, of one that is only read.
+ErrorCode code_of_left(const std::filesystem::path& path) {
+  try {
+    UpdateJournal journal = UpdateJournal::left_behind(path);
+    all(journal);
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(path.filename().string()), std::string::npos) << error.what();
+    return error.code();
+  }
+  return ErrorCode::kInternal;
+}
+
+std::size_t files_in(const std::filesystem::path& folder) {
+  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), {}));
+}
+
+TEST(UpdateJournalLeftBehind, is_read_and_stays_as_it_was) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "a.mwj";
+  UpdateJournal(path).append({{session("beta"), "one"}, {session("alpha"), "two"}});
+  const auto bytes = std::filesystem::file_size(path);
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  {
+    UpdateJournal journal = UpdateJournal::left_behind(path);
+    EXPECT_THAT(all(journal), testing::ElementsAre("beta:one", "alpha:two"));
+    EXPECT_EQ(files_in(folder.path()), 1U);
+  }
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+  EXPECT_EQ(files_in(folder.path()), 1U);
+  EXPECT_EQ(std::filesystem::file_size(path), bytes);
+}
+
+TEST(UpdateJournalLeftBehind, holds_what_a_killed_server_left_in_its_log) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "a.mwj";
+  const auto append = [&](int out) {
+    UpdateJournal journal(path);
+    for (const char* update : {"one", "two"}) {
+      journal.append({{session("alpha"), update}});
+      if (write(out, ".", 1) != 1) return;
+    }
+    pause();
+  };
+  ASSERT_EQ(test::killed(append, 2, 0), 2U);
+  EXPECT_EQ(UpdateJournal::files_of(path).size(), 2U);
+  const std::size_t files = files_in(folder.path());
+  for (int time = 0; time < 2; ++time) {
+    UpdateJournal journal = UpdateJournal::left_behind(path);
+    EXPECT_THAT(all(journal), testing::ElementsAre("alpha:one", "alpha:two"));
+    EXPECT_EQ(files_in(folder.path()), files);
+  }
+  UpdateJournal again(path);
+  EXPECT_THAT(all(again), testing::ElementsAre("alpha:one", "alpha:two"));
+}
+
+TEST(UpdateJournalLeftBehind, is_refused_where_it_is_open_missing_cut_or_none) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "a.mwj";
+  {
+    UpdateJournal open(path);
+    EXPECT_EQ(code_of_left(path), ErrorCode::kBadInput);
+  }
+  EXPECT_EQ(code_of_left(folder.path() / "absent.mwj"), ErrorCode::kMissing);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "absent.mwj"));
+  std::filesystem::create_directory(folder.path() / "folder.mwj");
+  EXPECT_EQ(code_of_left(folder.path() / "folder.mwj"), ErrorCode::kBadInput);
+  for (const char* content : {"", "xxx"}) {
+    std::ofstream(folder.path() / "text.mwj") << content;
+    EXPECT_EQ(code_of_left(folder.path() / "text.mwj"), ErrorCode::kCorrupt);
+  }
+  std::string noise(30000, 'a');
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = static_cast<char>((i * i * 2654435761U) >> 13);
+  UpdateJournal(path).append({{session("alpha"), noise}});
+  const auto bytes = std::filesystem::file_size(path);
+  for (const std::uintmax_t left : {bytes - 1, bytes / 2, std::uintmax_t{101}, std::uintmax_t{50}}) {
+    std::filesystem::resize_file(path, left);
+    EXPECT_EQ(code_of_left(path), ErrorCode::kCorrupt) << left;
+  }
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open((folder.path() / "other.mwj").c_str(), &other), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(other, "CREATE TABLE songs (x)", nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(other);
+  EXPECT_EQ(code_of_left(folder.path() / "other.mwj"), ErrorCode::kCorrupt);
 }
 
 }  // namespace

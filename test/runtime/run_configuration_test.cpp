@@ -132,6 +132,7 @@ TEST(NameOfFile, is_fit_for_a_robot) {
   EXPECT_EQ(name_of_file("hall.yaml"), "hall");
   EXPECT_EQ(name_of_file("hall.yml"), "hall");
   EXPECT_EQ(name_of_file("x.yaml.mwdb"), "x.yaml");
+  EXPECT_EQ(name_of_file("edge.mwj"), "edge");
   EXPECT_EQ(name_of_file("2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog"), "2006-01ENE-21-SENA_Telecom-Faculty_one_loop_only");
   EXPECT_EQ(name_of_file(std::string(100, 'x') + ".rawlog"), std::string(64, 'x'));
 }

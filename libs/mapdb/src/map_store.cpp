@@ -6,11 +6,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <fstream>
 #include <iterator>
-#include <numeric>
 #include <tuple>
 
+#include "sqlite_file.h"
 #include "store_index.h"
 
 namespace mapweave::mapdb {
@@ -179,35 +178,6 @@ void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) 
   write_index(database, index);
 }
 
-// Refuses what is plainly no store, or cut short, before SQLite looks at it.
-void expect_store(const fs::path& path) {
-  std::error_code error;
-  const auto status = fs::status(path, error);
-  const auto corrupt = [&](const std::string& what) {
-    return Error(ErrorCode::kCorrupt, what, path.string(), "make it again, or take an undamaged copy");
-  };
-  if (!fs::exists(status))
-    throw Error(ErrorCode::kMissing, "the map store does not exist", path.string(), "check its name; maps are kept in files named *.mwdb");
-  if (fs::is_directory(status))
-    throw Error(ErrorCode::kBadInput, "it is a folder; a map store is a file", path.string(), "name the *.mwdb file in it");
-  if (!fs::is_regular_file(status)) throw Error(ErrorCode::kBadInput, "it is not a regular file", path.string(), "name a *.mwdb file");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorCode::kMissing, "the map store cannot be opened", path.string(), "check that you may read it");
-  std::string header(100, '\0');
-  file.read(header.data(), static_cast<std::streamsize>(header.size()));
-  if (file.gcount() == 0) throw corrupt("it is empty; a map store is expected");
-  if (file.gcount() < 100 || header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0)
-    throw corrupt("it is no SQLite file; a map store (.mwdb) is expected");
-  const auto big_endian = [&](std::size_t at, std::size_t size) {
-    return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at), header.begin() + static_cast<std::ptrdiff_t>(at + size),
-                           std::uint64_t{0}, [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
-  };
-  const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2), needed = page * big_endian(28, 4);
-  const std::uint64_t there = fs::file_size(path);
-  if (there < needed)
-    throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) + " are there");
-}
-
 StoreIndex open_index(Database& database, const fs::path& path) {
   database.run("PRAGMA cell_size_check = ON");
   StoreIndex index = read_index(database, expect_tables(database));
@@ -236,7 +206,7 @@ void write_store(const fs::path& path, const StoredMaps& stored) {
 }
 
 StoredMaps read_store(const fs::path& path) {
-  expect_store(path);
+  expect_sqlite_file(path, "map store", ".mwdb");
   Database database(path, Database::Use::read, path);
   const StoreIndex index = open_index(database, path);
   const std::string where = path.string();
@@ -270,7 +240,7 @@ StoredMaps read_store(const fs::path& path) {
 }
 
 StoreSummary summarize_store(const fs::path& path) {
-  expect_store(path);
+  expect_sqlite_file(path, "map store", ".mwdb");
   Database database(path, Database::Use::read, path);
   return open_index(database, path).summary;
 }

@@ -30,7 +30,8 @@ std::string file_uri(const std::filesystem::path& path, const std::string& query
 
 }  // namespace
 
-Database::Database(const std::filesystem::path& path, Use use, std::filesystem::path shown) : use_(use), shown_(std::move(shown)) {
+Database::Database(const std::filesystem::path& path, Use use, std::filesystem::path shown, const char* kind)
+    : use_(use), shown_(std::move(shown)), kind_(kind) {
   const bool is_new = use != Use::read;
   const int flags = is_new ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
   const std::string name = is_new ? std::filesystem::absolute(path).string() : file_uri(path, "mode=ro&immutable=1");
@@ -66,7 +67,7 @@ void Database::fail(int sqlite_code) const {
   if (use_ != Use::read) {
     if (primary != SQLITE_FULL && system != ENOSPC && system != EDQUOT)
       throw Error(ErrorCode::kCannotWrite,
-                  "the map store cannot be written: " + words +
+                  "the " + kind_ + " cannot be written: " + words +
                       (system == 0 ? std::string() : " (" + std::generic_category().message(system) + ")"),
                   shown_.string(), "check that the folder exists and that you may write there");
     std::error_code ignored;
@@ -76,12 +77,12 @@ void Database::fail(int sqlite_code) const {
                 "free some space or choose another folder");
   }
   if (primary == SQLITE_CANTOPEN || primary == SQLITE_PERM || primary == SQLITE_AUTH)
-    throw Error(ErrorCode::kMissing, "the map store cannot be opened: " + words, shown_.string(), "check that you may read it");
+    throw Error(ErrorCode::kMissing, "the " + kind_ + " cannot be opened: " + words, shown_.string(), "check that you may read it");
   corrupt(words);
 }
 
 void Database::corrupt(const std::string& what) const {
-  throw Error(ErrorCode::kCorrupt, "this is no map store, or it is damaged: " + what, shown_.string(),
+  throw Error(ErrorCode::kCorrupt, "this is no " + kind_ + ", or it is damaged: " + what, shown_.string(),
               "make it again, or take an undamaged copy");
 }
 

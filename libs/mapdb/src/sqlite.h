@@ -16,8 +16,9 @@ class Database {
  public:
   enum class Use { create, append, read };
   // create: a new file for one writer. append: the same, or one that is there. read: never writes nor locks, also where the folder or disk
-  // is read-only; what the file's schema says is not trusted. `shown`: the file that messages speak of.
-  Database(const std::filesystem::path& path, Use use, std::filesystem::path shown);
+  // is read-only; what the file's schema says is not trusted. `shown`, `kind`: the file that messages speak
+  // of, and what it should be.
+  Database(const std::filesystem::path& path, Use use, std::filesystem::path shown, const char* kind = "map store");
   ~Database();
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
@@ -35,6 +36,7 @@ class Database {
   sqlite3* handle_ = nullptr;
   Use use_;
   std::filesystem::path shown_;
+  std::string kind_;
 };
 
 // A prepared statement. Parameters are bound from the left; columns are read from 0, and are of the type asked for, or Error(kCorrupt).

@@ -22,9 +22,6 @@ struct StoreIndex {
   std::vector<BlobEntry> updates, judgements, verdicts;
 };
 
-// All but bytes and stored_bytes.
-MapSummary summary_of(const Map&);
-
 void create_tables(Database&);
 // The schema. Throws unless the tables are those of it: kUnsupported where it is newer than this program's.
 int expect_tables(Database&);

@@ -1,15 +1,22 @@
 #include "packed_blob.h"
 #include "sqlite.h"
+#include "sqlite_file.h"
 
 #include <mapweave/mapdb/update_journal.h>
 
+#include <stdlib.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <optional>
+#include <system_error>
 
 namespace mapweave::mapdb {
 namespace {
 
 constexpr std::int64_t kApplicationId = 0x4d57444a;  // "MWDJ"
 constexpr std::int64_t kSchema = 1;
+constexpr const char* kKind = "journal";
 constexpr const char* kTable =
     "CREATE TABLE updates (number INTEGER PRIMARY KEY, robot TEXT NOT NULL, sensor TEXT NOT NULL, run INTEGER NOT NULL, bytes INTEGER NOT "
     "NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT";
@@ -33,14 +40,53 @@ class Transaction {
   bool open_ = true;
 };
 
+// A journal and its write-ahead log in a folder of their own, until the end.
+class Copy {
+ public:
+  explicit Copy(const std::filesystem::path& journal) {
+    std::error_code error;
+    folder_ = (std::filesystem::temp_directory_path(error) / "mapweave-XXXXXX").string();
+    if (!error && ::mkdtemp(folder_.data()) == nullptr)
+      error = std::error_code(errno, std::generic_category());
+    else
+      for (const char* suffix : {"", "-wal"})
+        if (!error) std::filesystem::copy_file(journal.string() + suffix, path().string() + suffix, error);
+    if (!error) return;
+    remove();
+    throw Error(ErrorCode::kCannotWrite, "the journal of a server that was killed cannot be copied: " + error.message(), folder_,
+                "free some space, or name another folder in TMPDIR");
+  }
+  ~Copy() { remove(); }
+  Copy(const Copy&) = delete;
+  Copy& operator=(const Copy&) = delete;
+  std::filesystem::path path() const { return std::filesystem::path(folder_) / "copy.mwj"; }
+
+ private:
+  void remove() const {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+  std::string folder_;
+};
+
 }  // namespace
 
 struct UpdateJournal::State {
+  std::optional<Copy> copy;
   Database database;
   std::filesystem::path path;
   std::uint64_t bytes = 0;
 
-  explicit State(const std::filesystem::path& file) : database(file, Database::Use::append, file), path(file) {
+  explicit State(const std::filesystem::path& file) : database(file, Database::Use::append, file, kKind), path(file) { begin(); }
+  // To read it alone.
+  State(const std::filesystem::path& file, bool has_log)
+      : copy(has_log ? std::make_optional<Copy>(file) : std::nullopt),
+        database(copy ? copy->path() : file, copy ? Database::Use::append : Database::Use::read, file, kKind),
+        path(file) {
+    expect_journal();
+  }
+
+  void begin() {
     // One process alone, and a commit is on the disk when it returns.
     database.run("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL");
     Transaction beginning(database);
@@ -48,15 +94,19 @@ struct UpdateJournal::State {
       database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(kSchema));
       database.run(kTable);
     }
+    expect_journal();
+    beginning.commit();
+  }
+
+  void expect_journal() {
     if (database.number("PRAGMA application_id") != kApplicationId) database.corrupt("it is an SQLite file of another program");
     if (const std::int64_t schema = database.number("PRAGMA user_version"); schema > kSchema)
       throw Error(ErrorCode::kUnsupported,
                   "the journal has schema " + std::to_string(schema) + "; this program knows schemas up to " + std::to_string(kSchema),
-                  file.string(), "go on with a newer mapweave, or begin another journal");
+                  path.string(), "go on with a newer mapweave, or begin another journal");
     Statement tables(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
     if (!tables.step() || tables.text(0) != kTable || tables.step()) database.corrupt("its tables are not those of a journal");
     bytes = static_cast<std::uint64_t>(database.number("SELECT coalesce(sum(length(zstd)), 0) FROM updates"));
-    beginning.commit();
   }
 
   std::uint64_t insert(const std::vector<JournalEntry>& entries) {
@@ -73,9 +123,25 @@ struct UpdateJournal::State {
 };
 
 UpdateJournal::UpdateJournal(const std::filesystem::path& path) : state_(new State(path)) {}
+UpdateJournal::UpdateJournal(std::unique_ptr<State> state) : state_(std::move(state)) {}
 UpdateJournal::~UpdateJournal() = default;
 UpdateJournal::UpdateJournal(UpdateJournal&&) noexcept = default;
 UpdateJournal& UpdateJournal::operator=(UpdateJournal&&) noexcept = default;
+
+UpdateJournal UpdateJournal::left_behind(const std::filesystem::path& path) {
+  if (is_locked(path))
+    throw Error(ErrorCode::kBadInput, "a server has it open", path.string(), "end that one first, or take a copy that it left behind");
+  const auto files = files_of(path);
+  expect_sqlite_file(path, kKind, ".mwj", files.size() == 1);
+  return UpdateJournal(std::make_unique<State>(path, files.size() > 1));
+}
+
+std::vector<std::filesystem::path> UpdateJournal::files_of(const std::filesystem::path& path) {
+  const std::filesystem::path log = path.string() + "-wal";
+  std::error_code error;
+  const auto bytes = std::filesystem::file_size(log, error);
+  return !error && bytes > 0 ? std::vector{path, log} : std::vector{path};
+}
 
 void UpdateJournal::append(const std::vector<JournalEntry>& entries) {
   if (entries.empty()) return;

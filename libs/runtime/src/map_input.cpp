@@ -2,9 +2,31 @@
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/mapdb/update_journal.h>
+#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/map_input.h>
+#include <mapweave/tiers/visual_server.h>
 
 namespace mapweave::runtime {
+namespace {
+
+// What a server that goes on from there would have of its clients.
+std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
+  mapdb::UpdateJournal journal = mapdb::UpdateJournal::left_behind(path);
+  tiers::VisualServer server(TierId("journal"), {}, {});
+  journal.replay([&](const mapdb::JournalEntry& entry) {
+    try {
+      server.greet({entry.from, matching::shipped_vocabulary().hash()});
+      server.receive(entry.from, entry.update);
+    } catch (const Error& error) {
+      throw Error(ErrorCode::kCorrupt, std::string("an update of it does not fit: ") + error.what(), path.string(),
+                  "take an undamaged copy of the journal");
+    }
+  });
+  return server.maps();
+}
+
+}  // namespace
 
 MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   std::error_code ignored;
@@ -12,7 +34,7 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   if (std::filesystem::is_directory(path, ignored)) {
     if (!std::filesystem::exists(path / "map.mwdb", ignored))
       throw Error(ErrorCode::kBadInput, "is a folder without a map.mwdb", path.string(),
-                  "name a map (.mwdb), a map_server grid (.yaml) or a folder of one map");
+                  "name a map (.mwdb), a journal (.mwj), a map_server grid (.yaml) or a folder of one map");
     return read_map_input(path / "map.mwdb", name);
   }
   const std::string ending = path.extension().string();
@@ -21,9 +43,17 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
     if (input.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
     return input;
   }
+  if (ending == ".mwj") {
+    MapInput input{maps_of_journal(path), mapdb::UpdateJournal::files_of(path)};
+    if (input.maps.empty())
+      throw Error(ErrorCode::kBadInput, "there is no map in it: no client told its server anything", path.string(),
+                  "take a journal that holds maps");
+    return input;
+  }
   if (ending == ".yaml" || ending == ".yml")
     return {{fusion::map_of_grid(name, exporters::read_map_server(path))}, {path, exporters::image_of_map_server(path)}};
-  throw Error(ErrorCode::kBadInput, "is neither a map store (.mwdb) nor a map_server grid (.yaml)", path.string(), "name one of these");
+  throw Error(ErrorCode::kBadInput, "is neither a map store (.mwdb) nor a server's journal (.mwj) nor a map_server grid (.yaml)",
+              path.string(), "name one of these");
 }
 
 }  // namespace mapweave::runtime

@@ -51,6 +51,9 @@ struct MapSummary {
   std::uint64_t bytes = 0, stored_bytes = 0;                  // of its encoded updates, plain and compressed
 };
 
+// Of a map that is in no store: all but bytes and stored_bytes.
+MapSummary summary_of(const Map&);
+
 struct StoreSummary {
   int schema = 0;
   std::uint64_t file_bytes = 0;

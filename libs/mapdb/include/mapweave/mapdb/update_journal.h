@@ -24,6 +24,12 @@ class UpdateJournal {
   // Opens it, or begins it. Throws Error: kCannotWrite; kCorrupt for what is no journal, or damaged; kUnsupported for a newer schema;
   // kBadInput while another process has it open.
   explicit UpdateJournal(const std::filesystem::path& path);
+  // What a server left that has ended or was killed, only to be replayed: neither changed nor begun, and nothing is left beside it; one
+  // that was killed is copied to the folder for temporary files first. Throws Error: kMissing; kBadInput for a folder, and while a server
+  // has it open; kUnsupported and kCorrupt as above; kCannotWrite where there is no room for the copy.
+  static UpdateJournal left_behind(const std::filesystem::path& path);
+  // The journal, and where its server was killed the log beside it: what left_behind() reads.
+  static std::vector<std::filesystem::path> files_of(const std::filesystem::path& path);
   ~UpdateJournal();
   UpdateJournal(UpdateJournal&&) noexcept;
   UpdateJournal& operator=(UpdateJournal&&) noexcept;
@@ -38,6 +44,7 @@ class UpdateJournal {
 
  private:
   struct State;
+  explicit UpdateJournal(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
 

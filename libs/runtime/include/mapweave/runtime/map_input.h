@@ -1,5 +1,5 @@
 #pragma once
-// A map that is given by its path: what merge and export read.
+// A map that is given by its path: what merge, export and inspect read.
 
 #include <mapweave/maps/map.h>
 
@@ -13,9 +13,9 @@ struct MapInput {
   std::vector<std::filesystem::path> files;  // all that was read: of a map_server grid its image too
 };
 
-// A store (.mwdb), a map_server grid (.yaml), or a folder of results that holds a map.mwdb. A grid's map is called `name`; those of a store
-// have their own names. Throws Error: kMissing for what is not there, kBadInput for anything else or a store without maps, what reading
-// throws.
+// A store (.mwdb), a live map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml), or a folder of results
+// that holds a map.mwdb. A grid's map is called `name`; those of stores and journals have their own names. Throws Error: kMissing for what
+// is not there, kBadInput for anything else, or where there is no map in it, what reading throws.
 MapInput read_map_input(const std::filesystem::path& path, MapId name);
 
 }  // namespace mapweave::runtime

@@ -1,0 +1,64 @@
+#include "way_policy.h"
+
+#include <algorithm>
+
+namespace mapweave::fusion {
+
+Pose3 mean(const std::vector<Voice>& voices) {
+  Eigen::Vector3d t = Eigen::Vector3d::Zero();
+  Eigen::Vector4d q = Eigen::Vector4d::Zero();
+  double sum = 0.0;
+  for (const Voice& voice : voices) {
+    const Eigen::Vector4d turn = voice.pose.q.coeffs();
+    t += voice.weight * voice.pose.t, sum += voice.weight;
+    q += voice.weight * (turn.dot(voices.front().pose.q.coeffs()) < 0.0 ? -turn : turn);
+  }
+  return {t / sum, Eigen::Quaterniond(q.normalized())};
+}
+
+std::vector<Voice> WayPolicy::speak(Stamp stamp, const std::vector<Voice>& voices, const OdometryAt& odometry) {
+  std::vector<Voice> chosen = voices;
+  double widest = 0.0;
+  for (const Voice& a : voices)
+    for (const Voice& b : voices) widest = std::max(widest, apart(a.pose, b.pose));
+  if (widest > 1.0) chosen = most(stamp, voices, odometry);
+  const StampedPose now{stamp, mean(chosen)};
+  constexpr double kClose = 0.5;
+  if (widest < kClose || !agreed_) agreed_ = now;
+  before_last_ = last_, last_ = now;
+  return chosen;
+}
+
+double WayPolicy::apart(const Pose3& a, const Pose3& b) const {
+  return std::max((a.t - b.t).norm() / options_.doubt_m, a.q.angularDistance(b.q) / options_.doubt_rad);
+}
+
+// The most that agree with one of them; where that is no majority, those around the one that is nearest to where the robot should be.
+std::vector<Voice> WayPolicy::most(Stamp stamp, const std::vector<Voice>& voices, const OdometryAt& odometry) const {
+  std::vector<std::vector<Voice>> around(voices.size());
+  for (std::size_t i = 0; i < voices.size(); ++i)
+    for (const Voice& other : voices)
+      if (apart(voices[i].pose, other.pose) <= 1.0) around[i].push_back(other);
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < voices.size(); ++i)
+    if (around[i].size() > around[best].size()) best = i;
+  if (2 * around[best].size() > voices.size()) return around[best];
+  if (const auto there = expected(stamp, odometry))
+    for (std::size_t i = 0; i < voices.size(); ++i)
+      if (apart(voices[i].pose, *there) < apart(voices[best].pose, *there)) best = i;
+  return around[best];
+}
+
+std::optional<Pose3> WayPolicy::expected(Stamp stamp, const OdometryAt& odometry) const {
+  if (agreed_ && seconds_between(agreed_->stamp, stamp) < options_.odometry_s) {
+    const auto then = odometry(agreed_->stamp), now = odometry(stamp);
+    if (then && now) return compose(agreed_->map_from_robot, between(*then, *now));
+  }
+  if (!last_) return std::nullopt;
+  if (!before_last_) return last_->map_from_robot;
+  const double span = seconds_between(before_last_->stamp, last_->stamp), further = seconds_between(last_->stamp, stamp);
+  if (further > options_.longest_gap_s) return last_->map_from_robot;
+  return interpolated(before_last_->map_from_robot, last_->map_from_robot, 1.0 + further / span);
+}
+
+}  // namespace mapweave::fusion

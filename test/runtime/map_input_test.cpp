@@ -1,0 +1,111 @@
+#include <mapweave/core/error.h>
+#include <mapweave/mapdb/map_store.h>
+#include <mapweave/mapdb/update_journal.h>
+#include <mapweave/runtime/map_input.h>
+#include <mapweave/runtime/merge_runner.h>
+#include <support/heard_updates.h>
+#include <support/killed.h>
+#include <support/temporary_folder.h>
+
+#include <gmock/gmock.h>
+#include <mapweave/core/files.h>
+
+namespace mapweave::runtime {
+namespace {
+
+using test::heard;
+using test::Heard;
+namespace fs = std::filesystem;
+
+std::vector<mapdb::JournalEntry> entries() {
+  std::vector<mapdb::JournalEntry> result;
+  for (const Heard& one : heard()) result.push_back({one.from, one.bytes});
+  return result;
+}
+
+std::vector<Map> maps_of_the_server() {
+  tiers::VisualServer server(TierId("edge"), {}, {});
+  for (const Heard& one : heard()) server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
+  return server.maps();
+}
+
+Hash identity_of(std::vector<Map> maps) { return mapdb::identity({std::move(maps), {}, {}, {}}); }
+
+struct JournalAsInput : testing::Test {
+  std::string refusal(ErrorCode expected) const {
+    try {
+      read_map_input(path, MapId("edge"));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), expected) << error.what();
+      EXPECT_NE(std::string(error.what()).find("edge.mwj"), std::string::npos) << error.what();
+      return error.what();
+    }
+    ADD_FAILURE() << "was read";
+    return {};
+  }
+  test::TemporaryFolder folder;
+  fs::path path = folder / "edge.mwj";
+};
+
+TEST_F(JournalAsInput, gives_the_maps_that_the_server_had) {
+  mapdb::UpdateJournal(path).append(entries());
+  const MapInput input = read_map_input(path, MapId("edge"));
+  EXPECT_EQ(input.maps.size(), 2U);
+  EXPECT_EQ(identity_of(input.maps), identity_of(maps_of_the_server()));
+  EXPECT_THAT(input.files, testing::ElementsAre(path));
+}
+
+TEST_F(JournalAsInput, gives_all_that_a_killed_server_had_kept) {
+  const std::vector<mapdb::JournalEntry> all = entries();
+  ASSERT_EQ(test::killed(
+                [&](int out) {
+                  mapdb::UpdateJournal journal(path);
+                  journal.append(all);
+                  if (write(out, ".", 1) == 1) pause();
+                },
+                1, 0),
+            1U);
+  const MapInput input = read_map_input(path, MapId("edge"));
+  EXPECT_EQ(identity_of(input.maps), identity_of(maps_of_the_server()));
+  EXPECT_THAT(input.files, testing::ElementsAre(path, folder / "edge.mwj-wal"));
+}
+
+TEST_F(JournalAsInput, is_merged_as_a_store_of_the_same_maps_is) {
+  mapdb::UpdateJournal(path).append(entries());
+  fs::create_directory(folder / "store");
+  mapdb::write_store(folder / "store/edge.mwdb", {maps_of_the_server(), {}, {}, {}});
+  WorkerPool pool(1);
+  const auto merge = [&](const fs::path& input, const std::string& out) {
+    const Report report = run_merge({}, {input}, {folder / out, false}, pool, *make_silent_progress());
+    EXPECT_EQ(report.team.components.size(), 1U);
+    EXPECT_EQ(report.team.verdicts.size(), 1U);
+    return read_file(folder / out / "team/map.mwdb");
+  };
+  EXPECT_EQ(merge(path, "of-journal"), merge(folder / "store/edge.mwdb", "of-store"));
+}
+
+TEST_F(JournalAsInput, is_refused_where_it_is_damaged) {
+  mapdb::UpdateJournal(path).append(entries());
+  fs::resize_file(path, fs::file_size(path) / 2);
+  EXPECT_THAT(refusal(ErrorCode::kCorrupt), testing::HasSubstr("cut short"));
+}
+
+TEST_F(JournalAsInput, is_refused_where_it_is_a_store) {
+  mapdb::write_store(path, {maps_of_the_server(), {}, {}, {}});
+  EXPECT_THAT(refusal(ErrorCode::kCorrupt), testing::HasSubstr("of another program"));
+}
+
+TEST_F(JournalAsInput, is_refused_where_no_server_could_have_kept_it) {
+  auto all = entries();
+  for (auto& entry : all) entry.from = all.front().from;  // the other's map as one's own
+  mapdb::UpdateJournal(path).append(all);
+  EXPECT_THAT(refusal(ErrorCode::kCorrupt), testing::HasSubstr("does not fit"));
+}
+
+TEST_F(JournalAsInput, is_refused_where_nobody_told_anything) {
+  { mapdb::UpdateJournal begun(path); }
+  EXPECT_THAT(refusal(ErrorCode::kBadInput), testing::HasSubstr("no map in it"));
+}
+
+}  // namespace
+}  // namespace mapweave::runtime
