@@ -29,6 +29,7 @@ std::vector<Field> fields_of(LatencyModel& model) {
           {"slam_s_per_scan", &model.slam_s_per_scan, false},
           {"map_bytes_per_scan", &model.map_bytes_per_scan, false},
           {"map_bytes_fixed", &model.map_bytes_fixed, false},
+          {"edge_bytes_per_map_byte", &model.edge_bytes_per_map_byte, false},
           {"cloud_delay_s", &model.cloud_delay_s, false}};
 }
 std::vector<std::pair<const char*, FusionTime*>> fusions_of(LatencyModel& model) {
@@ -54,7 +55,7 @@ LatencyModel parse_model(std::string_view json, const std::string& where) {
   const Json root = parse_json(json, where);
   expect_object(root,
                 {"scans", "pack_s_per_scan", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan", "map_bytes_per_scan",
-                 "map_bytes_fixed", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
+                 "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
                 where, "");
   LatencyModel model;
   read(root, fields_of(model), where, "");
@@ -83,10 +84,6 @@ std::string model_json(const LatencyModel& model) {
 Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(problem), model_(model) {
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans(robot));
-    double own = map_bytes_[robot];
-    for (const Neighbour& other : problem.overlaps.neighbours(robot))
-      if (other.vertex < robot) own *= 1.0 - shared_part(robot, other.vertex, other.weight);
-    own_bytes_.push_back(own);
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
       if (other.vertex < robot) all_shared_ += other.weight * (scans(robot) + scans(other.vertex));
   }
@@ -134,13 +131,15 @@ LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots,
   LatencyTerms::Edge terms;
   if (robots.empty()) return terms;
   FusedScans fused;
+  double bytes = 0.0;
   for (const std::uint32_t robot : robots) {
     terms.robots.push_back(robot_terms(robot, edge));
     fused.add(scans(robot));
+    bytes += sent_bytes(robot);
   }
   if (model_.edge_fusion.per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
   terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
-  terms.transfer_s = fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+  terms.transfer_s = bytes / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
   return terms;
 }
 

@@ -5,12 +5,12 @@
 //   minimise  T + C
 //   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a class
 //   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1
-//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e own s_e^2 / (B b_e)
+//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e)
 //   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
 //   (fullest)   T >= what the fullest edge takes, were it the fastest
 //   (cloud)     C >= what sum y edges have to share where all but one hold one of the smallest robots
 //               C >= what edges that hold at most M have to share, were all used: sum of s_e^2 <= M sum of s_e
-//   (bytes)     T >= the first edge's readiness + the bytes of one map of all / B;  T >= what the slowest robot takes alone
+//   (bytes)     T >= the first edge's readiness + the bytes of all maps / B;  T >= what the slowest robot takes alone
 //
 // A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
 // are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. What robots on an
@@ -39,8 +39,8 @@ constexpr double kMoreRoom = 1.0 + 1e-4;  // Ipopt searches within bounds, and w
 
 struct Relaxation {
   std::size_t edges = 0;
-  double robots = 0.0, bandwidth = 0.0, least_own_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0, delay_s = 0.0;
-  double least_weight = 0.0, weights = 0.0;      // of one robot, of all; own_bytes: by weight
+  double robots = 0.0, bandwidth = 0.0, least_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0, delay_s = 0.0;
+  double least_weight = 0.0, weights = 0.0;      // of one robot, of all; least_bytes: by weight
   std::vector<double> count, weight;             // by class
   std::vector<std::vector<double>> seconds;      // eq. 1, by class, by edge
   std::vector<double> fastest, speed, room;      // by edge
@@ -129,7 +129,7 @@ Relaxation relaxed(const Latency& latency) {
   std::map<std::vector<double>, double> kinds;  // weight and seconds by edge
   result.fastest.assign(result.edges, std::numeric_limits<double>::infinity());
   double all_bytes = 0.0;
-  result.least_own_bytes = result.smallest_bytes = result.least_weight = std::numeric_limits<double>::infinity();
+  result.least_bytes = result.smallest_bytes = result.least_weight = std::numeric_limits<double>::infinity();
   double first_ready = std::numeric_limits<double>::infinity();
   for (std::uint32_t robot = 0; robot < robots; ++robot) {
     const double weight = all_scans > 0.0 ? scans[robot] / unit : 1.0;
@@ -140,13 +140,13 @@ Relaxation relaxed(const Latency& latency) {
       result.fastest[edge] = std::min(result.fastest[edge], kind.back());
       const double ready = kind.back() + model.edge_fusion.seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
       first_ready = std::min(first_ready, ready);
-      alone = std::min(alone, ready + latency.map_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s);
+      alone = std::min(alone, ready + latency.sent_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s);
     }
     result.least_seconds = std::max(result.least_seconds, alone + model.cloud_delay_s);
-    all_bytes += latency.own_bytes(robot);
+    all_bytes += latency.sent_bytes(robot);
     result.least_weight = std::min(result.least_weight, weight);
-    if (weight > 0.0) result.least_own_bytes = std::min(result.least_own_bytes, latency.own_bytes(robot) / weight);
-    result.smallest_bytes = std::min(result.smallest_bytes, latency.map_bytes(robot));
+    if (weight > 0.0) result.least_bytes = std::min(result.least_bytes, latency.sent_bytes(robot) / weight);
+    result.smallest_bytes = std::min(result.smallest_bytes, latency.sent_bytes(robot));
     kinds[std::move(kind)] += 1.0;
   }
   result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + model.cloud_delay_s);
@@ -337,7 +337,7 @@ class Program : public Ipopt::TNLP {
   // What (mean) says of an edge beyond x: s (fusion + delay) in perspective, and bytes; by the weight of all robots.
   OfEdge mean(const Number* at, std::size_t e) const {
     const double many = at[n(e)], heavy = at[s(e)], use = at[y(e)], share = at[b(e)], m = many / use, k = heavy / use,
-                 speed = r_.speed[e] * r_.weights, bytes = r_.least_own_bytes / r_.bandwidth / r_.weights;
+                 speed = r_.speed[e] * r_.weights, bytes = r_.least_bytes / r_.bandwidth / r_.weights;
     const double start = r_.delay_s / r_.weights + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
                  pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed * r_.least_weight * r_.least_weight * r_.least_weight;
     return {start * heavy + scan * heavy * k + pair * many * (m * m - m) + bytes * heavy * heavy / share,

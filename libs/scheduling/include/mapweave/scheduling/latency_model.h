@@ -49,6 +49,7 @@ struct LatencyModel {
   FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};  // on an edge of speed 1
   double map_bytes_per_scan = 650.0;            // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
+  double edge_bytes_per_map_byte = 1.0;          // what an edge sends on: its robots' maps as they are, and what it judged of them
   double cloud_delay_s = 0.02;                   // edge -> cloud
   FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps
 };
@@ -85,11 +86,12 @@ class Latency {
   double scans(std::uint32_t robot) const { return problem_.scans[robot].value_or(model_.scans); }
   double robot_seconds(std::uint32_t robot, std::uint32_t edge) const { return robot_terms(robot, edge).seconds(); }  // eq. 1
   double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
-  // Of the fused map, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree times both sizes;
-  // common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
+  // Of the map that they make together, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree
+  // times both sizes; common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
+  // Algorithm 3 places by it; our edges send more (sent_bytes).
   double fused_bytes(const std::vector<std::uint32_t>& robots) const;
-  // What nobody with a lower index has seen of it: whoever it is grouped with, it adds at least this to the fused map.
-  double own_bytes(std::uint32_t robot) const { return own_bytes_[robot]; }
+  // What an edge sends to the cloud for this robot, whoever else is there: common parts are sent as often as they were mapped.
+  double sent_bytes(std::uint32_t robot) const { return model_.edge_bytes_per_map_byte * map_bytes_[robot]; }
   double shared_scans() const { return all_shared_; }  // FusedScans::shared of all robots
   // From the beginning until the edge's map is in the cloud: eq. 2 and its part of eq. 3; 0 without robots.
   double edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
@@ -108,7 +110,7 @@ class Latency {
   double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
   const Problem& problem_;
   const LatencyModel& model_;
-  std::vector<double> map_bytes_, own_bytes_;
+  std::vector<double> map_bytes_;
   double all_shared_ = 0.0;
 };
 

@@ -17,8 +17,7 @@ std::vector<std::uint32_t> place_optimally(const Latency&, const Groups&);
 std::vector<std::uint32_t> place_as_recslam(const Latency&, const Groups&);
 
 // Every plan takes at least as long (t_c): a convex relaxation, solved by Ipopt. Robots may be divided between edges, edges may be used in
-// part, all edges share the bandwidth of all, and a map is no larger than what nobody else has seen of it. Seconds. Calls wait for each
-// other.
+// part, all edges share the bandwidth of all. Seconds. Calls wait for each other.
 double lower_bound_seconds(const Latency&);
 
 }  // namespace mapweave::scheduling
