@@ -76,6 +76,17 @@ TEST(LatencyModel, counts_scans_that_robots_share_where_they_are_fused) {
   EXPECT_DOUBLE_EQ(latency.terms({{0, 1}, {2}}).fusion_s, all_s + 3.0);  // the cloud matches all of them
 }
 
+TEST(LatencyModel, counts_no_more_than_whole_maps_as_shared) {
+  Problem problem = two_edges();
+  problem.overlaps = OverlapGraph(3, {{0, 1, 3.0}});  // counts of matches, say, which serve for grouping
+  LatencyModel model = round_numbers();
+  const double without_s = Latency(problem, model).computing_seconds({0, 1}, 0);
+  model.edge_fusion.per_shared_scan_s = 0.01;
+  const Latency latency(problem, model);
+  EXPECT_DOUBLE_EQ(latency.shared_scans(), 0.5 * 200.0);
+  EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 1}, 0), without_s + 1.0);
+}
+
 TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
   const Problem problem = two_edges();
   const LatencyModel model = round_numbers();

@@ -85,16 +85,20 @@ Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(p
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans(robot));
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
-      if (other.vertex < robot) all_shared_ += other.weight * (scans(robot) + scans(other.vertex));
+      if (other.vertex < robot) all_shared_ += shared_scans(robot, other);
   }
+}
+
+// A weight above a half is no overlap degree: it counts as a map that is shared as a whole.
+double Latency::shared_scans(std::uint32_t robot, const Neighbour& other) const {
+  return std::min(0.5, other.weight) * (scans(robot) + scans(other.vertex));
 }
 
 double Latency::shared_scans(const std::vector<std::uint32_t>& robots) const {
   double shared = 0.0;
   for (const std::uint32_t robot : robots)
     for (const Neighbour& other : problem_.overlaps.neighbours(robot))
-      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex))
-        shared += other.weight * (scans(robot) + scans(other.vertex));
+      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex)) shared += shared_scans(robot, other);
   return shared;
 }
 

@@ -108,6 +108,7 @@ class Latency {
   LatencyTerms::Edge edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
   double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
+  double shared_scans(std::uint32_t robot, const Neighbour& other) const;             // of these two
   const Problem& problem_;
   const LatencyModel& model_;
   std::vector<double> map_bytes_;
