@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
-#include <mapweave/scheduling/latency_model.h>
+#include <mapweave/scheduling/placement.h>
 #include <mapweave/scheduling/profile.h>
 
 #include <support/temporary_folder.h>
@@ -103,6 +103,35 @@ TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
   EXPECT_DOUBLE_EQ(terms.edges[1].fusion_s, 0.375);
   EXPECT_DOUBLE_EQ(terms.fusion_s, 7.0);
   EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 4.125 + 7.0);
+}
+
+TEST(LatencyModel, has_the_slowest_edge_decide_when_pairs_across_edges_are_judged) {
+  Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  problem.cloud.speed = 10.0;
+  const auto fusion_s = [&](const Groups& robots_at) { return Latency(problem, model).terms(robots_at).fusion_s; };
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 2.0);  // edge e, of speed 1, has half of the pairs
+  problem.edges[0].speed = 0.25;
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 2.0 / 0.25);
+  EXPECT_DOUBLE_EQ(fusion_s({{}, {0, 1, 2}}), 0.3) << "one edge has no pairs across edges, and the other is not used";
+  problem.cloud.edges_judge = false;
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 10.0);
+}
+
+TEST(LatencyModel, takes_the_delay_of_an_edge_of_which_it_is_said) {
+  Problem problem = two_edges();
+  const LatencyModel model = round_numbers();
+  const double before_s = Latency(problem, model).edge_seconds({2}, 1);
+  problem.edges[1].delay_s = 2.125;
+  EXPECT_DOUBLE_EQ(Latency(problem, model).edge_seconds({2}, 1), before_s + 2.0);
+}
+
+TEST(LatencyModel, counts_what_robots_send_beside_their_scans) {
+  const Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  const double before_s = Latency(problem, model).robot_seconds(0, 0);
+  model.robot_bytes_fixed = 500.0;
+  EXPECT_DOUBLE_EQ(Latency(problem, model).robot_seconds(0, 0), before_s + 0.5);
 }
 
 TEST(LatencyModel, sends_to_the_cloud_what_edges_send_however_much_maps_share) {

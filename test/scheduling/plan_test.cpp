@@ -28,6 +28,8 @@ Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t 
   for (std::uint32_t i = 0; i < edges; ++i)
     problem.edges.push_back(
         {TierId("e" + std::to_string(i)), uniform(random, 1e5, 1e7), seed % 2 == 0 ? uniform(random, 0.3, 3.0) : 1.0, std::nullopt});
+  if (seed % 3 == 1) problem.edges.front().delay_s = uniform(random, 0.0, 3.0);
+  problem.cloud = {seed % 4 < 2 ? uniform(random, 0.3, 3.0) : 1.0, seed % 5 != 3};
   if (seed % 5 < 2)
     for (std::uint32_t r = 0; r < robots; ++r) problem.links[{r, r % edges}] = {uniform(random, 1e5, 1e7), uniform(random, 0.0, 0.5)};
   return problem;
@@ -97,6 +99,7 @@ TEST(LowerBound, is_undercut_by_no_plan_of_robots_of_very_different_scans) {
 
 TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
   Problem problem = random_problem(6, 3, 1);
+  problem.cloud = {};
   LatencyModel model;
   model.cloud_fusion = {0.0, 0.0, 1e-3};
   const double anywhere = lower_bound_seconds(Latency(problem, model));

@@ -23,6 +23,7 @@ struct Field {
 std::vector<Field> fields_of(LatencyModel& model) {
   return {{"scans", &model.scans, false},
           {"pack_s_per_scan", &model.pack_s_per_scan, false},
+          {"robot_bytes_fixed", &model.robot_bytes_fixed, false},
           {"scan_bytes", &model.scan_bytes, false},
           {"robot_bytes_per_s", &model.robot_bytes_per_s, true},
           {"robot_delay_s", &model.robot_delay_s, false},
@@ -54,8 +55,8 @@ void read(const Json& object, const std::vector<Field>& fields, const std::strin
 LatencyModel parse_model(std::string_view json, const std::string& where) {
   const Json root = parse_json(json, where);
   expect_object(root,
-                {"scans", "pack_s_per_scan", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan", "map_bytes_per_scan",
-                 "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
+                {"scans", "pack_s_per_scan", "robot_bytes_fixed", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan",
+                 "map_bytes_per_scan", "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
                 where, "");
   LatencyModel model;
   read(root, fields_of(model), where, "");
@@ -110,7 +111,8 @@ double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double deg
 LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
   const auto link = problem_.links.find({robot, edge});
   const RobotLink wire = link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
-  return {robot, scans(robot) * model_.pack_s_per_scan, scans(robot) * model_.scan_bytes / wire.bytes_per_s + wire.delay_s,
+  const double bytes = model_.robot_bytes_fixed + scans(robot) * model_.scan_bytes;
+  return {robot, scans(robot) * model_.pack_s_per_scan, bytes / wire.bytes_per_s + wire.delay_s,
           scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
 }
 
@@ -143,7 +145,7 @@ LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots,
   }
   if (model_.edge_fusion.per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
   terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
-  terms.transfer_s = bytes / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+  terms.transfer_s = bytes / problem_.edges[edge].bandwidth_bytes_per_s + cloud_delay_s(edge);
   return terms;
 }
 
@@ -164,11 +166,15 @@ LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robot
     for (const std::uint32_t robot : robots_at[edge]) of_edge += scans(robot);
     fused.add(of_edge);
   }
-  double used = 0.0;
-  for (const auto& robots : robots_at) used += robots.empty() ? 0.0 : 1.0;
-  if (used > 0.0) fused.share_out(used);
+  double used = 0.0, slowest = std::numeric_limits<double>::infinity();
+  for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
+    if (robots_at[edge].empty()) continue;
+    used += 1.0;
+    slowest = std::min(slowest, problem_.edges[edge].speed);
+  }
+  if (problem_.cloud.edges_judge && used > 0.0) fused.share_out(used * slowest / problem_.cloud.speed);
   fused.shared = all_shared_;
-  terms.fusion_s = model_.cloud_fusion.seconds(fused);
+  terms.fusion_s = model_.cloud_fusion.seconds(fused) / problem_.cloud.speed;
   return terms;
 }
 
