@@ -98,6 +98,35 @@ TEST_F(CoordinatedRun, expects_robots_to_map_where_the_mode_has_them_do) {
   expect_same("offload", "onboard", kMaps);
 }
 
+TEST_F(CoordinatedRun, expects_what_wires_and_processors_are_said_to_be) {
+  configuration.coordinator.method = Coordination::standard;
+  int runs = 0;
+  const auto expected_s = [&](const char* model) {
+    write_file(folder / "model.json", model);
+    configuration.coordinator.model = (folder / "model.json").string();
+    return run("run" + std::to_string(runs++)).coordination->decisions.back().expected_s;
+  };
+  const double at_once_s = expected_s("{}");
+  configuration.network.edge_cloud.delay_s = 7.0;
+  EXPECT_NEAR(expected_s("{}"), at_once_s + 7.0, 1e-9);
+  configuration.network.edge_cloud.delay_s = 0.0;
+
+  constexpr const char* kPairs = R"({"cloud_fusion": {"per_scan_pair_s": 1}})";
+  const double edges_judge_s = expected_s(kPairs);
+  configuration.processors.cloud = 0.01;
+  EXPECT_NEAR(expected_s(kPairs), edges_judge_s, 0.01 * edges_judge_s) << "edges judge, and are as fast as before";
+  configuration.processors.edge = 0.5;
+  EXPECT_GT(expected_s(kPairs), 1.9 * edges_judge_s);
+  configuration.cloud.edges_judge = false;
+  EXPECT_GT(expected_s(kPairs), 100.0 * edges_judge_s) << "a cloud a hundred times slower, alone";
+
+  configuration.cloud.edges_judge = true;
+  configuration.mode = Mode::onboard;
+  configuration.network.robot_edge.bytes_per_s = 1e5;
+  const double small_s = expected_s(R"({"map_bytes_fixed": 0})");
+  EXPECT_NEAR(expected_s(R"({"map_bytes_fixed": 1e6})"), small_s + 10.0, 0.1) << "maps go from robots to edges";
+}
+
 TEST_F(CoordinatedRun, hears_of_a_robot_when_it_comes) {
   configuration.coordinator.method = Coordination::greedy;
   configuration.robots[1].from_s = 6.0;

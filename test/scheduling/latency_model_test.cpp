@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
-#include <mapweave/scheduling/latency_model.h>
+#include <mapweave/scheduling/placement.h>
 #include <mapweave/scheduling/profile.h>
 
 #include <support/temporary_folder.h>
@@ -47,10 +47,10 @@ TEST(LatencyModel, adds_up_by_hand) {
   EXPECT_DOUBLE_EQ(latency.fused_bytes({0, 1}), 3000.0);  // 2000 + 2000 - 0.25 * 4000
   EXPECT_DOUBLE_EQ(latency.fused_bytes({1, 2}), 2000.0);  // degree 0.5: the same map
   EXPECT_DOUBLE_EQ(latency.fused_bytes({0, 2}), 4000.0);
-  EXPECT_DOUBLE_EQ(latency.edge_seconds({0, 1}, 0), 7.75 + 3.0 + 0.125);
+  EXPECT_DOUBLE_EQ(latency.edge_seconds({0, 1}, 0), 7.75 + 4.0 + 0.125);  // both maps are sent as they are
   // Robot c alone on f: 1 + 1 + 0.5 + 1, fused in half the time, 2000 bytes at 500 a second.
   EXPECT_DOUBLE_EQ(latency.edge_seconds({2}, 1), 3.5 + 0.375 + 4.0 + 0.125);
-  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 10.875 + 3.0 + 4.0);  // 300 scans, 200 x 100 pairs for two edges
+  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 11.875 + 3.0 + 4.0);  // 300 scans, 200 x 100 pairs for two edges
   EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1, 2}, {}}),
                    latency.edge_seconds({0, 1, 2}, 0) + 3.0);  // an edge without robots sends nothing
 }
@@ -76,6 +76,17 @@ TEST(LatencyModel, counts_scans_that_robots_share_where_they_are_fused) {
   EXPECT_DOUBLE_EQ(latency.terms({{0, 1}, {2}}).fusion_s, all_s + 3.0);  // the cloud matches all of them
 }
 
+TEST(LatencyModel, counts_no_more_than_whole_maps_as_shared) {
+  Problem problem = two_edges();
+  problem.overlaps = OverlapGraph(3, {{0, 1, 3.0}});  // counts of matches, say, which serve for grouping
+  LatencyModel model = round_numbers();
+  const double without_s = Latency(problem, model).computing_seconds({0, 1}, 0);
+  model.edge_fusion.per_shared_scan_s = 0.01;
+  const Latency latency(problem, model);
+  EXPECT_DOUBLE_EQ(latency.shared_scans(), 0.5 * 200.0);
+  EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 1}, 0), without_s + 1.0);
+}
+
 TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
   const Problem problem = two_edges();
   const LatencyModel model = round_numbers();
@@ -88,10 +99,49 @@ TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
   EXPECT_DOUBLE_EQ(b.transfer_s, 1.5);
   EXPECT_DOUBLE_EQ(b.slam_s, 2.0);
   EXPECT_DOUBLE_EQ(terms.edges[0].fusion_s, 3.25);
-  EXPECT_DOUBLE_EQ(terms.edges[0].transfer_s, 3.125);
+  EXPECT_DOUBLE_EQ(terms.edges[0].transfer_s, 4.125);
   EXPECT_DOUBLE_EQ(terms.edges[1].fusion_s, 0.375);
   EXPECT_DOUBLE_EQ(terms.fusion_s, 7.0);
-  EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 3.125 + 7.0);
+  EXPECT_DOUBLE_EQ(terms.total_seconds(), 4.5 + 3.25 + 4.125 + 7.0);
+}
+
+TEST(LatencyModel, has_the_slowest_edge_decide_when_pairs_across_edges_are_judged) {
+  Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  problem.cloud.speed = 10.0;
+  const auto fusion_s = [&](const Groups& robots_at) { return Latency(problem, model).terms(robots_at).fusion_s; };
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 2.0);  // edge e, of speed 1, has half of the pairs
+  problem.edges[0].speed = 0.25;
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 2.0 / 0.25);
+  EXPECT_DOUBLE_EQ(fusion_s({{}, {0, 1, 2}}), 0.3) << "one edge has no pairs across edges, and the other is not used";
+  problem.cloud.edges_judge = false;
+  EXPECT_DOUBLE_EQ(fusion_s({{0, 1}, {2}}), 0.3 + 4e-4 * 2e4 / 10.0);
+}
+
+TEST(LatencyModel, takes_the_delay_of_an_edge_of_which_it_is_said) {
+  Problem problem = two_edges();
+  const LatencyModel model = round_numbers();
+  const double before_s = Latency(problem, model).edge_seconds({2}, 1);
+  problem.edges[1].delay_s = 2.125;
+  EXPECT_DOUBLE_EQ(Latency(problem, model).edge_seconds({2}, 1), before_s + 2.0);
+}
+
+TEST(LatencyModel, counts_what_robots_send_beside_their_scans) {
+  const Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  const double before_s = Latency(problem, model).robot_seconds(0, 0);
+  model.robot_bytes_fixed = 500.0;
+  EXPECT_DOUBLE_EQ(Latency(problem, model).robot_seconds(0, 0), before_s + 0.5);
+}
+
+TEST(LatencyModel, sends_to_the_cloud_what_edges_send_however_much_maps_share) {
+  const Problem problem = two_edges();
+  LatencyModel model = round_numbers();
+  model.edge_bytes_per_map_byte = 1.25;  // with judgements
+  const Latency latency(problem, model);
+  EXPECT_DOUBLE_EQ(latency.sent_bytes(0), 2500.0);
+  EXPECT_DOUBLE_EQ(latency.terms({{1, 2}, {}}).edges[0].transfer_s, 5.0 + 0.125);  // the same map twice
+  EXPECT_DOUBLE_EQ(latency.terms({{0, 2}, {}}).edges[0].transfer_s, 5.0 + 0.125);  // nothing in common
 }
 
 TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum) {
@@ -106,7 +156,6 @@ TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum
     const double fused = latency.fused_bytes({0, 1, 2}), a = latency.map_bytes(0), b = latency.map_bytes(1), c = latency.map_bytes(2);
     EXPECT_GE(fused, std::max({a, b, c}));
     EXPECT_LE(fused, a + b + c + 1e-9);
-    EXPECT_GE(fused + 1e-9, latency.own_bytes(0) + latency.own_bytes(1) + latency.own_bytes(2));
   }
 }
 
@@ -244,8 +293,12 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
     const double judging_s = 3e-6 * pairs / 2.0;
     edges.push_back({{"id", "n"},
                      {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1] + 0.03 * shared_on_n},
+                     {"bytes", 1.5 * (2000 + 70 * (scans[0] + scans[1]))},
                      {"judging_cpu_seconds", judging_s}});
-    edges.push_back({{"id", "s"}, {"fusing_cpu_seconds", 0.004 * scans[2]}, {"judging_cpu_seconds", 0.9 * judging_s}});
+    edges.push_back({{"id", "s"},
+                     {"fusing_cpu_seconds", 0.004 * scans[2]},
+                     {"bytes", 1.5 * (1000 + 70 * scans[2])},
+                     {"judging_cpu_seconds", 0.9 * judging_s}});
   } else {
     pairs += scans[0] * scans[1];
     fusing_s += 3e-6 * pairs;
@@ -275,6 +328,7 @@ TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
   EXPECT_NEAR(model.slam_s_per_scan, 0.002, 1e-9);
   EXPECT_NEAR(model.map_bytes_fixed, 1000.0, 1e-3);
   EXPECT_NEAR(model.map_bytes_per_scan, 70.0, 1e-6);
+  EXPECT_NEAR(model.edge_bytes_per_map_byte, 1.5, 1e-9);
   EXPECT_NEAR(model.edge_fusion.fixed_s, 0.0, 1e-6);
   EXPECT_NEAR(model.edge_fusion.per_scan_s, 0.004, 1e-8);
   EXPECT_NEAR(model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
@@ -284,10 +338,12 @@ TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
   EXPECT_NEAR(model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
   EXPECT_NEAR(model.cloud_fusion.per_shared_scan_s, 0.02, 1e-6);
   EXPECT_TRUE(profile.notes.empty());
-  ASSERT_EQ(profile.terms.size(), 6u);
+  ASSERT_EQ(profile.terms.size(), 7u);
   for (const ProfiledTerm& term : profile.terms) EXPECT_LT(term.median_off, 1e-6) << term.name;
-  EXPECT_EQ(profile.terms[4].shown.front().at, 200.0);  // the edge of one robot
-  EXPECT_NEAR(profile.terms[4].shown.front().value, 0.8, 1e-6);
+  EXPECT_EQ(profile.terms[4].name, "what edges send");
+  EXPECT_EQ(profile.terms[4].shown.front().at, 1000.0 + 70.0 * 200.0);  // the edge of one robot
+  EXPECT_EQ(profile.terms[5].shown.front().at, 200.0);
+  EXPECT_NEAR(profile.terms[5].shown.front().value, 0.8, 1e-6);
 }
 
 TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_tells) {
@@ -311,10 +367,11 @@ TEST_F(ProfileOfRuns, leaves_out_maps_of_cameras_and_says_so) {
   nlohmann::json summary = summary_of("offload", 1);
   summary["robots"][2]["cameras"] = nlohmann::json::array({{{"frames", 3}}});
   const Profile profile = profile_runs({run("1", summary)});
-  ASSERT_EQ(profile.terms.size(), 5u);                          // none of the cloud's
+  ASSERT_EQ(profile.terms.size(), 6u);                          // none of the cloud's
   EXPECT_EQ(profile.terms[1].regression.residuals.size(), 2u);  // what robots send
   EXPECT_EQ(profile.terms[2].regression.residuals.size(), 3u);  // SLAM is by lasers alone
   EXPECT_EQ(profile.terms[4].regression.residuals.size(), 1u);  // the edge of a and b
+  EXPECT_EQ(profile.terms[5].regression.residuals.size(), 1u);
   EXPECT_THAT(profile.notes, testing::Contains(HasSubstr("cameras")));
 }
 
@@ -354,7 +411,7 @@ TEST_F(ProfileOfRuns, names_the_summary_that_cannot_be_one) {
        {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots", "/timeline/edges",
         "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id", "/timeline/robots/1/packing_cpu_seconds",
         "/timeline/robots/1/mapping_cpu_seconds", "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
-        "/timeline/edges/0/fusing_cpu_seconds", "/timeline/cloud/fusing_cpu_seconds"})
+        "/timeline/edges/0/fusing_cpu_seconds", "/timeline/edges/0/bytes", "/timeline/cloud/fusing_cpu_seconds"})
     for (const nlohmann::json& wrong : {nlohmann::json(-1), nlohmann::json("a"), nlohmann::json(nullptr)}) {
       nlohmann::json bad = good;
       bad[nlohmann::json::json_pointer(at)] = wrong;

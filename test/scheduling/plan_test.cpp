@@ -28,6 +28,8 @@ Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t 
   for (std::uint32_t i = 0; i < edges; ++i)
     problem.edges.push_back(
         {TierId("e" + std::to_string(i)), uniform(random, 1e5, 1e7), seed % 2 == 0 ? uniform(random, 0.3, 3.0) : 1.0, std::nullopt});
+  if (seed % 3 == 1) problem.edges.front().delay_s = uniform(random, 0.0, 3.0);
+  problem.cloud = {seed % 4 < 2 ? uniform(random, 0.3, 3.0) : 1.0, seed % 5 != 3};
   if (seed % 5 < 2)
     for (std::uint32_t r = 0; r < robots; ++r) problem.links[{r, r % edges}] = {uniform(random, 1e5, 1e7), uniform(random, 0.0, 0.5)};
   return problem;
@@ -54,7 +56,7 @@ double least_of_all(const Latency& latency) {
 LatencyModel model_of_kind(std::uint64_t kind) {
   LatencyModel model;
   if (kind % 4 == 1) model.edge_fusion = {0.5, 1e-4, 5e-8};
-  if (kind % 4 == 2) model.map_bytes_per_scan = 20e3;
+  if (kind % 4 == 2) model.map_bytes_per_scan = 20e3, model.edge_bytes_per_map_byte = 1.5;
   if (kind % 4 == 3) {  // the cloud decides
     model.edge_fusion = {0.1, 1e-3, 1e-6, 1e-3};
     model.cloud_fusion = {0.3, 2e-3, 1e-5, 2e-3};
@@ -97,6 +99,7 @@ TEST(LowerBound, is_undercut_by_no_plan_of_robots_of_very_different_scans) {
 
 TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
   Problem problem = random_problem(6, 3, 1);
+  problem.cloud = {};
   LatencyModel model;
   model.cloud_fusion = {0.0, 0.0, 1e-3};
   const double anywhere = lower_bound_seconds(Latency(problem, model));

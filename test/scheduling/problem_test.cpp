@@ -31,13 +31,17 @@ std::string refusal(const std::string& json, ErrorCode code = ErrorCode::kBadInp
 
 TEST(Problem, is_read_whole) {
   const Problem problem = parse_problem(R"({"robots": ["r0", "r1", "r2"], "overlaps": [["r0", "r1", 0.31], ["r2", "r0", 0]],
-    "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6}, {"id": "e1", "bandwidth_bytes_per_s": 1e6, "speed": 0.5, "capacity": 2}],
-    "robot_scans": {"r1": 1200}, "links": [["r2", "e1", 1e6, 0.02]]})",
+    "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6}, {"id": "e1", "bandwidth_bytes_per_s": 1e6, "speed": 0.5, "capacity": 2, "delay_s": 0.1}],
+    "cloud": {"speed": 4, "edges_judge": false}, "robot_scans": {"r1": 1200}, "links": [["r2", "e1", 1e6, 0.02]]})",
                                         "p.json");
   EXPECT_THAT(problem.robots, ElementsAre(RobotId("r0"), RobotId("r1"), RobotId("r2")));
   EXPECT_EQ(problem.overlaps.weight(0, 1), 0.31);
   EXPECT_EQ(problem.overlaps.links(), 1u);
   EXPECT_EQ(problem.edges[0].speed, 1.0);
+  EXPECT_FALSE(problem.edges[0].delay_s);
+  EXPECT_EQ(problem.edges[1].delay_s, 0.1);
+  EXPECT_EQ(problem.cloud.speed, 4.0);
+  EXPECT_FALSE(problem.cloud.edges_judge);
   EXPECT_FALSE(problem.edges[0].capacity);
   EXPECT_EQ(problem.edges[1].capacity, 2u);
   EXPECT_EQ(problem.scans[1], 1200.0);
@@ -80,12 +84,21 @@ TEST(Problem, refuses_robots_and_edges_that_are_not_there) {
   EXPECT_THAT(refusal(R"({"robots": {"a": 1}, "overlaps": [], )" + kEdges + "}"), HasSubstr("a list was expected, not object"));
 }
 
+TEST(Problem, refuses_a_cloud_that_cannot_be) {
+  const auto cloud = [](const std::string& fields) { return with(R"(["a"])", "[]", kEdges + R"(, "cloud": )" + fields); };
+  EXPECT_THAT(refusal(cloud("3")), HasSubstr("an object was expected"));
+  EXPECT_THAT(refusal(cloud(R"({"speed": 0})")), HasSubstr("cloud.speed"));
+  EXPECT_THAT(refusal(cloud(R"({"edges_judge": 1})")), HasSubstr("cloud.edges_judge"));
+  EXPECT_THAT(refusal(cloud(R"({"edge_judges": true})")), HasSubstr("did you mean 'edges_judge'?"));
+}
+
 TEST(Problem, refuses_edges_that_cannot_be) {
   const auto edge = [](const std::string& fields) { return with(R"(["a", "b"])", "[]", R"("edges": [{)" + fields + "}]"); };
   EXPECT_THAT(refusal(edge(R"("bandwidth_bytes_per_s": 1)")), HasSubstr("'id' is missing"));
   EXPECT_THAT(refusal(edge(R"("id": "e")")), HasSubstr("'bandwidth_bytes_per_s' is missing"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 0)")), HasSubstr("edges[0].bandwidth_bytes_per_s"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "speed": -1)")), HasSubstr("edges[0].speed"));
+  EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "delay_s": -1)")), HasSubstr("edges[0].delay_s"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "capacity": 1.5)")), HasSubstr("no whole number"));
   EXPECT_THAT(refusal(edge(R"("id": "../e", "bandwidth_bytes_per_s": 1)")), HasSubstr("is not a name"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "capacity": 1)")), HasSubstr("capacities hold 1 of 2 robots"));

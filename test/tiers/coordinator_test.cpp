@@ -47,7 +47,7 @@ TEST(Coordinator, groups_who_announces_the_same_way) {
 }
 
 TEST(Coordinator, moves_robots_off_an_edge_that_goes_and_nobody_else) {
-  Coordinator coordinator = two_corridors();
+  Coordinator coordinator = two_corridors(0.9);
   coordinator.hear(edge("west"));
   coordinator.decide(0.0);
   const auto before = coordinator.edge_of();
@@ -56,17 +56,62 @@ TEST(Coordinator, moves_robots_off_an_edge_that_goes_and_nobody_else) {
   const auto decision = coordinator.decide(5.0);
   ASSERT_TRUE(decision);
   EXPECT_THAT(decision->because, ElementsAre("edge " + gone.str() + " goes"));
+  ASSERT_FALSE(decision->is_new_plan);
+  std::size_t homeless = 0;
   for (const auto& [robot, edge] : decision->edge_of) {
     EXPECT_NE(edge, gone);
     EXPECT_FALSE(edge.empty());
-    if (before.at(robot) != gone && !decision->is_new_plan) {
+    if (before.at(robot) == gone)
+      ++homeless;
+    else
       EXPECT_EQ(edge, before.at(robot));
-    }
   }
-  for (const auto& move : decision->moves)
-    if (before.at(move.robot) == gone) {
-      EXPECT_TRUE(move.from.empty());
-    }
+  EXPECT_EQ(decision->moves.size(), homeless);
+  for (const auto& move : decision->moves) EXPECT_TRUE(move.from.empty());
+}
+
+TEST(Coordinator, leaves_where_it_is_what_a_robot_sensed_that_goes) {
+  Coordinator coordinator = two_corridors();
+  coordinator.decide(0.0);
+  const auto before = coordinator.edge_of();
+  coordinator.hear(RobotGoes{RobotId("c")});
+  const auto decision = coordinator.decide(5.0);
+  ASSERT_TRUE(decision);
+  EXPECT_THAT(decision->because, ElementsAre("robot c has sensed all"));
+  EXPECT_TRUE(decision->moves.empty());
+  EXPECT_EQ(coordinator.edge_of(), before);
+}
+
+TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
+  Coordinator coordinator = two_corridors();
+  coordinator.decide(0.0);
+  coordinator.hear(edge("north"));
+  EXPECT_FALSE(coordinator.decide(1.0)) << "as it was";
+  double now_s = 2.0, before_s = 0.0;
+  EdgeIs north = edge("north");
+  const auto change = [&](const char* what) {
+    coordinator.hear(north);
+    const auto decision = coordinator.decide(now_s++);
+    ASSERT_TRUE(decision) << what;
+    EXPECT_THAT(decision->because, ElementsAre("edge north is otherwise")) << what;
+    EXPECT_GT(decision->expected_s, before_s) << what;
+    before_s = decision->expected_s;
+  };
+  change((north.resources.bandwidth_bytes_per_s = 1e5, "bandwidth"));
+  change((north.resources.speed = 0.1, "speed"));
+  change((north.resources.delay_s = 9.0, "delay"));
+}
+
+TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
+  Coordinator coordinator = two_corridors(0.9);
+  coordinator.decide(0.0);
+  coordinator.hear(edge("north", 1e6, 1));
+  const auto decision = coordinator.decide(1.0);
+  ASSERT_TRUE(decision);
+  EXPECT_EQ(decision->moves.size(), 1u);
+  int on_north = 0;
+  for (const auto& [robot, edge] : decision->edge_of) on_north += edge == TierId("north");
+  EXPECT_EQ(on_north, 1);
 }
 
 TEST(Coordinator, maps_on_board_where_there_is_no_edge_and_comes_back) {
@@ -89,11 +134,11 @@ TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
     Coordinator coordinator = two_corridors(hysteresis);
     coordinator.decide(0.0);
     const auto before = coordinator.edge_of();
-    // From now on a sees what c sees, b what d sees.
-    coordinator.hear(RobotReports{RobotId("a"), 900, corridor(100, 120)});
-    coordinator.hear(RobotReports{RobotId("b"), 900, corridor(200, 220)});
-    coordinator.hear(RobotReports{RobotId("d"), 900, corridor(200, 220)});
-    coordinator.hear(RobotReports{RobotId("c"), 900, corridor(100, 120)});
+    // From now on a sees what c sees, b what d sees; a and b, who drove far, are fused on one edge.
+    coordinator.hear(RobotReports{RobotId("a"), 2000, corridor(100, 120)});
+    coordinator.hear(RobotReports{RobotId("b"), 2000, corridor(200, 220)});
+    coordinator.hear(RobotReports{RobotId("d"), 100, corridor(200, 220)});
+    coordinator.hear(RobotReports{RobotId("c"), 100, corridor(100, 120)});
     const auto decision = coordinator.decide(10.0);
     ASSERT_TRUE(decision);
     EXPECT_EQ(decision->is_new_plan, hysteresis == 0.0);

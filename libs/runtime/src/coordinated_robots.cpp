@@ -16,17 +16,20 @@ namespace {
 scheduling::LatencyModel model_of(const RunConfiguration& configuration, const std::filesystem::path& file) {
   scheduling::LatencyModel model = file.empty() ? scheduling::LatencyModel() : scheduling::read_model(file);
   const ProcessorOptions& processors = configuration.processors;
-  const double cloud_speed = configuration.cloud.at.empty()
-                                 ? processors.cloud_speed()
-                                 : processors.edge_speed() * edge_entry(configuration, TierId(configuration.cloud.at)).speed;
   if (configuration.mode == Mode::offload) {
     model.pack_s_per_scan /= processors.robot_speed();
   } else {  // robots map, and send their maps
     model.pack_s_per_scan = std::exchange(model.slam_s_per_scan, 0.0) / processors.robot_speed();
-    model.scan_bytes = model.map_bytes_per_scan;
+    model.scan_bytes = model.map_bytes_per_scan, model.robot_bytes_fixed = model.map_bytes_fixed;
   }
-  model.cloud_fusion = model.cloud_fusion.at_speed(cloud_speed);
   return model;
+}
+
+scheduling::CloudResources cloud_of(const RunConfiguration& configuration) {
+  const ProcessorOptions& processors = configuration.processors;
+  const std::string& at = configuration.cloud.at;
+  return {at.empty() ? processors.cloud_speed() : processors.edge_speed() * edge_entry(configuration, TierId(at)).speed,
+          configuration.cloud.edges_judge};
 }
 
 tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, const RunPlan& plan) {
@@ -35,6 +38,7 @@ tiers::CoordinatorOptions options_of(const RunConfiguration& configuration, cons
   options.plan.method = static_cast<scheduling::PlanMethod>(method);
   options.plan.seed = configuration.seed;
   options.plan.model = model_of(configuration, plan.model);
+  options.cloud = cloud_of(configuration);
   options.hysteresis = configuration.coordinator.hysteresis;
   return options;
 }
@@ -88,7 +92,11 @@ void CoordinatedRobots::hear_edges_and_wires(double now_s) {
     scheduling::EdgeResources resources;
     resources.id = id;
     resources.speed = configuration_.processors.edge_speed() * entry.speed;
-    resources.bandwidth_bytes_per_s = id.str() == cloud ? kAnyBytesPerS : bytes_per_s(state(id.str(), cloud, network.edge_cloud));
+    resources.bandwidth_bytes_per_s = kAnyBytesPerS, resources.delay_s = 0.0;  // where the cloud is
+    if (id.str() != cloud) {
+      const transport::LinkState wire = state(id.str(), cloud, network.edge_cloud);
+      resources.bandwidth_bytes_per_s = bytes_per_s(wire), resources.delay_s = wire.delay_s;
+    }
     if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
     coordinator_.hear(tiers::EdgeIs{resources});
     for (const PlannedRobot& robot : plan_.robots) {

@@ -23,12 +23,14 @@ struct Field {
 std::vector<Field> fields_of(LatencyModel& model) {
   return {{"scans", &model.scans, false},
           {"pack_s_per_scan", &model.pack_s_per_scan, false},
+          {"robot_bytes_fixed", &model.robot_bytes_fixed, false},
           {"scan_bytes", &model.scan_bytes, false},
           {"robot_bytes_per_s", &model.robot_bytes_per_s, true},
           {"robot_delay_s", &model.robot_delay_s, false},
           {"slam_s_per_scan", &model.slam_s_per_scan, false},
           {"map_bytes_per_scan", &model.map_bytes_per_scan, false},
           {"map_bytes_fixed", &model.map_bytes_fixed, false},
+          {"edge_bytes_per_map_byte", &model.edge_bytes_per_map_byte, false},
           {"cloud_delay_s", &model.cloud_delay_s, false}};
 }
 std::vector<std::pair<const char*, FusionTime*>> fusions_of(LatencyModel& model) {
@@ -53,8 +55,8 @@ void read(const Json& object, const std::vector<Field>& fields, const std::strin
 LatencyModel parse_model(std::string_view json, const std::string& where) {
   const Json root = parse_json(json, where);
   expect_object(root,
-                {"scans", "pack_s_per_scan", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan", "map_bytes_per_scan",
-                 "map_bytes_fixed", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
+                {"scans", "pack_s_per_scan", "robot_bytes_fixed", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan",
+                 "map_bytes_per_scan", "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
                 where, "");
   LatencyModel model;
   read(root, fields_of(model), where, "");
@@ -83,21 +85,21 @@ std::string model_json(const LatencyModel& model) {
 Latency::Latency(const Problem& problem, const LatencyModel& model) : problem_(problem), model_(model) {
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     map_bytes_.push_back(model.map_bytes_fixed + model.map_bytes_per_scan * scans(robot));
-    double own = map_bytes_[robot];
     for (const Neighbour& other : problem.overlaps.neighbours(robot))
-      if (other.vertex < robot) own *= 1.0 - shared_part(robot, other.vertex, other.weight);
-    own_bytes_.push_back(own);
-    for (const Neighbour& other : problem.overlaps.neighbours(robot))
-      if (other.vertex < robot) all_shared_ += other.weight * (scans(robot) + scans(other.vertex));
+      if (other.vertex < robot) all_shared_ += shared_scans(robot, other);
   }
+}
+
+// A weight above a half is no overlap degree: it counts as a map that is shared as a whole.
+double Latency::shared_scans(std::uint32_t robot, const Neighbour& other) const {
+  return std::min(0.5, other.weight) * (scans(robot) + scans(other.vertex));
 }
 
 double Latency::shared_scans(const std::vector<std::uint32_t>& robots) const {
   double shared = 0.0;
   for (const std::uint32_t robot : robots)
     for (const Neighbour& other : problem_.overlaps.neighbours(robot))
-      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex))
-        shared += other.weight * (scans(robot) + scans(other.vertex));
+      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex)) shared += shared_scans(robot, other);
   return shared;
 }
 
@@ -109,7 +111,8 @@ double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double deg
 LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
   const auto link = problem_.links.find({robot, edge});
   const RobotLink wire = link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
-  return {robot, scans(robot) * model_.pack_s_per_scan, scans(robot) * model_.scan_bytes / wire.bytes_per_s + wire.delay_s,
+  const double bytes = model_.robot_bytes_fixed + scans(robot) * model_.scan_bytes;
+  return {robot, scans(robot) * model_.pack_s_per_scan, bytes / wire.bytes_per_s + wire.delay_s,
           scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
 }
 
@@ -134,13 +137,15 @@ LatencyTerms::Edge Latency::edge_terms(const std::vector<std::uint32_t>& robots,
   LatencyTerms::Edge terms;
   if (robots.empty()) return terms;
   FusedScans fused;
+  double bytes = 0.0;
   for (const std::uint32_t robot : robots) {
     terms.robots.push_back(robot_terms(robot, edge));
     fused.add(scans(robot));
+    bytes += sent_bytes(robot);
   }
   if (model_.edge_fusion.per_shared_scan_s > 0.0) fused.shared = shared_scans(robots);
   terms.fusion_s = model_.edge_fusion.seconds(fused) / problem_.edges[edge].speed;
-  terms.transfer_s = fused_bytes(robots) / problem_.edges[edge].bandwidth_bytes_per_s + model_.cloud_delay_s;
+  terms.transfer_s = bytes / problem_.edges[edge].bandwidth_bytes_per_s + cloud_delay_s(edge);
   return terms;
 }
 
@@ -161,11 +166,15 @@ LatencyTerms Latency::terms(const std::vector<std::vector<std::uint32_t>>& robot
     for (const std::uint32_t robot : robots_at[edge]) of_edge += scans(robot);
     fused.add(of_edge);
   }
-  double used = 0.0;
-  for (const auto& robots : robots_at) used += robots.empty() ? 0.0 : 1.0;
-  if (used > 0.0) fused.share_out(used);
+  double used = 0.0, slowest = std::numeric_limits<double>::infinity();
+  for (std::uint32_t edge = 0; edge < robots_at.size(); ++edge) {
+    if (robots_at[edge].empty()) continue;
+    used += 1.0;
+    slowest = std::min(slowest, problem_.edges[edge].speed);
+  }
+  if (problem_.cloud.edges_judge && used > 0.0) fused.share_out(used * slowest / problem_.cloud.speed);
   fused.shared = all_shared_;
-  terms.fusion_s = model_.cloud_fusion.seconds(fused);
+  terms.fusion_s = model_.cloud_fusion.seconds(fused) / problem_.cloud.speed;
   return terms;
 }
 

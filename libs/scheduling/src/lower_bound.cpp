@@ -5,12 +5,12 @@
 //   minimise  T + C
 //   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a class
 //   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1
-//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e own s_e^2 / (B b_e)
+//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e)
 //   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
 //   (fullest)   T >= what the fullest edge takes, were it the fastest
 //   (cloud)     C >= what sum y edges have to share where all but one hold one of the smallest robots
 //               C >= what edges that hold at most M have to share, were all used: sum of s_e^2 <= M sum of s_e
-//   (bytes)     T >= the first edge's readiness + the bytes of one map of all / B;  T >= what the slowest robot takes alone
+//   (bytes)     T >= the first edge's readiness + the bytes of all maps / B;  T >= what the slowest robot takes alone
 //
 // A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
 // are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. What robots on an
@@ -39,15 +39,15 @@ constexpr double kMoreRoom = 1.0 + 1e-4;  // Ipopt searches within bounds, and w
 
 struct Relaxation {
   std::size_t edges = 0;
-  double robots = 0.0, bandwidth = 0.0, least_own_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0, delay_s = 0.0;
-  double least_weight = 0.0, weights = 0.0;      // of one robot, of all; own_bytes: by weight
-  std::vector<double> count, weight;             // by class
-  std::vector<std::vector<double>> seconds;      // eq. 1, by class, by edge
-  std::vector<double> fastest, speed, room;      // by edge
-  FusionTime edge_fusion;                        // by weight
-  double fewest_edges = 1.0;                     // that have room for everyone
-  double cloud_s = 0.0, cloud_s_per_edge = 0.0;  // with the fewest edges, and each further one
-  double spread_s = 0.0, cloud_pairs_s = 0.0;    // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
+  double robots = 0.0, bandwidth = 0.0, least_bytes = 0.0, smallest_bytes = 0.0, least_seconds = 0.0;
+  double least_weight = 0.0, weights = 0.0;           // of one robot, of all; least_bytes: by weight
+  std::vector<double> count, weight;                  // by class
+  std::vector<std::vector<double>> seconds;           // eq. 1, by class, by edge
+  std::vector<double> fastest, speed, room, delay_s;  // by edge
+  FusionTime edge_fusion;                             // by weight
+  double fewest_edges = 1.0;                          // that have room for everyone
+  double cloud_s = 0.0, cloud_s_per_edge = 0.0;       // with the fewest edges, and each further one
+  double spread_s = 0.0, cloud_pairs_s = 0.0;  // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
   double full_s = 0.0, full_linear_s = 0.0, full_square_s = 0.0;  // of the fullest edge, by its share of all scans
 };
 
@@ -71,8 +71,13 @@ void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& resul
   for (std::size_t c = 0; c < result.count.size(); ++c) result.weights += result.count[c] * result.weight[c];
 }
 
-// What is left to the cloud, whoever is where.
-void add_cloud(const FusionTime& time, std::vector<double> scans, double shared, Relaxation& result) {
+// What is left to the cloud, whoever is where. The slowest of so many edges is no faster than the last of as many fastest ones.
+void add_cloud(const FusionTime& time, const CloudResources& cloud, std::vector<double> scans, double shared, Relaxation& result) {
+  std::vector<double> speeds = result.speed;
+  std::sort(speeds.rbegin(), speeds.rend());
+  const auto judges = [&](std::size_t used) {  // how many times as fast as the cloud so many edges are
+    return cloud.edges_judge ? static_cast<double>(used) * speeds[used - 1] / cloud.speed : 1.0;
+  };
   std::sort(scans.begin(), scans.end());
   double all = 0.0;
   for (const double one : scans) all += one;
@@ -82,25 +87,26 @@ void add_cloud(const FusionTime& time, std::vector<double> scans, double shared,
   std::size_t fewest = 0;
   while (fewest < rooms.size() && (room < result.robots || fewest == 0)) room += rooms[fewest++];
   const std::size_t most = std::max(fewest, std::min(result.edges, scans.size()));
-  std::vector<double> shares;  // of pairs across edges, where so many edges and one more are used
-  double alone = 0.0, pairs = 0.0;
+  std::vector<double> shares;  // of pairs across edges, where so many edges and one more are used, as the cloud takes for them
+  double alone = 0.0, pairs = 0.0, fastest = 0.0;
   for (std::size_t used = 1; used <= most; ++used) {
     if (used > 1 && used <= scans.size()) {
       alone += scans[used - 2];
       pairs += scans[used - 2] * (all - alone);
     }
-    shares.push_back(pairs / static_cast<double>(used));
+    shares.push_back(pairs / judges(used));
+    fastest = std::max(fastest, judges(used));
   }
   const double least = *std::min_element(shares.begin() + static_cast<std::ptrdiff_t>(fewest) - 1, shares.end());
   double slope = std::numeric_limits<double>::infinity();
   for (std::size_t used = fewest + 1; used <= most; ++used)
     slope = std::min(slope, (shares[used - 1] - least) / static_cast<double>(used - fewest));
-  const double spread = 0.5 * all * all / static_cast<double>(most);
+  const double spread = 0.5 * all * all / fastest;
   result.fewest_edges = static_cast<double>(fewest);
-  result.cloud_s = time.seconds({all, least, shared});
-  result.cloud_s_per_edge = std::isfinite(slope) ? time.per_scan_pair_s * slope : 0.0;
-  result.spread_s = time.seconds({all, spread, shared});
-  result.cloud_pairs_s = time.per_scan_pair_s * spread;
+  result.cloud_s = time.seconds({all, least, shared}) / cloud.speed;
+  result.cloud_s_per_edge = std::isfinite(slope) ? time.per_scan_pair_s * slope / cloud.speed : 0.0;
+  result.spread_s = time.seconds({all, spread, shared}) / cloud.speed;
+  result.cloud_pairs_s = time.per_scan_pair_s * spread / cloud.speed;
 }
 
 Relaxation relaxed(const Latency& latency) {
@@ -110,9 +116,11 @@ Relaxation relaxed(const Latency& latency) {
   const auto robots = static_cast<std::uint32_t>(problem.robots.size());
   result.edges = problem.edges.size();
   result.robots = robots;
-  result.delay_s = model.cloud_delay_s;
-  double highest_speed = 0.0;
-  for (const EdgeResources& edge : problem.edges) {
+  double highest_speed = 0.0, least_delay_s = std::numeric_limits<double>::infinity();
+  for (std::uint32_t e = 0; e < problem.edges.size(); ++e) {
+    const EdgeResources& edge = problem.edges[e];
+    result.delay_s.push_back(latency.cloud_delay_s(e));
+    least_delay_s = std::min(least_delay_s, result.delay_s.back());
     result.bandwidth += edge.bandwidth_bytes_per_s;
     highest_speed = std::max(highest_speed, edge.speed);
     result.speed.push_back(edge.speed);
@@ -129,7 +137,7 @@ Relaxation relaxed(const Latency& latency) {
   std::map<std::vector<double>, double> kinds;  // weight and seconds by edge
   result.fastest.assign(result.edges, std::numeric_limits<double>::infinity());
   double all_bytes = 0.0;
-  result.least_own_bytes = result.smallest_bytes = result.least_weight = std::numeric_limits<double>::infinity();
+  result.least_bytes = result.smallest_bytes = result.least_weight = std::numeric_limits<double>::infinity();
   double first_ready = std::numeric_limits<double>::infinity();
   for (std::uint32_t robot = 0; robot < robots; ++robot) {
     const double weight = all_scans > 0.0 ? scans[robot] / unit : 1.0;
@@ -140,24 +148,26 @@ Relaxation relaxed(const Latency& latency) {
       result.fastest[edge] = std::min(result.fastest[edge], kind.back());
       const double ready = kind.back() + model.edge_fusion.seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
       first_ready = std::min(first_ready, ready);
-      alone = std::min(alone, ready + latency.map_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s);
+      alone = std::min(alone, ready + latency.sent_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s + result.delay_s[edge]);
     }
-    result.least_seconds = std::max(result.least_seconds, alone + model.cloud_delay_s);
-    all_bytes += latency.own_bytes(robot);
+    result.least_seconds = std::max(result.least_seconds, alone);
+    all_bytes += latency.sent_bytes(robot);
     result.least_weight = std::min(result.least_weight, weight);
-    if (weight > 0.0) result.least_own_bytes = std::min(result.least_own_bytes, latency.own_bytes(robot) / weight);
-    result.smallest_bytes = std::min(result.smallest_bytes, latency.map_bytes(robot));
+    if (weight > 0.0) result.least_bytes = std::min(result.least_bytes, latency.sent_bytes(robot) / weight);
+    result.smallest_bytes = std::min(result.smallest_bytes, latency.sent_bytes(robot));
     kinds[std::move(kind)] += 1.0;
   }
-  result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + model.cloud_delay_s);
+  result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + least_delay_s);
   const FusionTime& fusion = model.edge_fusion;
   result.edge_fusion = all_scans > 0.0 ? FusionTime{fusion.fixed_s, fusion.per_scan_s * unit, fusion.per_scan_pair_s * unit * unit}
                                        : FusionTime{fusion.fixed_s, 0.0, 0.0};
-  result.full_s = *std::min_element(result.fastest.begin(), result.fastest.end()) + model.cloud_delay_s + fusion.fixed_s / highest_speed;
+  double first = std::numeric_limits<double>::infinity();
+  for (std::size_t e = 0; e < result.edges; ++e) first = std::min(first, result.fastest[e] + result.delay_s[e]);
+  result.full_s = first + fusion.fixed_s / highest_speed;
   result.full_linear_s = all_scans * (fusion.per_scan_s - 0.5 * fusion.per_scan_pair_s * most_scans) / highest_speed;
   result.full_square_s = 0.5 * fusion.per_scan_pair_s * all_scans * all_scans / highest_speed;
   add_classes(kinds, result);
-  add_cloud(model.cloud_fusion, std::move(scans), latency.shared_scans(), result);
+  add_cloud(model.cloud_fusion, problem.cloud, std::move(scans), latency.shared_scans(), result);
   for (double& room : result.room) room *= kMoreRoom;
   return result;
 }
@@ -337,8 +347,8 @@ class Program : public Ipopt::TNLP {
   // What (mean) says of an edge beyond x: s (fusion + delay) in perspective, and bytes; by the weight of all robots.
   OfEdge mean(const Number* at, std::size_t e) const {
     const double many = at[n(e)], heavy = at[s(e)], use = at[y(e)], share = at[b(e)], m = many / use, k = heavy / use,
-                 speed = r_.speed[e] * r_.weights, bytes = r_.least_own_bytes / r_.bandwidth / r_.weights;
-    const double start = r_.delay_s / r_.weights + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
+                 speed = r_.speed[e] * r_.weights, bytes = r_.least_bytes / r_.bandwidth / r_.weights;
+    const double start = r_.delay_s[e] / r_.weights + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
                  pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed * r_.least_weight * r_.least_weight * r_.least_weight;
     return {start * heavy + scan * heavy * k + pair * many * (m * m - m) + bytes * heavy * heavy / share,
             {pair * (3.0 * m * m - 2.0 * m), start + 2.0 * scan * k + 2.0 * bytes * heavy / share,
@@ -350,7 +360,7 @@ class Program : public Ipopt::TNLP {
   OfEdge alone(const Number* at, std::size_t e) const {
     const double heavy = at[s(e)], use = at[y(e)], share = at[b(e)], k = heavy / use, speed = r_.speed[e],
                  bytes = r_.smallest_bytes / r_.bandwidth;
-    const double start = r_.fastest[e] + r_.delay_s + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
+    const double start = r_.fastest[e] + r_.delay_s[e] + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
                  pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed;
     return {start * use + scan * heavy + pair * heavy * k + bytes * use * use / share,
             {0.0, scan + 2.0 * pair * k, start - pair * k * k + 2.0 * bytes * use / share, -bytes * use * use / (share * share)},

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <set>
 
 namespace mapweave::scheduling {
 namespace {
@@ -48,14 +49,14 @@ std::vector<std::uint32_t> assignment_below(const std::vector<double>& seconds, 
   return edge_of;
 }
 
-}  // namespace
-
-std::vector<std::uint32_t> place_optimally(const Latency& latency, const Groups& groups) {
+// Of edges at least so fast; empty where groups do not fit on them.
+std::vector<std::uint32_t> place_on_edges_from(double speed, const Latency& latency, const Groups& groups) {
   const std::size_t edges = latency.problem().edges.size();
   std::vector<double> seconds, limits;
   for (std::size_t group = 0; group < groups.size(); ++group)
     for (std::uint32_t edge = 0; edge < edges; ++edge) {
-      seconds.push_back(fits(latency, groups, group, edge) ? latency.edge_seconds(groups[group], edge) : kNever);
+      const bool may = latency.problem().edges[edge].speed >= speed && fits(latency, groups, group, edge);
+      seconds.push_back(may ? latency.edge_seconds(groups[group], edge) : kNever);
       if (seconds.back() != kNever) limits.push_back(seconds.back());
     }
   std::sort(limits.begin(), limits.end());
@@ -69,6 +70,30 @@ std::vector<std::uint32_t> place_optimally(const Latency& latency, const Groups&
     } else {
       low = middle + 1;
     }
+  }
+  return best;
+}
+
+}  // namespace
+
+// What edges judge for the cloud waits for the slowest that is used: each speed is tried as the least one.
+std::vector<std::uint32_t> place_optimally(const Latency& latency, const Groups& groups) {
+  const Problem& problem = latency.problem();
+  std::set<double> speeds;
+  for (const EdgeResources& edge : problem.edges) speeds.insert(edge.speed);
+  const bool may_choose = problem.cloud.edges_judge && groups.size() < problem.edges.size();
+  std::vector<std::uint32_t> best;
+  double least = kNever;
+  for (const double speed : speeds) {
+    std::vector<std::uint32_t> edge_of = place_on_edges_from(speed, latency, groups);
+    if (edge_of.empty()) break;
+    Groups robots_at(problem.edges.size());
+    for (std::size_t group = 0; group < groups.size(); ++group) robots_at[edge_of[group]] = groups[group];
+    if (const double seconds = latency.total_seconds(robots_at); best.empty() || seconds < least) {
+      least = seconds;
+      best = std::move(edge_of);
+    }
+    if (!may_choose) break;
   }
   if (best.empty() && !groups.empty()) refuse();
   return best;

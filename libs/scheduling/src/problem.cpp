@@ -58,12 +58,13 @@ void expect_items(const Json& value, std::size_t count, const char* what, const 
 }
 
 EdgeResources edge_of(const Json& value, const std::string& where, const std::string& key) {
-  expect_object(value, {"id", "bandwidth_bytes_per_s", "speed", "capacity"}, where, key);
+  expect_object(value, {"id", "bandwidth_bytes_per_s", "speed", "capacity", "delay_s"}, where, key);
   EdgeResources edge;
   edge.id = TierId(name(member(value, "id", where, key), where, key + ".id"));
   edge.bandwidth_bytes_per_s =
       number(member(value, "bandwidth_bytes_per_s", where, key), 0.0, kInfinity, true, where, key + ".bandwidth_bytes_per_s");
   if (value.contains("speed")) edge.speed = number(value["speed"], 0.0, kInfinity, true, where, key + ".speed");
+  if (value.contains("delay_s")) edge.delay_s = number(value["delay_s"], 0.0, 1e9, false, where, key + ".delay_s");
   if (value.contains("capacity") && !value["capacity"].is_null()) {
     const double capacity = number(value["capacity"], 0.0, 1e9, false, where, key + ".capacity");
     if (capacity != static_cast<std::uint32_t>(capacity))
@@ -71,6 +72,17 @@ EdgeResources edge_of(const Json& value, const std::string& where, const std::st
     edge.capacity = static_cast<std::uint32_t>(capacity);
   }
   return edge;
+}
+
+CloudResources cloud_of(const Json& value, const std::string& where) {
+  expect_object(value, {"speed", "edges_judge"}, where, "cloud");
+  CloudResources cloud;
+  if (value.contains("speed")) cloud.speed = number(value["speed"], 0.0, kInfinity, true, where, "cloud.speed");
+  if (value.contains("edges_judge")) {
+    if (!value["edges_judge"].is_boolean()) refuse("true or false was expected", where, "cloud.edges_judge", "");
+    cloud.edges_judge = value["edges_judge"].get<bool>();
+  }
+  return cloud;
 }
 
 OverlapGraph overlaps_of(const Json& list, std::size_t count, const Names& robots, const std::string& where) {
@@ -114,7 +126,7 @@ void read_links(const Json& list, const Names& robots, const Names& edges, Probl
 
 Problem parse_problem(std::string_view json, const std::string& where) {
   const Json root = parse_json(json, where);
-  expect_object(root, {"robots", "overlaps", "edges", "robot_scans", "links"}, where, "");
+  expect_object(root, {"robots", "overlaps", "edges", "cloud", "robot_scans", "links"}, where, "");
   Problem problem;
   Names robots("robot", where), edges("edge", where);
   const Json& listed = list_of(root, "robots", where);
@@ -133,6 +145,7 @@ Problem parse_problem(std::string_view json, const std::string& where) {
     edges.add(problem.edges.back().id.str(), at("edges", i));
   }
   problem.overlaps = overlaps_of(list_of(root, "overlaps", where), problem.robots.size(), robots, where);
+  if (root.contains("cloud")) problem.cloud = cloud_of(root["cloud"], where);
   problem.scans.resize(problem.robots.size());
   if (root.contains("robot_scans")) read_scans(root["robot_scans"], robots, problem, where);
   if (root.contains("links")) read_links(root["links"], robots, edges, problem, where);

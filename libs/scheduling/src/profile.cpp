@@ -21,12 +21,12 @@ using Json = nlohmann::json;
 constexpr double kMost = 1e12;
 
 struct Sample {
-  double scans, value;
+  double at, value;
   std::vector<double> basis;
 };
 
 struct Samples {
-  std::vector<Sample> packing_s, sensed_bytes, slam_s, map_bytes, edge_fusion_s, cloud_fusion_s;
+  std::vector<Sample> packing_s, sensed_bytes, slam_s, map_bytes, edge_bytes, edge_fusion_s, cloud_fusion_s;
   double scans = 0.0, robots = 0.0;
   std::vector<std::string> notes;
   bool cameras = false;
@@ -116,10 +116,12 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   const std::string mode = text(timeline, "mode", where, "timeline");
   if (mode != "offload" && mode != "onboard" && mode != "cloud-only")
     refuse("there is no mode '" + mode.substr(0, 64) + "'", where, "timeline.mode", "offload, onboard, cloud-only");
+  std::map<std::string, double> map_bytes;  // by edge
   for (const Json& line : list(timeline, "robots", where)) {
     const auto robot = robots.find(text(line, "id", where, "timeline.robots"));
     if (robot == robots.end()) refuse("a robot that is not among the robots of the run", where, "timeline.robots", "");
     add_robot(line, robot->second, mode == "offload", where, samples);
+    map_bytes[robot->second.edge] += field(line, "map_bytes", where, "timeline.robots");
   }
   const bool cloud_only = mode == "cloud-only";
   std::map<std::string, FusedScans> at;  // by edge; where there are none, by robot
@@ -147,8 +149,11 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     longest_errand_s = std::max(longest_errand_s, field(line, "judging_cpu_seconds", where, "timeline.edges"));
     const std::string id = text(line, "id", where, "timeline.edges");
     const double seconds = field(line, "fusing_cpu_seconds", where, "timeline.edges");
-    if (const auto fused = at.find(id); fused != at.end() && fused->second.scans > 0.0 && !sees[id])
+    const double bytes = field(line, "bytes", where, "timeline.edges");
+    if (const auto fused = at.find(id); fused != at.end() && fused->second.scans > 0.0 && !sees[id]) {
       samples.edge_fusion_s.push_back(of_fusion(fused->second, seconds));
+      samples.edge_bytes.push_back({map_bytes[id], bytes, {map_bytes[id]}});
+    }
   }
   const double seconds =
       longest_errand_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
@@ -158,12 +163,13 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
 }
 
 // Fits seconds (or bytes) to their basis, and tells a few predictions. Nothing without samples.
-std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples, Profile& profile) {
+std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples, Profile& profile,
+                                          const char* basis = "scans") {
   if (samples.empty()) {
     profile.notes.push_back(name + " is not told by these runs: its default stands");
     return std::nullopt;
   }
-  std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.scans < b.scans; });
+  std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.at < b.at; });
   Eigen::MatrixXd rows(static_cast<Eigen::Index>(samples.size()), static_cast<Eigen::Index>(samples.front().basis.size()));
   Eigen::VectorXd measured(static_cast<Eigen::Index>(samples.size()));
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -171,16 +177,16 @@ std::optional<std::vector<double>> fitted(const std::string& name, const std::st
       rows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = samples[i].basis[k];
     measured[static_cast<Eigen::Index>(i)] = samples[i].value;
   }
-  ProfiledTerm term{name, "scans", unit, fit_relative(rows, measured), 0.0, {}, {}};
+  ProfiledTerm term{name, basis, unit, fit_relative(rows, measured), 0.0, {}, {}};
   std::vector<double> off;
   for (std::size_t i = 0; i < samples.size(); ++i)
     if (samples[i].value > 0.0) off.push_back(std::abs(term.regression.residuals[i]) / samples[i].value);
   std::sort(off.begin(), off.end());
   if (!off.empty()) term.median_off = off[off.size() / 2];
-  for (const Sample& sample : samples) term.samples.push_back({sample.scans, sample.value});
+  for (const Sample& sample : samples) term.samples.push_back({sample.at, sample.value});
   for (const Sample* shown : {&samples.front(), &samples[samples.size() / 2], &samples.back()})
-    if (term.shown.empty() || shown->scans > term.shown.back().at)
-      term.shown.push_back({shown->scans, term.regression.at(shown->basis), term.regression.interval(shown->basis)});
+    if (term.shown.empty() || shown->at > term.shown.back().at)
+      term.shown.push_back({shown->at, term.regression.at(shown->basis), term.regression.interval(shown->basis)});
   profile.terms.push_back(term);
   return term.regression.coefficients;
 }
@@ -205,6 +211,8 @@ Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
     model.map_bytes_fixed = (*found)[0];
     model.map_bytes_per_scan = (*found)[1];
   }
+  if (const auto found = fitted("what edges send", "bytes", samples.edge_bytes, profile, "bytes of its robots' maps"))
+    model.edge_bytes_per_map_byte = found->front();
   if (const auto found = fitted("fusion on an edge", "s", samples.edge_fusion_s, profile))
     model.edge_fusion = {(*found)[0], (*found)[1], (*found)[2], (*found)[3]};
   if (const auto found = fitted("fusion in the cloud", "s", samples.cloud_fusion_s, profile))

@@ -21,7 +21,7 @@ template <class... Handlers>
 Overloaded(Handlers...) -> Overloaded<Handlers...>;
 
 bool is_same(const EdgeResources& a, const EdgeResources& b) {
-  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity;
+  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity && a.delay_s == b.delay_s;
 }
 
 Groups robots_at(const std::vector<std::uint32_t>& edge_of, std::size_t edges) {
@@ -95,6 +95,7 @@ std::vector<RobotId> Coordinator::those_with_room() const {
 
 Problem Coordinator::problem(const std::vector<RobotId>& robots) {
   Problem problem;
+  problem.cloud = options_.cloud;
   std::map<RobotId, std::uint32_t> index;
   for (const RobotId& robot : robots) {
     index[robot] = static_cast<std::uint32_t>(problem.robots.size());

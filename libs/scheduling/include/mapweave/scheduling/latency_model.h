@@ -18,7 +18,8 @@ namespace mapweave::scheduling {
 // Maps that are fused: how many scans they hold together, over each two of them the product of theirs, which is what is judged, and over
 // each two robots the scans that both saw (their overlap degree times the sum of theirs), which are matched again. On an edge, of its
 // robots; in the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
-// Pairs across edges are shared out to all edges that are used (tiers/errand.h), so that what counts is one edge's share.
+// Pairs across edges are shared out to all edges that are used (tiers/errand.h), equally whatever their speeds: what counts is the share of
+// the slowest.
 struct FusedScans {
   double scans = 0.0, pairs = 0.0, shared = 0.0;
   void share_out(double edges) { pairs /= edges; }
@@ -34,14 +35,12 @@ struct FusionTime {
   double seconds(const FusedScans& fused) const {
     return fixed_s + per_scan_s * fused.scans + per_scan_pair_s * fused.pairs + per_shared_scan_s * fused.shared;
   }
-  FusionTime at_speed(double speed) const {
-    return {fixed_s / speed, per_scan_s / speed, per_scan_pair_s / speed, per_shared_scan_s / speed};
-  }
 };
 
 struct LatencyModel {
   double scans = 1000.0;             // of a robot of which nothing is said
   double pack_s_per_scan = 2e-5;     // on the robot
+  double robot_bytes_fixed = 0.0;    // robot -> edge, beside its scans: none where it sends what it senses
   double scan_bytes = 400.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
   double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
   double robot_delay_s = 0.005;
@@ -49,8 +48,9 @@ struct LatencyModel {
   FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};  // on an edge of speed 1
   double map_bytes_per_scan = 650.0;            // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
-  double cloud_delay_s = 0.02;                   // edge -> cloud
-  FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps
+  double edge_bytes_per_map_byte = 1.0;          // what an edge sends on: its robots' maps as they are, and what it judged of them
+  double cloud_delay_s = 0.02;                   // edge -> cloud, of an edge of which nothing is said
+  FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps, at speed 1; its pairs where CloudResources says
 };
 
 // As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing has its default.
@@ -73,7 +73,7 @@ struct LatencyTerms {
     double seconds() const { return computing_seconds() + transfer_s; }
   };
   std::vector<Edge> edges;
-  double fusion_s = 0.0;         // in the cloud
+  double fusion_s = 0.0;         // in the cloud, with what edges judge for it
   double total_seconds() const;  // eq. 3
 };
 
@@ -85,11 +85,13 @@ class Latency {
   double scans(std::uint32_t robot) const { return problem_.scans[robot].value_or(model_.scans); }
   double robot_seconds(std::uint32_t robot, std::uint32_t edge) const { return robot_terms(robot, edge).seconds(); }  // eq. 1
   double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
-  // Of the fused map, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree times both sizes;
-  // common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
+  // Of the map that they make together, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree
+  // times both sizes; common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
+  // Algorithm 3 places by it; our edges send more (sent_bytes).
   double fused_bytes(const std::vector<std::uint32_t>& robots) const;
-  // What nobody with a lower index has seen of it: whoever it is grouped with, it adds at least this to the fused map.
-  double own_bytes(std::uint32_t robot) const { return own_bytes_[robot]; }
+  // What an edge sends to the cloud for this robot, whoever else is there: common parts are sent as often as they were mapped.
+  double sent_bytes(std::uint32_t robot) const { return model_.edge_bytes_per_map_byte * map_bytes_[robot]; }
+  double cloud_delay_s(std::uint32_t edge) const { return problem_.edges[edge].delay_s.value_or(model_.cloud_delay_s); }
   double shared_scans() const { return all_shared_; }  // FusedScans::shared of all robots
   // From the beginning until the edge's map is in the cloud: eq. 2 and its part of eq. 3; 0 without robots.
   double edge_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
@@ -106,9 +108,10 @@ class Latency {
   LatencyTerms::Edge edge_terms(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;
   double shared_part(std::uint32_t robot, std::uint32_t other, double degree) const;  // of robot's map, 0 to 1
   double shared_scans(const std::vector<std::uint32_t>& robots) const;                // FusedScans::shared
+  double shared_scans(std::uint32_t robot, const Neighbour& other) const;             // of these two
   const Problem& problem_;
   const LatencyModel& model_;
-  std::vector<double> map_bytes_, own_bytes_;
+  std::vector<double> map_bytes_;
   double all_shared_ = 0.0;
 };
 

@@ -19,6 +19,12 @@ struct EdgeResources {
   double bandwidth_bytes_per_s = 0.0;     // edge -> cloud
   double speed = 1.0;                     // of its processor, relative to the one the latency model was learnt on
   std::optional<std::uint32_t> capacity;  // most robots; none: no bound
+  std::optional<double> delay_s = {};     // edge -> cloud; none: the latency model's
+};
+
+struct CloudResources {
+  double speed = 1.0;       // as of edges
+  bool edges_judge = true;  // the edges that are used compare what lies on two of them, shared out evenly; else the cloud does
 };
 
 struct RobotLink {
@@ -29,6 +35,7 @@ struct Problem {
   std::vector<RobotId> robots;  // vertex i of `overlaps` is robots[i]
   OverlapGraph overlaps;
   std::vector<EdgeResources> edges;
+  CloudResources cloud;
   std::vector<std::optional<double>> scans;                            // by robot; none: the latency model's default
   std::map<std::pair<std::uint32_t, std::uint32_t>, RobotLink> links;  // robot, edge; the default link where a pair is missing
 };

@@ -17,6 +17,7 @@ namespace mapweave::tiers {
 
 struct CoordinatorOptions {
   scheduling::PlanOptions plan;
+  scheduling::CloudResources cloud;
   double hysteresis = 0.1;  // robots are moved where that saves more than this share of the expected time
 };
 
