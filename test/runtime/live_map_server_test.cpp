@@ -1,12 +1,12 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
-#include <mapweave/runtime/live_camera.h>
+#include <mapweave/runtime/live_map_server.h>
 #include <support/heard_updates.h>
 #include <support/killed.h>
 #include <support/temporary_folder.h>
 
-#include <gmock/gmock.h>
 #include <atomic>
+#include <gmock/gmock.h>
 #include <random>
 #include <thread>
 
@@ -22,43 +22,52 @@ using namespace std::chrono_literals;
 
 std::set<SessionId> sessions() {
   std::set<SessionId> result;
-  for (const Heard& one : heard()) result.insert(one.from);
+  for (const Heard &one : heard())
+    result.insert(one.from);
   return result;
 }
 
-std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
+std::uint64_t sequence_of(const std::string &update) {
+  return decode_map_update(update, "test").sequence;
+}
 
-// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more.
+// A client that repeats what is not stored until all is. `acknowledged` hears
+// of each receipt that says more.
 class Client {
- public:
-  Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
+public:
+  Client(LiveMapServer &server, const SessionId &session)
+      : session_(session), link_(server.connect()) {
     link_->send({Kind::hello, encode(hello_of(session))});
     for (bool welcomed = false; !welcomed && !link_->is_closed();)
-      for (const ServerMessage& message : link_->take(10s)) {
-        if (message.kind != ServerMessage::Kind::welcome) continue;
+      for (const ServerMessage &message : link_->take(10s)) {
+        if (message.kind != ServerMessage::Kind::welcome)
+          continue;
         welcomed = true;
-        for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
+        for (const auto &receipt : message.receipts)
+          stored_[receipt.origin.map] = receipt.stored;
       }
   }
-  void tell_all(const std::function<void()>& acknowledged = [] {}) {
-    for (const Heard& one : heard()) {
-      if (one.from != session_) continue;
+  void tell_all(const std::function<void()> &acknowledged = [] {}) {
+    for (const Heard &one : heard()) {
+      if (one.from != session_)
+        continue;
       const MapUpdate update = decode_map_update(one.bytes, "test");
-      while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
+      while (stored_[update.origin.map] < update.sequence &&
+             !link_->is_closed()) {
         ASSERT_EQ(link_->send({Kind::update, one.bytes}), Sent::taken);
         hear(update.sequence, acknowledged);
       }
     }
   }
-  std::uint64_t stored(const MapId& map) { return stored_[map]; }
-  LiveMapServer::Link& link() { return *link_; }
+  std::uint64_t stored(const MapId &map) { return stored_[map]; }
+  LiveMapServer::Link &link() { return *link_; }
 
- private:
-  void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
+private:
+  void hear(std::uint64_t awaited, const std::function<void()> &acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
-      for (const ServerMessage& message : link_->take(10s)) {
+      for (const ServerMessage &message : link_->take(10s)) {
         EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
-        for (const auto& receipt : message.receipts) {
+        for (const auto &receipt : message.receipts) {
           stored_[receipt.origin.map] = receipt.stored;
           is_there = is_there || receipt.stored >= awaited;
         }
@@ -71,19 +80,25 @@ class Client {
   std::map<MapId, std::uint64_t> stored_;
 };
 
-void tell_all(LiveMapServer& server) {
+void tell_all(LiveMapServer &server) {
   std::vector<std::thread> clients;
-  for (const SessionId& session : sessions()) clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
-  for (std::thread& client : clients) client.join();
+  for (const SessionId &session : sessions())
+    clients.emplace_back(
+        [&server, session] { Client(server, session).tell_all(); });
+  for (std::thread &client : clients)
+    client.join();
 }
 
 std::string sealed_in_lockstep() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const Heard &one : heard())
+    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   return test::sealed(server);
 }
 
-SessionId stranger(const char* robot) { return {{RobotId(robot), SensorId("camera")}, 7}; }
+SessionId stranger(const char *robot) {
+  return {{RobotId(robot), SensorId("camera")}, 7};
+}
 
 TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
@@ -91,14 +106,15 @@ TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
   const ServerCounts counts = server.counts();
   ASSERT_EQ(counts.clients.size(), sessions().size());
-  for (const ClientCounts& client : counts.clients) {
+  for (const ClientCounts &client : counts.clients) {
     EXPECT_GT(client.updates, 3U);
     EXPECT_GT(client.update_s, 0.0);
     EXPECT_EQ(client.refused, 0U);
   }
 }
 
-TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
+TEST(LiveMapServer,
+     lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
   LiveServerOptions options;
   options.handlers = 1, options.queue_kb = 512;
   tiers::ServerOptions lending;
@@ -107,29 +123,35 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
   std::atomic<bool> ends{false};
   std::atomic<int> put_off{0};
   std::vector<std::thread> hostile;
-  const auto flood = [&](const char* robot, bool greets, const ClientMessage& message) {
+  const auto flood = [&](const char *robot, bool greets,
+                         const ClientMessage &message) {
     hostile.emplace_back([&, robot, greets, message] {
       const auto link = server.connect();
-      if (greets) link->send({Kind::hello, encode(hello_of(stranger(robot)))});
+      if (greets)
+        link->send({Kind::hello, encode(hello_of(stranger(robot)))});
       while (!ends)
-        if (link->send(message) == Sent::later) ++put_off, std::this_thread::sleep_for(1ms);
+        if (link->send(message) == Sent::later)
+          ++put_off, std::this_thread::sleep_for(1ms);
     });
   };
   std::mt19937 random(3);
   std::string garbage(3000, ' '), spoilt = heard().front().bytes;
-  for (char& letter : garbage) letter = static_cast<char>(random());
+  for (char &letter : garbage)
+    letter = static_cast<char>(random());
   spoilt[spoilt.size() / 2] ^= 0x10;
   flood("garbage", true, {Kind::update, garbage});
   flood("spoilt", true, {Kind::update, spoilt});
   flood("rude", false, {Kind::view, garbage});
-  flood("thief", true, {Kind::update, heard().front().bytes});  // another's map
+  flood("thief", true, {Kind::update, heard().front().bytes}); // another's map
   flood("echo", true, {Kind::hello, encode(hello_of(stranger("echo")))});
-  while (put_off < 3) std::this_thread::sleep_for(1ms);
+  while (put_off < 3)
+    std::this_thread::sleep_for(1ms);
   tell_all(server);
   ends = true;
-  for (std::thread& one : hostile) one.join();
+  for (std::thread &one : hostile)
+    one.join();
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
-  for (const ClientCounts& client : server.counts().clients)
+  for (const ClientCounts &client : server.counts().clients)
     if (sessions().count(client.session) != 0) {
       EXPECT_EQ(client.refused, 0U);
       EXPECT_LT(client.longest_wait_s, 1.0);
@@ -139,42 +161,51 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
 }
 
 // From one of the map's keyframes after the other.
-ClientView view_of(const Map& map, std::uint32_t number) {
-  const Node& node = (map.nodes.begin() + static_cast<std::ptrdiff_t>(number % map.nodes.size()))->second;
+ClientView view_of(const Map &map, std::uint32_t number) {
+  const Node &node = (map.nodes.begin() +
+                      static_cast<std::ptrdiff_t>(number % map.nodes.size()))
+                         ->second;
   return {map.id, node.stamp, node.map_from_node, number};
 }
 
-TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_be_heard) {
+TEST(LiveMapServer,
+     joins_aside_and_lends_tells_places_and_bounds_what_waits_to_be_heard) {
   tiers::ServerOptions lending;
   lending.share = tiers::Sharing::view, lending.fuse_after = 5;
   LiveServerOptions options;
   options.answers_kb = 64;
   LiveMapServer server(TierId("edge"), lending, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
+  for (const Heard &one : heard())
+    lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
-  for (int i = 0; i < 3000 && server.counts().joinings < 2; ++i) std::this_thread::sleep_for(10ms);
+  for (int i = 0; i < 3000 && server.counts().joinings < 2; ++i)
+    std::this_thread::sleep_for(10ms);
   const ServerCounts joined = server.counts();
   ASSERT_GE(joined.joinings, 2);
-  std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n", joined.joinings, joined.longest_joining_s,
-              joined.longest_hold_s);
+  std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n",
+              joined.joinings, joined.longest_joining_s, joined.longest_hold_s);
   EXPECT_LT(joined.longest_hold_s, joined.longest_joining_s);
 
   const Map map = lockstep.maps().back();
   Client beta(server, map.nodes.front().first.session);
   std::size_t most_bytes = 0, landmarks = 0;
-  for (std::uint32_t views = 0; landmarks < 100 && views < 20000;) {  // until the last joining counts
+  for (std::uint32_t views = 0;
+       landmarks < 100 && views < 20000;) { // until the last joining counts
     for (int i = 0; i < 200; ++i) {
       Sent sent = Sent::later;
-      while (sent == Sent::later) sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
+      while (sent == Sent::later)
+        sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
       ASSERT_EQ(sent, Sent::taken);
     }
-    while (server.counts().clients.back().views < views) std::this_thread::sleep_for(1ms);
+    while (server.counts().clients.back().views < views)
+      std::this_thread::sleep_for(1ms);
     std::size_t bytes = 0;
-    for (const ServerMessage& message : beta.link().take(0ms)) {
+    for (const ServerMessage &message : beta.link().take(0ms)) {
       ASSERT_EQ(message.kind, ServerMessage::Kind::share);
       bytes += message.bytes.size();
-      for (const DescribedLandmark& one : decode_share(message.bytes, "test").landmarks) {
+      for (const DescribedLandmark &one :
+           decode_share(message.bytes, "test").landmarks) {
         EXPECT_NE(one.id.session, map.nodes.front().first.session);
         ++landmarks;
       }
@@ -186,8 +217,9 @@ TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_
   EXPECT_LT(most_bytes, 160U << 10) << "what nobody takes does not grow";
 
   Client gamma(server, stranger("gamma"));
-  const Node& asked = map.nodes.find(map.nodes.front().first)[0];
-  gamma.link().send({Kind::place_request, encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
+  const Node &asked = map.nodes.find(map.nodes.front().first)[0];
+  gamma.link().send({Kind::place_request,
+                     encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
   const auto answers = gamma.link().take(30s);
   ASSERT_EQ(answers.size(), 1U);
   ASSERT_EQ(answers.front().kind, ServerMessage::Kind::place);
@@ -203,7 +235,9 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   EXPECT_TRUE(before.link().is_closed());
   EXPECT_EQ(before.link().send({Kind::update, "x"}), Sent::never);
   EXPECT_FALSE(after.link().is_closed());
-  EXPECT_EQ(after.link().send({Kind::update, std::string(std::size_t{5} << 20, 'x')}), Sent::never);
+  EXPECT_EQ(
+      after.link().send({Kind::update, std::string(std::size_t{5} << 20, 'x')}),
+      Sent::never);
   after.link().send({Kind::hello, encode(hello_of(stranger("other")))});
   const auto answers = after.link().take(10s);
   ASSERT_EQ(answers.size(), 1U);
@@ -226,9 +260,14 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
     const auto serve = [&](int out) {
       LiveMapServer server(TierId("edge"), {}, {}, options, path);
       std::vector<std::thread> clients;
-      for (const SessionId& session : sessions())
-        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }); });
-      for (std::thread& client : clients) client.join();
+      for (const SessionId &session : sessions())
+        clients.emplace_back([&server, session, out] {
+          Client(server, session).tell_all([out] {
+            (void)!write(out, ".", 1);
+          });
+        });
+      for (std::thread &client : clients)
+        client.join();
       server.finish();
     };
     const std::size_t most = random() % 5;
@@ -239,96 +278,26 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
     tell_all(server);
   }
   std::size_t entries = 0;
-  mapdb::UpdateJournal(path).replay([&](const mapdb::JournalEntry&) { ++entries; });
-  if (GetParam() == 1) {  // one that begins writes the journal anew too, so a long one may be as short
+  mapdb::UpdateJournal(path).replay(
+      [&](const mapdb::JournalEntry &) { ++entries; });
+  if (GetParam() == 1) { // one that begins writes the journal anew too, so a
+                         // long one may be as short
     EXPECT_LT(entries, heard().size() / 2);
   }
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
-  for (const SessionId& session : sessions()) {
+  for (const SessionId &session : sessions()) {
     Client client(again, session);
-    for (const Heard& one : heard())
+    for (const Heard &one : heard())
       if (one.from == session) {
-        EXPECT_GE(client.stored(decode_map_update(one.bytes, "test").origin.map), sequence_of(one.bytes));
+        EXPECT_GE(
+            client.stored(decode_map_update(one.bytes, "test").origin.map),
+            sequence_of(one.bytes));
       }
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
 }
-INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));
+INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer,
+                         testing::Values(65536, 1));
 
-TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 4.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  for (const bool listens : {true, false}) {
-    LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-    LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
-    if (!listens) server.finish();
-    for (std::size_t i = 0; i < robot.count; ++i) {
-      camera.add(robot.shoot(i).frame);
-      std::this_thread::sleep_for(5ms);
-    }
-    const visual::VisualClient& client = camera.finish(10s);
-    EXPECT_GT(client.keyframes().size(), 2U);
-    EXPECT_EQ(camera.refusal(), "");
-    EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
-    const auto maps = server.finish().maps();
-    ASSERT_EQ(maps.size(), listens ? 1U : 0U);
-    if (listens) {
-      EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
-    }
-  }
-}
-
-// Its server ends while it drives, and another one goes on from the same journal.
-TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
-  const test::TemporaryFolder folder;
-  const auto path = folder.path() / "server.mwj";
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 6.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, LiveServerOptions{}, path);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
-  const auto drive = [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      camera.add(robot.shoot(i).frame);
-      std::this_thread::sleep_for(15ms);
-    }
-  };
-  drive(0, robot.count / 3);
-  first.reset();
-  drive(robot.count / 3, 2 * robot.count / 3);
-  LiveMapServer second(TierId("edge"), {}, {}, {}, path);
-  camera.reconnect(second.connect());
-  drive(2 * robot.count / 3, robot.count);
-  const visual::VisualClient& client = camera.finish(20s);
-  EXPECT_EQ(camera.refusal(), "");
-  EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
-  const auto maps = second.finish().maps();
-  ASSERT_EQ(maps.size(), 1U);
-  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
-}
-
-// Within a bound that it cannot keep: what is left at the end is told all the same.
-TEST(LiveCamera, tells_the_rest_whatever_its_wire_was) {
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 4.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-  LiveCameraOptions narrow;
-  narrow.uplink.most_bytes_per_s = 2000.0;
-  LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
-  for (std::size_t i = 0; i < robot.count; ++i) {
-    camera.add(robot.shoot(i).frame);
-    std::this_thread::sleep_for(5ms);
-  }
-  const visual::VisualClient& client = camera.finish(10s);
-  const auto maps = server.finish().maps();
-  ASSERT_EQ(maps.size(), 1U);
-  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
-}
-
-}  // namespace
-}  // namespace mapweave::runtime
+} // namespace
+} // namespace mapweave::runtime
