@@ -5,8 +5,8 @@
 #include <support/killed.h>
 #include <support/temporary_folder.h>
 
-#include <atomic>
 #include <gmock/gmock.h>
+#include <atomic>
 #include <random>
 #include <thread>
 
@@ -22,56 +22,54 @@ using namespace std::chrono_literals;
 
 std::set<SessionId> sessions() {
   std::set<SessionId> result;
-  for (const Heard &one : heard())
-    result.insert(one.from);
+  for (const Heard& one : heard()) result.insert(one.from);
   return result;
 }
 
-std::uint64_t sequence_of(const std::string &update) {
-  return decode_map_update(update, "test").sequence;
-}
+std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
 
-// A client that repeats what is not stored until all is. `acknowledged` hears
-// of each receipt that says more.
+// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it wants to be lent.
 class Client {
-public:
-  Client(LiveMapServer &server, const SessionId &session)
-      : session_(session), link_(server.connect()) {
+ public:
+  Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
     link_->send({Kind::hello, encode(hello_of(session))});
     for (bool welcomed = false; !welcomed && !link_->is_closed();)
-      for (const ServerMessage &message : link_->take(10s)) {
-        if (message.kind != ServerMessage::Kind::welcome)
-          continue;
+      for (const ServerMessage& message : link_->take(10s)) {
+        if (message.kind != ServerMessage::Kind::welcome) continue;
         welcomed = true;
-        for (const auto &receipt : message.receipts)
-          stored_[receipt.origin.map] = receipt.stored;
+        for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
       }
   }
-  void tell_all(const std::function<void()> &acknowledged = [] {}) {
-    for (const Heard &one : heard()) {
-      if (one.from != session_)
-        continue;
+  void tell_all(
+      const std::function<void()>& acknowledged = [] {}, bool looks = false) {
+    for (const Heard& one : heard()) {
+      if (one.from != session_) continue;
       const MapUpdate update = decode_map_update(one.bytes, "test");
-      while (stored_[update.origin.map] < update.sequence &&
-             !link_->is_closed()) {
+      while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
         ASSERT_EQ(link_->send({Kind::update, one.bytes}), Sent::taken);
+        if (looks && !update.nodes.empty()) look(update);
         hear(update.sequence, acknowledged);
       }
     }
   }
-  std::uint64_t stored(const MapId &map) { return stored_[map]; }
-  LiveMapServer::Link &link() { return *link_; }
+  std::uint64_t stored(const MapId& map) { return stored_[map]; }
+  LiveMapServer::Link& link() { return *link_; }
 
-private:
-  void hear(std::uint64_t awaited, const std::function<void()> &acknowledged) {
+ private:
+  // From where it was last.
+  void look(const MapUpdate& update) {
+    const Node& node = update.nodes.back();
+    EXPECT_NE(link_->send({Kind::view, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}), Sent::later);
+  }
+  void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
-      for (const ServerMessage &message : link_->take(10s)) {
+      for (const ServerMessage& message : link_->take(10s)) {
         EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
-        for (const auto &receipt : message.receipts) {
+        for (const auto& receipt : message.receipts) {
           stored_[receipt.origin.map] = receipt.stored;
           is_there = is_there || receipt.stored >= awaited;
         }
-        acknowledged();
+        if (!message.receipts.empty()) acknowledged();
       }
   }
 
@@ -80,25 +78,24 @@ private:
   std::map<MapId, std::uint64_t> stored_;
 };
 
-void tell_all(LiveMapServer &server) {
+void tell_all(LiveMapServer& server) {
   std::vector<std::thread> clients;
-  for (const SessionId &session : sessions())
-    clients.emplace_back(
-        [&server, session] { Client(server, session).tell_all(); });
-  for (std::thread &client : clients)
-    client.join();
+  for (const SessionId& session : sessions()) clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
+  for (std::thread& client : clients) client.join();
+}
+
+// All that was told is joined, as far as it is to be.
+void await_joining(const LiveMapServer& server) {
+  while (server.counts().is_joining) std::this_thread::sleep_for(1ms);
 }
 
 std::string sealed_in_lockstep() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const Heard &one : heard())
-    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   return test::sealed(server);
 }
 
-SessionId stranger(const char *robot) {
-  return {{RobotId(robot), SensorId("camera")}, 7};
-}
+SessionId stranger(const char* robot) { return {{RobotId(robot), SensorId("camera")}, 7}; }
 
 TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
@@ -106,15 +103,14 @@ TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
   const ServerCounts counts = server.counts();
   ASSERT_EQ(counts.clients.size(), sessions().size());
-  for (const ClientCounts &client : counts.clients) {
+  for (const ClientCounts& client : counts.clients) {
     EXPECT_GT(client.updates, 3U);
     EXPECT_GT(client.update_s, 0.0);
     EXPECT_EQ(client.refused, 0U);
   }
 }
 
-TEST(LiveMapServer,
-     lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
+TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
   LiveServerOptions options;
   options.handlers = 1, options.queue_kb = 512;
   tiers::ServerOptions lending;
@@ -123,35 +119,29 @@ TEST(LiveMapServer,
   std::atomic<bool> ends{false};
   std::atomic<int> put_off{0};
   std::vector<std::thread> hostile;
-  const auto flood = [&](const char *robot, bool greets,
-                         const ClientMessage &message) {
+  const auto flood = [&](const char* robot, bool greets, const ClientMessage& message) {
     hostile.emplace_back([&, robot, greets, message] {
       const auto link = server.connect();
-      if (greets)
-        link->send({Kind::hello, encode(hello_of(stranger(robot)))});
+      if (greets) link->send({Kind::hello, encode(hello_of(stranger(robot)))});
       while (!ends)
-        if (link->send(message) == Sent::later)
-          ++put_off, std::this_thread::sleep_for(1ms);
+        if (link->send(message) == Sent::later) ++put_off, std::this_thread::sleep_for(1ms);
     });
   };
   std::mt19937 random(3);
   std::string garbage(3000, ' '), spoilt = heard().front().bytes;
-  for (char &letter : garbage)
-    letter = static_cast<char>(random());
+  for (char& letter : garbage) letter = static_cast<char>(random());
   spoilt[spoilt.size() / 2] ^= 0x10;
   flood("garbage", true, {Kind::update, garbage});
   flood("spoilt", true, {Kind::update, spoilt});
   flood("rude", false, {Kind::view, garbage});
-  flood("thief", true, {Kind::update, heard().front().bytes}); // another's map
+  flood("thief", true, {Kind::update, heard().front().bytes});  // another's map
   flood("echo", true, {Kind::hello, encode(hello_of(stranger("echo")))});
-  while (put_off < 3)
-    std::this_thread::sleep_for(1ms);
+  while (put_off < 3) std::this_thread::sleep_for(1ms);
   tell_all(server);
   ends = true;
-  for (std::thread &one : hostile)
-    one.join();
+  for (std::thread& one : hostile) one.join();
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
-  for (const ClientCounts &client : server.counts().clients)
+  for (const ClientCounts& client : server.counts().clients)
     if (sessions().count(client.session) != 0) {
       EXPECT_EQ(client.refused, 0U);
       EXPECT_LT(client.longest_wait_s, 1.0);
@@ -161,51 +151,42 @@ TEST(LiveMapServer,
 }
 
 // From one of the map's keyframes after the other.
-ClientView view_of(const Map &map, std::uint32_t number) {
-  const Node &node = (map.nodes.begin() +
-                      static_cast<std::ptrdiff_t>(number % map.nodes.size()))
-                         ->second;
+ClientView view_of(const Map& map, std::uint32_t number) {
+  const Node& node = (map.nodes.begin() + static_cast<std::ptrdiff_t>(number % map.nodes.size()))->second;
   return {map.id, node.stamp, node.map_from_node, number};
 }
 
-TEST(LiveMapServer,
-     joins_aside_and_lends_tells_places_and_bounds_what_waits_to_be_heard) {
+TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_be_heard) {
   tiers::ServerOptions lending;
   lending.share = tiers::Sharing::view, lending.fuse_after = 5;
   LiveServerOptions options;
   options.answers_kb = 64;
   LiveMapServer server(TierId("edge"), lending, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
-  for (const Heard &one : heard())
-    lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
+  for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
-  for (int i = 0; i < 3000 && server.counts().joinings < 2; ++i)
-    std::this_thread::sleep_for(10ms);
+  await_joining(server);
   const ServerCounts joined = server.counts();
   ASSERT_GE(joined.joinings, 2);
-  std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n",
-              joined.joinings, joined.longest_joining_s, joined.longest_hold_s);
+  std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n", joined.joinings, joined.longest_joining_s,
+              joined.longest_hold_s);
   EXPECT_LT(joined.longest_hold_s, joined.longest_joining_s);
 
   const Map map = lockstep.maps().back();
   Client beta(server, map.nodes.front().first.session);
   std::size_t most_bytes = 0, landmarks = 0;
-  for (std::uint32_t views = 0;
-       landmarks < 100 && views < 20000;) { // until the last joining counts
+  for (std::uint32_t views = 0; landmarks < 100 && views < 2000;) {
     for (int i = 0; i < 200; ++i) {
       Sent sent = Sent::later;
-      while (sent == Sent::later)
-        sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
+      while (sent == Sent::later) sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
       ASSERT_EQ(sent, Sent::taken);
     }
-    while (server.counts().clients.back().views < views)
-      std::this_thread::sleep_for(1ms);
+    while (server.counts().clients.back().views < views) std::this_thread::sleep_for(1ms);
     std::size_t bytes = 0;
-    for (const ServerMessage &message : beta.link().take(0ms)) {
+    for (const ServerMessage& message : beta.link().take(0ms)) {
       ASSERT_EQ(message.kind, ServerMessage::Kind::share);
       bytes += message.bytes.size();
-      for (const DescribedLandmark &one :
-           decode_share(message.bytes, "test").landmarks) {
+      for (const DescribedLandmark& one : decode_share(message.bytes, "test").landmarks) {
         EXPECT_NE(one.id.session, map.nodes.front().first.session);
         ++landmarks;
       }
@@ -217,9 +198,8 @@ TEST(LiveMapServer,
   EXPECT_LT(most_bytes, 160U << 10) << "what nobody takes does not grow";
 
   Client gamma(server, stranger("gamma"));
-  const Node &asked = map.nodes.find(map.nodes.front().first)[0];
-  gamma.link().send({Kind::place_request,
-                     encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
+  const Node& asked = map.nodes.find(map.nodes.front().first)[0];
+  gamma.link().send({Kind::place_request, encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
   const auto answers = gamma.link().take(30s);
   ASSERT_EQ(answers.size(), 1U);
   ASSERT_EQ(answers.front().kind, ServerMessage::Kind::place);
@@ -235,9 +215,7 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   EXPECT_TRUE(before.link().is_closed());
   EXPECT_EQ(before.link().send({Kind::update, "x"}), Sent::never);
   EXPECT_FALSE(after.link().is_closed());
-  EXPECT_EQ(
-      after.link().send({Kind::update, std::string(std::size_t{5} << 20, 'x')}),
-      Sent::never);
+  EXPECT_EQ(after.link().send({Kind::update, std::string(std::size_t{5} << 20, 'x')}), Sent::never);
   after.link().send({Kind::hello, encode(hello_of(stranger("other")))});
   const auto answers = after.link().take(10s);
   ASSERT_EQ(answers.size(), 1U);
@@ -256,48 +234,83 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   options.journal_kb = GetParam();
   ASSERT_GT(heard().size(), 8U);
   std::mt19937 random(5);
-  for (int kill = 0; kill < 8; ++kill) {
+  tiers::ServerOptions lending;
+  lending.share = tiers::Sharing::full, lending.fuse_after = 5;
+  for (int kill = 0; kill < 20; ++kill) {
     const auto serve = [&](int out) {
-      LiveMapServer server(TierId("edge"), {}, {}, options, path);
+      LiveMapServer server(TierId("edge"), lending, {}, options, path);
       std::vector<std::thread> clients;
-      for (const SessionId &session : sessions())
-        clients.emplace_back([&server, session, out] {
-          Client(server, session).tell_all([out] {
-            (void)!write(out, ".", 1);
-          });
-        });
-      for (std::thread &client : clients)
-        client.join();
+      for (const SessionId& session : sessions())
+        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
+      for (std::thread& client : clients) client.join();
       server.finish();
     };
     const std::size_t most = random() % 5;
     test::killed(serve, most, static_cast<unsigned>(random() % 30000));
   }
   {
-    LiveMapServer server(TierId("edge"), {}, {}, options, path);
+    LiveMapServer server(TierId("edge"), lending, {}, options, path);
     tell_all(server);
   }
   std::size_t entries = 0;
-  mapdb::UpdateJournal(path).replay(
-      [&](const mapdb::JournalEntry &) { ++entries; });
-  if (GetParam() == 1) { // one that begins writes the journal anew too, so a
-                         // long one may be as short
+  mapdb::UpdateJournal(path).replay([&](const mapdb::JournalEntry&) { ++entries; });
+  if (GetParam() == 1) {  // one that begins writes the journal anew too, so a long one may be as short
     EXPECT_LT(entries, heard().size() / 2);
   }
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
-  for (const SessionId &session : sessions()) {
+  for (const SessionId& session : sessions()) {
     Client client(again, session);
-    for (const Heard &one : heard())
+    for (const Heard& one : heard())
       if (one.from == session) {
-        EXPECT_GE(
-            client.stored(decode_map_update(one.bytes, "test").origin.map),
-            sequence_of(one.bytes));
+        EXPECT_GE(client.stored(decode_map_update(one.bytes, "test").origin.map), sequence_of(one.bytes));
       }
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
 }
-INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer,
-                         testing::Values(65536, 1));
+// One session after the other; each joins what its journal holds. What its verdicts rest on, and into how many maps it joins.
+std::pair<std::set<Hash>, std::size_t> joined_from(const std::filesystem::path& path) {
+  LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+  await_joining(server);
+  std::set<Hash> witnesses;
+  const fusion::FusionResult& joined = server.finish().joined();
+  for (const Verdict& verdict : joined.verdicts) witnesses.insert(verdict.witnesses.begin(), verdict.witnesses.end());
+  return {witnesses, joined.components.size()};
+}
 
-} // namespace
-} // namespace mapweave::runtime
+TEST(LiveMapServer, keeps_apart_what_was_vetoed_though_it_is_killed) {
+  const test::TemporaryFolder folder;
+  const auto path = folder.path() / "edge.mwj", before = folder.path() / "before.mwj";
+  {
+    LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+    tell_all(server);
+    server.finish();
+    std::filesystem::copy_file(path, before);
+    EXPECT_THROW(server.veto({}), Error) << "it would be lost";
+  }
+  auto [witnesses, components] = joined_from(path);
+  std::set<Hash> vetoed;
+  ASSERT_EQ(components, 1U);
+  for (int round = 0; round < 20 && components == 1; ++round) {
+    const auto veto = [&, &rests_on = witnesses](int out) {
+      LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+      for (const Hash& witness : rests_on) server.veto(witness);
+      (void)!write(out, ".", 1);
+      while (true) sleep(1);  // until it is killed
+    };
+    ASSERT_EQ(test::killed(veto, 1, 0), 1U);
+    vetoed.insert(witnesses.begin(), witnesses.end());
+    std::tie(witnesses, components) = joined_from(path);
+  }
+  EXPECT_EQ(components, 2U);
+  for (int again = 0; again < 2; ++again) EXPECT_EQ(joined_from(path).second, 2U) << "from a journal that was written anew, too";
+
+  LiveMapServer serving(TierId("edge"), {}, {}, {}, before);
+  for (const Hash& witness : vetoed) serving.veto(witness);
+  await_joining(serving);
+  EXPECT_EQ(serving.finish().joined().components.size(), 2U) << "it parts them while it serves";
+}
+
+INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));
+
+}  // namespace
+}  // namespace mapweave::runtime
