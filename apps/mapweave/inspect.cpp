@@ -106,7 +106,7 @@ Json of_store(const std::filesystem::path& path) {
 Json of_journal(const std::filesystem::path& path) {
   const runtime::MapInput input = runtime::read_map_input(path, MapId(path.stem().string()));
   std::uint64_t updates = 0, file_bytes = 0;
-  mapdb::UpdateJournal::left_behind(path).replay([&](const mapdb::JournalEntry&) { ++updates; });
+  mapdb::UpdateJournal::left_behind(path).replay([&](const mapdb::JournalEntry& entry) { updates += !entry.vetoed; });
   for (const std::filesystem::path& file : input.files) file_bytes += std::filesystem::file_size(file);
   Json maps = Json::array();
   for (const Map& map : input.maps) maps.push_back(of_map(mapdb::summary_of(map)));

@@ -1,6 +1,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
-#include <mapweave/runtime/live_camera.h>
+#include <mapweave/runtime/live_map_server.h>
 #include <support/heard_updates.h>
 #include <support/killed.h>
 #include <support/temporary_folder.h>
@@ -28,7 +28,7 @@ std::set<SessionId> sessions() {
 
 std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
 
-// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more.
+// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it wants to be lent.
 class Client {
  public:
   Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
@@ -40,12 +40,14 @@ class Client {
         for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
       }
   }
-  void tell_all(const std::function<void()>& acknowledged = [] {}) {
+  void tell_all(
+      const std::function<void()>& acknowledged = [] {}, bool looks = false) {
     for (const Heard& one : heard()) {
       if (one.from != session_) continue;
       const MapUpdate update = decode_map_update(one.bytes, "test");
       while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
         ASSERT_EQ(link_->send({Kind::update, one.bytes}), Sent::taken);
+        if (looks && !update.nodes.empty()) look(update);
         hear(update.sequence, acknowledged);
       }
     }
@@ -54,6 +56,11 @@ class Client {
   LiveMapServer::Link& link() { return *link_; }
 
  private:
+  // From where it was last.
+  void look(const MapUpdate& update) {
+    const Node& node = update.nodes.back();
+    EXPECT_NE(link_->send({Kind::view, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}), Sent::later);
+  }
   void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
       for (const ServerMessage& message : link_->take(10s)) {
@@ -62,7 +69,7 @@ class Client {
           stored_[receipt.origin.map] = receipt.stored;
           is_there = is_there || receipt.stored >= awaited;
         }
-        acknowledged();
+        if (!message.receipts.empty()) acknowledged();
       }
   }
 
@@ -75,6 +82,11 @@ void tell_all(LiveMapServer& server) {
   std::vector<std::thread> clients;
   for (const SessionId& session : sessions()) clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
   for (std::thread& client : clients) client.join();
+}
+
+// All that was told is joined, as far as it is to be.
+void await_joining(const LiveMapServer& server) {
+  while (server.counts().is_joining) std::this_thread::sleep_for(1ms);
 }
 
 std::string sealed_in_lockstep() {
@@ -153,7 +165,7 @@ TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
   for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
-  for (int i = 0; i < 3000 && server.counts().joinings < 2; ++i) std::this_thread::sleep_for(10ms);
+  await_joining(server);
   const ServerCounts joined = server.counts();
   ASSERT_GE(joined.joinings, 2);
   std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n", joined.joinings, joined.longest_joining_s,
@@ -163,7 +175,7 @@ TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_
   const Map map = lockstep.maps().back();
   Client beta(server, map.nodes.front().first.session);
   std::size_t most_bytes = 0, landmarks = 0;
-  for (std::uint32_t views = 0; landmarks < 100 && views < 20000;) {  // until the last joining counts
+  for (std::uint32_t views = 0; landmarks < 100 && views < 2000;) {
     for (int i = 0; i < 200; ++i) {
       Sent sent = Sent::later;
       while (sent == Sent::later) sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
@@ -222,12 +234,14 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   options.journal_kb = GetParam();
   ASSERT_GT(heard().size(), 8U);
   std::mt19937 random(5);
-  for (int kill = 0; kill < 8; ++kill) {
+  tiers::ServerOptions lending;
+  lending.share = tiers::Sharing::full, lending.fuse_after = 5;
+  for (int kill = 0; kill < 20; ++kill) {
     const auto serve = [&](int out) {
-      LiveMapServer server(TierId("edge"), {}, {}, options, path);
+      LiveMapServer server(TierId("edge"), lending, {}, options, path);
       std::vector<std::thread> clients;
       for (const SessionId& session : sessions())
-        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }); });
+        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
       for (std::thread& client : clients) client.join();
       server.finish();
     };
@@ -235,7 +249,7 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
     test::killed(serve, most, static_cast<unsigned>(random() % 30000));
   }
   {
-    LiveMapServer server(TierId("edge"), {}, {}, options, path);
+    LiveMapServer server(TierId("edge"), lending, {}, options, path);
     tell_all(server);
   }
   std::size_t entries = 0;
@@ -253,82 +267,50 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
 }
-INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));
-
-TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 4.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  for (const bool listens : {true, false}) {
-    LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-    LiveCamera camera(robot.place, robot.camera, 0.0, {}, server.connect());
-    if (!listens) server.finish();
-    for (std::size_t i = 0; i < robot.count; ++i) {
-      camera.add(robot.shoot(i).frame);
-      std::this_thread::sleep_for(5ms);
-    }
-    const visual::VisualClient& client = camera.finish(10s);
-    EXPECT_GT(client.keyframes().size(), 2U);
-    EXPECT_EQ(camera.refusal(), "");
-    EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
-    const auto maps = server.finish().maps();
-    ASSERT_EQ(maps.size(), listens ? 1U : 0U);
-    if (listens) {
-      EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
-    }
-  }
+// One session after the other; each joins what its journal holds. What its verdicts rest on, and into how many maps it joins.
+std::pair<std::set<Hash>, std::size_t> joined_from(const std::filesystem::path& path) {
+  LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+  await_joining(server);
+  std::set<Hash> witnesses;
+  const fusion::FusionResult& joined = server.finish().joined();
+  for (const Verdict& verdict : joined.verdicts) witnesses.insert(verdict.witnesses.begin(), verdict.witnesses.end());
+  return {witnesses, joined.components.size()};
 }
 
-// Its server ends while it drives, and another one goes on from the same journal.
-TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
+TEST(LiveMapServer, keeps_apart_what_was_vetoed_though_it_is_killed) {
   const test::TemporaryFolder folder;
-  const auto path = folder.path() / "server.mwj";
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 6.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, LiveServerOptions{}, path);
-  LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
-  const auto drive = [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      camera.add(robot.shoot(i).frame);
-      std::this_thread::sleep_for(15ms);
-    }
-  };
-  drive(0, robot.count / 3);
-  first.reset();
-  drive(robot.count / 3, 2 * robot.count / 3);
-  LiveMapServer second(TierId("edge"), {}, {}, {}, path);
-  camera.reconnect(second.connect());
-  drive(2 * robot.count / 3, robot.count);
-  const visual::VisualClient& client = camera.finish(20s);
-  EXPECT_EQ(camera.refusal(), "");
-  EXPECT_EQ(camera.agent().waiting_bytes(), 0U);
-  const auto maps = second.finish().maps();
-  ASSERT_EQ(maps.size(), 1U);
-  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
+  const auto path = folder.path() / "edge.mwj", before = folder.path() / "before.mwj";
+  {
+    LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+    tell_all(server);
+    server.finish();
+    std::filesystem::copy_file(path, before);
+    EXPECT_THROW(server.veto({}), Error) << "it would be lost";
+  }
+  auto [witnesses, components] = joined_from(path);
+  std::set<Hash> vetoed;
+  ASSERT_EQ(components, 1U);
+  for (int round = 0; round < 20 && components == 1; ++round) {
+    const auto veto = [&, &rests_on = witnesses](int out) {
+      LiveMapServer server(TierId("edge"), {}, {}, {}, path);
+      for (const Hash& witness : rests_on) server.veto(witness);
+      (void)!write(out, ".", 1);
+      while (true) sleep(1);  // until it is killed
+    };
+    ASSERT_EQ(test::killed(veto, 1, 0), 1U);
+    vetoed.insert(witnesses.begin(), witnesses.end());
+    std::tie(witnesses, components) = joined_from(path);
+  }
+  EXPECT_EQ(components, 2U);
+  for (int again = 0; again < 2; ++again) EXPECT_EQ(joined_from(path).second, 2U) << "from a journal that was written anew, too";
+
+  LiveMapServer serving(TierId("edge"), {}, {}, {}, before);
+  for (const Hash& witness : vetoed) serving.veto(witness);
+  await_joining(serving);
+  EXPECT_EQ(serving.finish().joined().components.size(), 2U) << "it parts them while it serves";
 }
 
-// Within a bound that it cannot keep: what is left at the end is told all the same.
-TEST(LiveCamera, tells_the_rest_whatever_its_wire_was) {
-  auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = 4.0;
-  test::FeatureTeam team(options, tiers::ServerOptions{});
-  const auto& robot = team.robots[0];
-  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-  LiveCameraOptions narrow;
-  narrow.uplink.most_bytes_per_s = 2000.0;
-  LiveCamera camera(robot.place, robot.camera, 0.0, narrow, server.connect());
-  for (std::size_t i = 0; i < robot.count; ++i) {
-    camera.add(robot.shoot(i).frame);
-    std::this_thread::sleep_for(5ms);
-  }
-  const visual::VisualClient& client = camera.finish(10s);
-  const auto maps = server.finish().maps();
-  ASSERT_EQ(maps.size(), 1U);
-  EXPECT_EQ(maps.front().nodes.size(), client.keyframes().size());
-}
+INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));
 
 }  // namespace
 }  // namespace mapweave::runtime

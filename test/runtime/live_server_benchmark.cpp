@@ -202,6 +202,7 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
     links[one.client]->send(one.message);
     seconds = one.after_s;
   }
+  while (server.counts().is_joining) std::this_thread::sleep_for(std::chrono::milliseconds(10));  // what they told costs that, too
   const double cpu_s = process_cpu_seconds() - before_s - (runtime::thread_cpu_seconds() - mine_before_s);
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   nlohmann::ordered_json row{

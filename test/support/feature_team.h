@@ -205,7 +205,7 @@ class FeatureTeam {
 
   void greet(Robot& robot) {
     if (robot.greeted) return;
-    robot.agent->reconnected(server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()}));
+    robot.agent->reconnected(*robot.client, server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()}));
     robot.greeted = true;
   }
 

@@ -15,13 +15,22 @@ namespace mapweave::mapdb {
 namespace {
 
 constexpr std::int64_t kApplicationId = 0x4d57444a;  // "MWDJ"
-constexpr std::int64_t kSchema = 1;
+constexpr std::int64_t kSchema = 2;
 constexpr const char* kKind = "journal";
 constexpr const char* kTable =
     "CREATE TABLE updates (number INTEGER PRIMARY KEY, robot TEXT NOT NULL, sensor TEXT NOT NULL, run INTEGER NOT NULL, bytes INTEGER NOT "
     "NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT";
 
+constexpr const char* kVetoTable = "CREATE TABLE vetoes (judgement BLOB PRIMARY KEY) STRICT, WITHOUT ROWID";  // from schema 2 on
+
 std::string_view view_of(const Hash& hash) { return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()}; }
+
+std::optional<Hash> hash_of(std::string_view bytes) {
+  Hash hash;
+  if (bytes.size() != hash.bytes.size()) return std::nullopt;
+  std::copy(bytes.begin(), bytes.end(), hash.bytes.begin());
+  return hash;
+}
 
 // Undone unless it is committed.
 class Transaction {
@@ -92,7 +101,9 @@ struct UpdateJournal::State {
     Transaction beginning(database);
     if (database.number("SELECT count(*) FROM sqlite_schema") == 0 && database.number("PRAGMA application_id") == 0) {
       database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(kSchema));
-      database.run(kTable);
+      database.run(kTable), database.run(kVetoTable);
+    } else if (database.number("PRAGMA application_id") == kApplicationId && !has_vetoes()) {
+      database.run(std::string(kVetoTable) + "; PRAGMA user_version = " + std::to_string(kSchema));
     }
     expect_journal();
     beginning.commit();
@@ -104,15 +115,24 @@ struct UpdateJournal::State {
       throw Error(ErrorCode::kUnsupported,
                   "the journal has schema " + std::to_string(schema) + "; this program knows schemas up to " + std::to_string(kSchema),
                   path.string(), "go on with a newer mapweave, or begin another journal");
-    Statement tables(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL");
-    if (!tables.step() || tables.text(0) != kTable || tables.step()) database.corrupt("its tables are not those of a journal");
+    std::vector<std::string> tables, expected{kTable};
+    if (has_vetoes()) expected.push_back(kVetoTable);
+    for (Statement found(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY name"); found.step();)
+      tables.push_back(found.text(0));
+    if (tables != expected) database.corrupt("its tables are not those of a journal");
     bytes = static_cast<std::uint64_t>(database.number("SELECT coalesce(sum(length(zstd)), 0) FROM updates"));
   }
+
+  bool has_vetoes() { return database.number("PRAGMA user_version") != 1; }  // those of schema 1 had none
 
   std::uint64_t insert(const std::vector<JournalEntry>& entries) {
     std::uint64_t inserted = 0;
     Statement statement(database, "INSERT INTO updates (robot, sensor, run, bytes, sha256, zstd) VALUES (?, ?, ?, ?, ?, ?)");
     for (const JournalEntry& entry : entries) {
+      if (entry.vetoed) {
+        Statement(database, "INSERT OR IGNORE INTO vetoes VALUES (?)").bind_bytes(view_of(*entry.vetoed)).run();
+        continue;
+      }
       const PackedBlob blob = pack(entry.update);
       statement.bind_text(entry.from.client.robot.str()).bind_text(entry.from.client.sensor.str()).bind(entry.from.run);
       statement.bind(blob.bytes).bind_bytes(view_of(blob.sha256)).bind_bytes(blob.zstd).run();
@@ -152,22 +172,26 @@ void UpdateJournal::append(const std::vector<JournalEntry>& entries) {
 }
 
 void UpdateJournal::replay(const std::function<void(const JournalEntry&)>& visit) {
+  if (state_->has_vetoes())
+    for (Statement vetoes(state_->database, "SELECT judgement FROM vetoes ORDER BY judgement"); vetoes.step();) {
+      const std::optional<Hash> judgement = hash_of(vetoes.bytes(0));
+      if (!judgement) state_->database.corrupt("a veto of it names no judgement");
+      visit({{}, {}, judgement});
+    }
   Statement rows(state_->database, "SELECT number, robot, sensor, run, bytes, sha256, zstd FROM updates ORDER BY number");
   while (rows.step()) {
     const std::string where = state_->path.string() + ", update " + std::to_string(rows.integer(0));
     const std::string robot = rows.text(1), sensor = rows.text(2);
-    Hash hash;
-    const std::string_view sha256 = rows.bytes(5);
-    if (!is_valid_name(robot) || !is_valid_name(sensor) || sha256.size() != hash.bytes.size())
+    const std::optional<Hash> hash = hash_of(rows.bytes(5));
+    if (!is_valid_name(robot) || !is_valid_name(sensor) || !hash)
       state_->database.corrupt("update " + std::to_string(rows.integer(0)) + " has no valid name or hash");
-    std::copy(sha256.begin(), sha256.end(), hash.bytes.begin());
-    visit({{{RobotId(robot), SensorId(sensor)}, rows.integer(3)}, unpack(rows.bytes(6), rows.integer(4), hash, where)});
+    visit({{{RobotId(robot), SensorId(sensor)}, rows.integer(3)}, unpack(rows.bytes(6), rows.integer(4), *hash, where)});
   }
 }
 
 void UpdateJournal::replace(const std::vector<JournalEntry>& entries) {
   Transaction transaction(state_->database);
-  state_->database.run("DELETE FROM updates");
+  state_->database.run("DELETE FROM updates; DELETE FROM vetoes");
   const std::uint64_t inserted = state_->insert(entries);
   transaction.commit();
   state_->bytes = inserted;

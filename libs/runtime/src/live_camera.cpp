@@ -3,6 +3,8 @@
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_camera.h>
 
+#include <utility>
+
 namespace mapweave::runtime {
 
 using Kind = ClientMessage::Kind;
@@ -39,12 +41,24 @@ visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
   return client;
 }
 
-bool LiveCamera::send(Kind kind, std::string bytes) { return link_->send({kind, std::move(bytes)}) == LiveMapServer::Link::Sent::taken; }
+bool LiveCamera::send(Kind kind, std::string bytes) {
+  const std::size_t size = bytes.size();
+  const auto sent = link_->send({kind, std::move(bytes)});
+  if (sent == LiveMapServer::Link::Sent::never && !link_->is_closed() && !std::exchange(told_too_long_, true))
+    refused("a message of " + std::to_string(size) +
+            " bytes is longer than the server's queue; give the server a larger queue_kb, or the camera fewer features");
+  return sent == LiveMapServer::Link::Sent::taken;
+}
+
+void LiveCamera::refused(const std::string& why) {
+  if (refusal_ != why) log(LogLevel::warning, "the map server refuses: " + why);
+  refusal_ = why;
+}
 
 bool LiveCamera::tell(visual::VisualClient& client, Stamp now) {
   {
     const std::lock_guard lock(mutex_);
-    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = false;
+    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = told_too_long_ = false;
   }
   const auto run = client.run(place_);
   if (!run) return false;
@@ -71,7 +85,7 @@ void LiveCamera::hear(visual::VisualClient& client, std::chrono::milliseconds pa
   for (const ServerMessage& message : link_->take(patience)) try {
       switch (message.kind) {
         case ServerMessage::Kind::welcome:
-          agent_.reconnected(message.receipts);
+          agent_.reconnected(client, message.receipts);
           welcome_ = true;
           break;
         case ServerMessage::Kind::receipts:
@@ -79,9 +93,7 @@ void LiveCamera::hear(visual::VisualClient& client, std::chrono::milliseconds pa
           break;
         case ServerMessage::Kind::share: agent_.hear_share(client, message.bytes); break;
         case ServerMessage::Kind::place: agent_.hear_place(client, message.bytes); break;
-        case ServerMessage::Kind::refused:
-          if (refusal_ != message.bytes) log(LogLevel::warning, "the map server refuses: " + message.bytes);
-          refusal_ = message.bytes;
+        case ServerMessage::Kind::refused: refused(message.bytes);
       }
     } catch (const Error& error) {  // the client goes on without it
       log(LogLevel::warning, error.what());

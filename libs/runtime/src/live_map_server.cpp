@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <future>
 #include <map>
 #include <mutex>
 #include <set>
@@ -27,6 +28,7 @@ constexpr std::size_t kMostLinks = 1000;
 constexpr std::size_t kMostGone = 1000;                      // clients that left, counted each on its own
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
 constexpr int kNice = 10;                                    // of threads that join
+constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
 
 double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
 
@@ -120,6 +122,7 @@ struct LiveMapServer::State {
     mapdb::UpdateJournal journal(path);
     std::size_t count = 0;
     journal.replay([&](const mapdb::JournalEntry& entry) {
+      if (entry.vetoed) return maps.veto(*entry.vetoed);
       ++count;
       try {
         maps.greet({entry.from, matching::shipped_vocabulary().hash()});
@@ -129,13 +132,14 @@ struct LiveMapServer::State {
                     "begin another journal; clients that are still there tell all again");
       }
     });
-    const JournalSaver::Entries all = entries_of(maps.snapshot());
-    if (all.size() < count) journal.replace(all);
+    const JournalSaver::Entries all = entries_of(maps.snapshot(), maps.vetoed());
+    if (all.size() < count + maps.vetoed().size()) journal.replace(all);
     return journal;
   }
 
-  static JournalSaver::Entries entries_of(tiers::VisualServer::Snapshot snapshot) {
+  static JournalSaver::Entries entries_of(tiers::VisualServer::Snapshot snapshot, const std::set<Hash>& vetoed) {
     JournalSaver::Entries entries;
+    for (const Hash& judgement : vetoed) entries.push_back({{}, {}, judgement});
     for (auto& [from, update] : snapshot) entries.push_back({from, std::move(update)});
     return entries;
   }
@@ -246,8 +250,31 @@ struct LiveMapServer::State {
     std::vector<mapdb::JournalEntry> entries;
     for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
     saver->save(std::move(entries), [wire, receipt = received.receipt] { wire->post({ServerMessage::Kind::receipts, {}, {receipt}}); });
-    if (saver->is_long()) saver->replace([snapshot = maps.snapshot_to_encode()] { return entries_of(snapshot()); });
+    if (saver->is_long())
+      saver->replace([snapshot = maps.snapshot_to_encode(), vetoed = maps.vetoed()] { return entries_of(snapshot(), vetoed); });
     advance();
+  }
+
+  bool has_ended() {
+    const std::lock_guard lock(mutex);
+    return handling_ends;
+  }
+
+  void veto(const Hash& judgement) {
+    const auto saved = std::make_shared<std::promise<void>>();
+    const std::future<void> is_saved = saved->get_future();
+    const auto ended = [] { return Error(ErrorCode::kBadInput, "the map server has ended", "a veto", "begin it again first"); };
+    if (has_ended()) throw ended();
+    {
+      const Hold hold(*this);
+      maps.veto(judgement);
+      saver->save({{{}, {}, judgement}}, [saved] { saved->set_value(); });
+      advance();
+    }
+    while (is_saved.wait_for(kUntilAsked) != std::future_status::ready) {
+      if (const std::string trouble = saver->trouble(); !trouble.empty()) throw Error(ErrorCode::kCannotWrite, trouble, "a veto");
+      if (has_ended() && is_saved.wait_for(kUntilAsked) != std::future_status::ready) throw ended();
+    }
   }
 
   std::optional<PlaceAnswer> place(const SessionId& from, PlaceRequest request) {
@@ -400,11 +427,15 @@ std::shared_ptr<LiveMapServer::Link> LiveMapServer::connect() {
   return std::shared_ptr<Link>(new Link(std::move(wire), state_));
 }
 
+void LiveMapServer::veto(const Hash& judgement) { state_->veto(judgement); }
+
 ServerCounts LiveMapServer::counts() const {
   double longest_hold_s = 0.0;
+  bool is_joining = false;
   {
     const std::lock_guard lock(state_->maps_mutex);
     longest_hold_s = state_->longest_hold_s;
+    is_joining = state_->joiner_is_busy || state_->maps.pending() != nullptr;
   }
   const std::lock_guard lock(state_->mutex);
   std::map<SessionId, ClientCounts> clients = state_->gone;
@@ -414,7 +445,7 @@ ServerCounts LiveMapServer::counts() const {
     add(sum, wire->counts);
   }
   ServerCounts counts = state_->counts;
-  counts.longest_hold_s = longest_hold_s, counts.saving_s = state_->saver->cpu_seconds();
+  counts.longest_hold_s = longest_hold_s, counts.is_joining = is_joining, counts.saving_s = state_->saver->cpu_seconds();
   if (counts.trouble.empty()) counts.trouble = state_->saver->trouble();
   for (const auto& [session, client] : clients) counts.clients.push_back(client);
   return counts;

@@ -15,6 +15,7 @@ std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
   mapdb::UpdateJournal journal = mapdb::UpdateJournal::left_behind(path);
   tiers::VisualServer server(TierId("journal"), {}, {});
   journal.replay([&](const mapdb::JournalEntry& entry) {
+    if (entry.vetoed) return;
     try {
       server.greet({entry.from, matching::shipped_vocabulary().hash()});
       server.receive(entry.from, entry.update);

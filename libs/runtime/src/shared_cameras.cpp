@@ -22,7 +22,7 @@ class Link {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
-      agent_.reconnected(server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
+      agent_.reconnected(*client_, server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
       greeted_ = true;
     }
     for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);

@@ -1,3 +1,5 @@
+#include "update_parts.h"
+
 #include <mapweave/tiers/camera_agent.h>
 
 #include <algorithm>
@@ -6,6 +8,7 @@ namespace mapweave::tiers {
 namespace {
 
 constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes
+constexpr std::size_t kMostUpdate = std::size_t{48} << 10;  // bytes: a live server's queue may be as short as 64 KB
 constexpr double kFeatureBytes = 37.0;
 
 // Every so-manieth feature, so that they stay spread over the picture and its pyramid.
@@ -34,13 +37,14 @@ std::uint64_t CameraAgent::waiting_bytes() const {
   return bytes;
 }
 
-std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
-  std::string bytes = encode(update);
-  if (options_.most_bytes_per_s == 0.0 || static_cast<double>(bytes.size()) <= room_bytes) return bytes;
+MapUpdate CameraAgent::fitted(MapUpdate update, double room_bytes) const {
+  if (options_.most_bytes_per_s == 0.0) return update;
+  const std::string bytes = encode(update);
+  if (static_cast<double>(bytes.size()) <= room_bytes) return update;
   std::size_t features = 0;
   for (const Node& node : update.nodes)
     if (const KeyframeFeatures* keyframe = keyframe_of(node)) features += keyframe->points.size();
-  if (features == 0) return bytes;
+  if (features == 0) return update;
   const double others = static_cast<double>(bytes.size()) - kFeatureBytes * static_cast<double>(features);
   const double share = std::clamp((room_bytes - others) / (kFeatureBytes * static_cast<double>(features)), 0.0, 1.0);
   for (Node& node : update.nodes) {
@@ -51,7 +55,21 @@ std::string CameraAgent::encoded(MapUpdate update, double room_bytes) const {
         std::max(static_cast<std::size_t>(share * static_cast<double>(all)), static_cast<std::size_t>(options_.least_features));
     if (kept < all) node.payload = thinned(*keyframe, kept);
   }
-  return encode(update);
+  return update;
+}
+
+void CameraAgent::tell(MapUpdate update) {
+  const MapId map = update.origin.map;
+  std::uint64_t& told = numbers_[map].told;
+  update.base = update.base == 0 ? 0 : told;
+  update.sequence = told + 1;
+  for (std::string& bytes : encoded_in_parts(fitted(std::move(update), allowance_.bytes()), kMostUpdate))
+    outbox_.push_back({map, ++told, std::move(bytes)});
+}
+
+void CameraAgent::forget(const MapId& map, std::uint64_t up_to) {
+  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(), [&](const Message& m) { return m.map == map && m.sequence <= up_to; }),
+                outbox_.end());
 }
 
 std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
@@ -61,11 +79,7 @@ std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stam
   const bool has_room = bytes_per_s == 0.0 || allowance_.bytes() > 0.0;
   if (has_room && waiting_bytes() < kMostWaiting) {
     session_ = client.run(place_);
-    for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) {
-      const MapId map = update.origin.map;
-      const std::uint64_t sequence = update.sequence;
-      outbox_.push_back({map, sequence, encoded(std::move(update), allowance_.bytes())});
-    }
+    for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) tell(std::move(update));
   }
   for (Message& message : outbox_) {
     if (message.on_its_way) continue;
@@ -86,16 +100,29 @@ void CameraAgent::put_back(const std::string& update) {
 }
 
 void CameraAgent::stored(const Receipt& receipt) {
-  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
-                               [&](const Message& m) { return m.map == receipt.origin.map && m.sequence <= receipt.stored; }),
-                outbox_.end());
+  forget(receipt.origin.map, receipt.stored);
+  if (const auto known = numbers_.find(receipt.origin.map); known != numbers_.end())
+    known->second.confirmed = std::max(known->second.confirmed, receipt.stored);
   if (receipt.awaited == 0) return;
   for (Message& message : outbox_)
     if (message.map == receipt.origin.map && message.sequence == receipt.awaited) message.on_its_way = false;
 }
 
-void CameraAgent::reconnected(const std::vector<Receipt>& receipts) {
+void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts) {
   for (Message& message : outbox_) message.on_its_way = false;
+  std::map<MapId, std::uint64_t> stored_of;
+  for (const Receipt& receipt : receipts)
+    if (visual::session_of(place_.client, receipt.origin.map)) stored_of[receipt.origin.map] = receipt.stored;
+  for (const auto& [map, stored] : stored_of) numbers_.try_emplace(map);
+  for (auto& [map, numbers] : numbers_) {
+    const std::uint64_t stored = stored_of[map];
+    if (stored < numbers.confirmed || stored > numbers.told) {
+      forget(map, numbers.told);
+      client.tell_again(place_, map);
+      numbers.told = std::max(numbers.told, stored);
+    }
+    numbers.confirmed = stored;
+  }
   for (const Receipt& receipt : receipts) stored(receipt);
 }
 

@@ -49,6 +49,7 @@ struct VisualServer::Client {
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
 
     void note(const MapUpdate& update) {
+      if (update.base == 0) borrowed.clear();
       for (const NodeId& id : update.removed_nodes) borrowed.erase(id);
       for (const LandmarkChange& change : update.borrowed)
         for (const LandmarkSighting& sighting : change.seen) {

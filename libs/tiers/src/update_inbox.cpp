@@ -20,7 +20,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
                     "; updates count from 1",
                 where);
   std::vector<MapUpdate> stored;
-  const bool says_all = stored_ == 0 && update.base == 0;
+  const bool says_all = update.base == 0;
   if (update.sequence > stored_ + 1 && !says_all) {
     const std::uint64_t sequence = update.sequence;
     if (waiting_.size() < kMostWaiting && waiting_bytes_ + bytes <= std::min(most_waiting_bytes, kMostWaitingBytes) &&
@@ -46,7 +46,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
 }
 
 void UpdateInbox::store(const MapUpdate& update) {
-  map_ = std::make_shared<const Map>(updated(*map_, update));  // throws before anything has changed
+  map_ = std::make_shared<const Map>(updated(update.base == 0 ? Map{} : *map_, update));  // throws before anything has changed
   stored_ = update.sequence;
 }
 

@@ -112,6 +112,8 @@ std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->w
 
 void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
 
+const std::set<Hash>& VisualServer::vetoed() const { return state_->vetoed; }
+
 VisualServer::Snapshot VisualServer::snapshot() const { return snapshot_to_encode()(); }
 
 std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const {

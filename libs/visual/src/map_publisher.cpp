@@ -84,7 +84,7 @@ MapUpdate& MapPublisher::update_of(int part) {
   const auto [found, is_new] = updates_.try_emplace(part);
   if (is_new) {
     found->second.origin.map = map_of(session_.client, part);
-    found->second.base = sequence_[part];
+    found->second.base = forgotten_.erase(part) > 0 ? 0 : sequence_[part];
     found->second.sequence = ++sequence_[part];
   }
   return found->second;
@@ -221,6 +221,7 @@ void MapPublisher::publish_lent(const LandmarkMap& map, PublishedDetail detail) 
 
 std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetail detail) {
   updates_.clear();
+  while (!forgotten_.empty()) update_of(*forgotten_.begin());  // though nothing be left of it
   publish_keyframes(map, detail);
   publish_landmarks(map, detail);
   publish_lent(map, detail);
@@ -233,6 +234,20 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
     result.push_back(std::move(update));
   }
   return result;
+}
+
+void MapPublisher::forget(int part) {
+  std::vector<std::uint32_t> serials;
+  for (SentKeyframe& sent : keyframes_)
+    if (sent.part == part) serials.push_back(sent.serial), sent.part = -1;
+  for (SentLandmark& sent : landmarks_)
+    if (sent.part == part) sent = {};
+  std::sort(serials.begin(), serials.end());
+  for (SentLandmark& sent : lent_)
+    sent.seen.erase(std::remove_if(sent.seen.begin(), sent.seen.end(),
+                                   [&](std::uint32_t serial) { return std::binary_search(serials.begin(), serials.end(), serial); }),
+                    sent.seen.end());
+  forgotten_.insert(part);
 }
 
 }  // namespace mapweave::visual

@@ -8,6 +8,7 @@
 
 #include <map>
 #include <memory>
+#include <set>
 
 namespace mapweave::visual {
 
@@ -21,6 +22,8 @@ class MapPublisher {
   MapPublisher(ClientPlace place, SessionId session, double sigma_px, double inverse_depth_sigma);
   // What changed since the last call, one update for each map that it touches.
   std::vector<MapUpdate> take(const LandmarkMap& map, PublishedDetail detail);
+  // Of one map, what was told: the next update of it says all, and builds on nothing.
+  void forget(int part);
 
  private:
   struct SentKeyframe {
@@ -54,6 +57,7 @@ class MapPublisher {
   std::vector<SentLandmark> landmarks_;
   std::vector<SentLandmark> lent_;         // by slot; sightings alone
   std::map<int, std::uint64_t> sequence_;  // by part
+  std::set<int> forgotten_;                // parts
   std::map<int, MapUpdate> updates_;       // of this call
 };
 

@@ -1,12 +1,14 @@
 #pragma once
 // What a server was told by its clients and has said it would keep: an SQLite file (.mwj) that grows by every update and survives a kill at
-// any moment.
+// any moment. Journals of schema 1 (without vetoes) become those of schema 2 when they are opened.
 
+#include <mapweave/core/hash.h>
 #include <mapweave/core/ids.h>
 
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,7 +17,8 @@ namespace mapweave::mapdb {
 
 struct JournalEntry {
   SessionId from;
-  std::string update;  // an encoded MapUpdate
+  std::string update;               // an encoded MapUpdate
+  std::optional<Hash> vetoed = {};  // instead of those: a judgement that is not to be believed
 };
 
 // One at a time has a journal open. Not thread-safe.
@@ -36,11 +39,11 @@ class UpdateJournal {
 
   // All or nothing, and on the disk when it returns. Throws Error(kCannotWrite), with the free space when the disk is full.
   void append(const std::vector<JournalEntry>& entries);
-  // All, in the order they came. Throws Error(kCorrupt) for a damaged one; those before it have been visited.
+  // Vetoes, each once; then updates in the order they came. Throws Error(kCorrupt) for a damaged one; those before it have been visited.
   void replay(const std::function<void(const JournalEntry&)>& visit);
-  // What stands for all of it (each map's state in one update): the journal holds that alone then. As append otherwise.
+  // What stands for all of it (each map's state in one update, and the vetoes): the journal holds that alone then. As append otherwise.
   void replace(const std::vector<JournalEntry>& entries);
-  std::uint64_t bytes() const;  // of the entries, as they lie in it
+  std::uint64_t bytes() const;  // of the updates, as they lie in it
 
  private:
   struct State;

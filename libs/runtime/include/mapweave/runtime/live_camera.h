@@ -25,14 +25,15 @@ class LiveCamera {
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
   void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
   int dropped() const { return client_.dropped(); }
-  // To a server that is there again, or another one: says hello, and repeats what that has not stored.
+  // To a server that is there again, or another one: says hello, and tells what that has not stored, its maps from the beginning where need
+  // be.
   void reconnect(std::shared_ptr<LiveMapServer::Link> link);
   // No more frames come. Tells the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
 
   // To be read after finish().
   const tiers::CameraAgent& agent() const { return agent_; }
-  const std::string& refusal() const { return refusal_; }  // the last one
+  const std::string& refusal() const { return refusal_; }  // the last one, of the server's or because a message can never be sent
 
  private:
   // Whether it had anything to tell.
@@ -40,6 +41,7 @@ class LiveCamera {
   void ask(visual::VisualClient& client);
   void hear(visual::VisualClient& client, std::chrono::milliseconds patience);
   bool send(ClientMessage::Kind kind, std::string bytes);
+  void refused(const std::string& why);
 
   std::mutex mutex_;
   std::shared_ptr<LiveMapServer::Link> next_link_;  // in place of the other
@@ -50,6 +52,7 @@ class LiveCamera {
   tiers::CameraAgent agent_;
   std::optional<Stamp> last_;
   bool greeted_ = false, welcome_ = false;
+  bool told_too_long_ = false;  // that something is, for this link
   std::string refusal_;
   visual::LiveClient client_;
 };

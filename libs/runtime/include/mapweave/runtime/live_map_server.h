@@ -67,6 +67,7 @@ struct ServerCounts {
   double joining_s = 0.0, longest_joining_s = 0.0;  // processor time of the joining thread; longest: from begin to end
   double saving_s = 0.0;                            // processor time
   double longest_hold_s = 0.0;                      // of the maps by one who changed or read them
+  bool is_joining = false;                          // or rests from it, before what came since is joined, if that is enough
   std::string trouble;                              // why it saves or joins nothing any more; empty: it does
 };
 
@@ -85,6 +86,10 @@ class LiveMapServer {
   class Link;
   // Throws Error(kBadInput) where there are too many.
   std::shared_ptr<Link> connect();
+
+  // A judgement that is not to be believed from the next joining on, which begins soon; in the journal when it returns. Throws
+  // Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room; kBadInput after finish().
+  void veto(const Hash& judgement);
 
   ServerCounts counts() const;
   // What has been handled is saved, what waits in queues is dropped (no client was told that it is stored), threads end. Links are closed.

@@ -7,6 +7,7 @@
 #include <mapweave/visual/visual_client.h>
 
 #include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -32,16 +33,18 @@ class CameraAgent {
 
   // Whose messages these are, once the client has begun; before, there is nothing to say.
   const std::optional<SessionId>& session() const { return session_; }
-  // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. None while too much
-  // is under way that nobody has confirmed: the client keeps it together meanwhile. `now`: of data.
+  // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. Nothing new while too
+  // much is under way that nobody has confirmed: the client keeps it together meanwhile. None is longer than the shortest queue of a live
+  // server, but for one of a single keyframe that is. `now`: of data.
   std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
   // Of those, one that did not get onto the wire: it is told again.
   void put_back(const std::string& update);
   // The client has ended: what it still has to tell is bounded by nothing.
   void lift_bound() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
+  // A server that lacks what was confirmed before, or has what was never told, is another one: it is told such a map from the beginning.
   void stored(const Receipt& receipt);
-  void reconnected(const std::vector<Receipt>& receipts);
+  void reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts);
   // Where the client is; nullopt while it has no place.
   std::optional<std::string> view(const visual::VisualClient& client);
   // Where was this taken? Of a client that has no place.
@@ -61,13 +64,19 @@ class CameraAgent {
     std::string bytes;
     bool on_its_way = false;
   };
-  std::string encoded(MapUpdate update, double room_bytes) const;
+  struct Numbers {
+    std::uint64_t told = 0, confirmed = 0;
+  };
+  MapUpdate fitted(MapUpdate update, double room_bytes) const;
+  void tell(MapUpdate update);
+  void forget(const MapId& map, std::uint64_t up_to);
   std::string counted(std::string bytes);
 
   visual::ClientPlace place_;
   UplinkOptions options_;
   std::optional<SessionId> session_;
   std::deque<Message> outbox_;
+  std::map<MapId, Numbers> numbers_;  // of updates: theirs, not the client's, which knows nothing of parts
   ByteAllowance allowance_;
   std::uint64_t sent_bytes_ = 0, heard_bytes_ = 0;
 };

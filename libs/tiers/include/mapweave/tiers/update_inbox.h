@@ -23,9 +23,9 @@ class UpdateInbox {
   static constexpr std::size_t kMostWaiting = 1024, kMostWaitingBytes = std::size_t{64} << 20;
   explicit UpdateInbox(Origin origin);
 
-  // What could be stored now, in order; nothing for one that came before, or that has to wait. The first may have any number where it
-  // builds on nothing: it says all up to there. Throws Error(kBadInput) for one that does not fit what it builds on, of which nothing is
-  // stored then; one that waited and does not fit is dropped, and will be awaited.
+  // What could be stored now, in order; nothing for one that came before, or that has to wait. One that builds on
+  // nothing may have any number after those: it says all up to there, in place of what was there. Throws Error(kBadInput) for one that does
+  // not fit what it builds on, of which nothing is stored then; one that waited and does not fit is dropped, and will be awaited.
   // `bytes`: of the update as it came. most_waiting_bytes: that may wait here now, if less than kMostWaitingBytes.
   std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where,
                                  std::size_t most_waiting_bytes = kMostWaitingBytes);

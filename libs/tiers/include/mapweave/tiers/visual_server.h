@@ -14,6 +14,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 
 namespace mapweave::tiers {
@@ -107,6 +108,7 @@ class VisualServer {
 
   // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
   void veto(const Hash& judgement);
+  const std::set<Hash>& vetoed() const;
   // Every client's own maps, each as one update that says all: received by another server, in this order, they make it the same as this
   // one. Judgements are made again.
   using Snapshot = std::vector<std::pair<SessionId, std::string>>;

@@ -79,6 +79,9 @@ class VisualClient {
   // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and
   // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
+  // Of a map that was told: the next take_updates() says all of it, with base 0. What it saw of lent landmarks that it has forgotten since
+  // is not told again.
+  void tell_again(const ClientPlace& place, const MapId& map);
 
   // Every session's whole map, whatever was told before: as take_updates() on a client that has told nothing yet.
   std::vector<Map> maps(const ClientPlace& place) const;
