@@ -187,6 +187,13 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
           {"trouble", counts.trouble}};
 }
 
+// Joined what it was told, too: that is part of what clients cost.
+bool has_done_all(const runtime::ServerCounts& counts, std::uint64_t updates) {
+  runtime::ClientCounts sum;
+  for (const runtime::ClientCounts& client : counts.clients) runtime::add(sum, client);
+  return sum.updates == updates && !counts.is_joining;
+}
+
 nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients) {
   const Journal journal;
   const double before_s = process_cpu_seconds(), mine_before_s = runtime::thread_cpu_seconds();
@@ -195,14 +202,16 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   for (std::size_t i = 0; i < clients; ++i) links.push_back(server.connect());
   const Clock::time_point begin = Clock::now();
   double seconds = 0.0;
+  std::uint64_t told = 0;  // updates
   for (const Told& one : all) {
     if (one.client >= clients) continue;
     std::this_thread::sleep_until(begin + std::chrono::duration<double>(one.after_s));
     links[one.client]->take(std::chrono::milliseconds(0));
-    links[one.client]->send(one.message);
+    const auto sent = links[one.client]->send(one.message);
+    told += sent == LiveMapServer::Link::Sent::taken && one.message.kind == ClientMessage::Kind::update;
     seconds = one.after_s;
   }
-  while (server.counts().is_joining) std::this_thread::sleep_for(std::chrono::milliseconds(10));  // what they told costs that, too
+  while (!has_done_all(server.counts(), told)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const double cpu_s = process_cpu_seconds() - before_s - (runtime::thread_cpu_seconds() - mine_before_s);
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   nlohmann::ordered_json row{
