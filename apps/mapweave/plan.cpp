@@ -90,7 +90,8 @@ Json json_of(const scheduling::ProfiledTerm& term) {
   for (std::size_t i = 0; i < term.samples.size(); ++i)
     points.push_back({{"at", term.samples[i].at},
                       {"measured", term.samples[i].measured},
-                      {"fitted", term.samples[i].measured - term.regression.residuals[i]}});
+                      {"fitted", term.samples[i].measured - term.regression.residuals[i]},
+                      {"half_width", std::isfinite(term.samples[i].half_width) ? Json(term.samples[i].half_width) : Json()}});
   return {{"term", term.name},
           {"by", term.basis},
           {"unit", term.unit},

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <memory>
@@ -20,15 +21,35 @@ struct Arguments {
   bool json = false;
 };
 
+// What the work that was measured leaves open. `seed` is that of the wires' jitter and losses.
+void expect_to_act(const std::string& setting) {
+  static const std::vector<std::string> sections{"network.", "processors."}, keys{"cloud.at", "mode", "seed"};
+  const std::string key = setting.substr(0, setting.find('='));
+  const auto begins = [&](const std::string& section) { return key.compare(0, section.size(), section) == 0 || key + "." == section; };
+  if (std::any_of(sections.begin(), sections.end(), begins) || std::find(keys.begin(), keys.end(), key) != keys.end()) return;
+  throw Error(ErrorCode::kUsage, "'" + key + "' does not act on what was measured", "--set " + setting,
+              "set network, processors, cloud.at, mode or seed; for anything else run it again");
+}
+
+void expect_measured(runtime::Mode measured, runtime::Mode asked, const std::string& place) {
+  using runtime::Mode;
+  if (measured == asked) return;
+  if (measured == Mode::cloud_only || asked == Mode::cloud_only)
+    throw Error(ErrorCode::kUsage, "what the cloud takes to join alone is measured by a run alone", place,
+                "run it again with --set mode=cloud-only");
+  if (asked == Mode::offload)
+    throw Error(ErrorCode::kUsage, "what robots pack and send was not measured, for they mapped on board", place,
+                "run it again with --set mode=offload");
+}
+
 int tell_timeline(const Arguments& arguments) {
+  for (const std::string& setting : arguments.settings) expect_to_act(setting);
   runtime::RunConfiguration configuration;
   const std::filesystem::path file = arguments.folder / "config.yaml";
   load(configuration, {{file}, {}, {}});
   const runtime::Mode mode = configuration.mode;
   const Origins origins = load(configuration, {{file}, environment_for(fields_of(configuration)), arguments.settings});
-  if (configuration.mode != mode && (configuration.mode == runtime::Mode::cloud_only || mode == runtime::Mode::cloud_only))
-    throw Error(ErrorCode::kUsage, "what the cloud takes to join alone is measured by a run alone", origins.place_of("mode"),
-                "run it again with --set mode=cloud-only");
+  expect_measured(mode, configuration.mode, origins.place_of("mode"));
   double recorded_s = 0.0;
   const runtime::Work work = runtime::read_work(arguments.folder / "summary.json", &recorded_s);
   const runtime::Timeline line = timeline(

@@ -47,11 +47,14 @@ TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
   ASSERT_GT(decisions.size(), 2u);
   EXPECT_EQ(decisions.front().at_s, 0.0);
   EXPECT_EQ(decisions.front().moves.size(), 2u);
+  EXPECT_THAT(decisions.front().because, testing::IsSupersetOf({"robot alpha comes", "robot beta comes", "edge north comes"}));
+  EXPECT_THAT(decisions[1].because, testing::Contains("maps have grown"));
   EXPECT_GT(decisions.back().expected_s, 0.0);
   EXPECT_GT(report.coordination->summary_bytes, 100u);
   const json told = parsed(folder / "coordinated/summary.json")["coordinator"];
   EXPECT_EQ(told["method"], "default");
   EXPECT_EQ(told["decisions"].size(), decisions.size());
+  EXPECT_EQ(told["decisions"][1]["because"], json(decisions[1].because));
   EXPECT_EQ(told["decisions"].back()["placement"].size(), 2u);
   EXPECT_EQ(told["came_seconds"], report.timeline->total_s);
 }

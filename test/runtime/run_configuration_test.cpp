@@ -172,6 +172,13 @@ TEST_F(PlanTest, refuses_edges_that_cannot_be) {
   EXPECT_THAT(complaint(), HasSubstr("a robot 'delta'"));
   configuration.cloud.push_to = {"alpha"};
   EXPECT_EQ(complaint(), "none");
+  configuration.edges.push_back({"south"});
+  configuration.edges[0].from_s = 0.0, configuration.edges[0].until_s = 4.0;
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("cloud.at names edge 'north'"), HasSubstr("until_s")));
+  configuration.cloud.at = "south", configuration.coordinator.at = "north";
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("coordinator.at names edge 'north'"), HasSubstr("edge that stays")));
+  configuration.coordinator.at = "south";
+  EXPECT_EQ(complaint(), "none");
 }
 
 }  // namespace

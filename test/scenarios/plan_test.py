@@ -37,6 +37,16 @@ class Plan(support.Scenario):
                 self.assertAlmostEqual(told["cut_weight"], cut, 9)
                 self.assertLessEqual(told["lower_bound_seconds"], told["predicted_seconds"])
 
+    def test_metis_groups_where_the_program_has_it(self):
+        done = self.plan(problem(), "--method", "metis", "--json", code=(0, BAD_INPUT))
+        if done.returncode == BAD_INPUT:
+            self.assert_says(done, "built without METIS")
+            self.skipTest("built without METIS")
+        told = json.loads(done.stdout)
+        self.assertEqual(list(told), KEYS)
+        self.assertEqual(told["method"], "metis")
+        self.assertEqual(sorted(map(len, told["groups"])), [3, 3, 4])
+
     def test_the_default_is_near_the_exact_cut(self):
         cuts = {method: json.loads(self.plan(problem(14, 4), "--method", method, "--json").stdout)["cut_weight"] for method in ("default", "exact")}
         self.assertLessEqual(cuts["default"], 1.05 * cuts["exact"])
@@ -95,7 +105,14 @@ class Profile(support.Scenario):
         self.mapweave("run", "logs/run.yaml", "--out", "map", code=(0, 4))
         told = json.loads(self.mapweave("profile", "map", "--out", "model.json", "--json").stdout)
         self.assertGreater(told["model"]["slam_s_per_scan"], 0)
-        self.assertIn("SLAM", [term["term"] for term in told["terms"]])
+        terms = {term["term"]: term for term in told["terms"]}
+        self.assertIn("what edges send", terms)
+        self.assertGreaterEqual(told["model"]["edge_bytes_per_map_byte"], 1)
+        # Two robots and one coefficient leave a degree of freedom to tell an interval by; one edge leaves none.
+        self.assertEqual(terms["SLAM"]["samples"], 2)
+        for point in terms["SLAM"]["points"]:
+            self.assertGreater(point["half_width"], 0)
+        self.assertEqual([point["half_width"] for point in terms["fusion on an edge"]["points"]], [None])
         self.write("problem.json", json.dumps(problem()))
         self.mapweave("plan", "problem.json", "--model", "model.json")
         self.assertIn("SLAM", self.mapweave("profile", "map").stdout)
@@ -115,12 +132,23 @@ class Profile(support.Scenario):
         self.assertGreater(slow["total_seconds"], as_it_was["total_seconds"] + 1)
         self.assertIn("robot robot0", self.mapweave("timeline", "led").stdout)
         self.assert_says(self.mapweave("timeline", "led", "--set", "mode=cloud-only", code=USAGE), "run it again")
+        for setting in ("fusion.visual.enough_witnesses=3", "coordinator.method=none", "cloud.edges_judge=false", "edges.0.speed=2", "networks=1"):
+            self.assert_says(self.mapweave("timeline", "led", "--set", setting, code=USAGE), setting.split("=")[0], "does not act")
+        for setting in ("mode=onboard", "cloud.at=north", "processors.edge=2", "seed=3"):
+            self.mapweave("timeline", "led", "--set", setting)
         damaged = dict(summary, timeline=dict(summary["timeline"], overlaps=[["robot0", "robot1"]]))
         self.write("led/summary.json", json.dumps(damaged))
         self.assert_says(self.mapweave("timeline", "led", code=BAD_INPUT), "timeline.overlaps", "two robots and their overlap degree")
         self.assert_says(self.mapweave("profile", "led", code=BAD_INPUT), "timeline.overlaps", "two robots and their overlap degree")
         self.write("led/summary.json", '{"timeline": {"robots": 3}}')
         self.assert_says(self.mapweave("timeline", "led", code=BAD_INPUT), "led/summary.json", "timeline.robots")
+
+    def test_a_run_that_mapped_on_board_tells_nothing_of_offloading(self):
+        self.write("room.log", "\n".join(support.room_lines(40)) + "\n")
+        self.mapweave("split", "room.log", "--robots", "2", "--overlap", "1", "--out", "logs")
+        self.mapweave("run", "logs/run.yaml", "--out", "map", "--set", "mode=onboard", code=(0, 4))
+        self.assert_says(self.mapweave("timeline", "map", "--set", "mode=offload", code=USAGE), "not measured", "run it again with --set mode=offload")
+        self.mapweave("timeline", "map", "--set", "mode=onboard")
 
     def test_a_folder_without_results_is_refused(self):
         self.assert_says(self.mapweave("profile", "nowhere", code=BAD_INPUT), "summary.json")

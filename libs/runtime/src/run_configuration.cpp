@@ -103,7 +103,11 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
 void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, const Origins& origins) {
   const std::vector<std::string> edges = names_of(plan.edges), robots = names_of(plan.robots);
   const auto expect_edge = [&](const std::string& name, const std::string& key) {
-    if (!name.empty()) expect_known(name, edges, "an edge", origins.place_of(key), "name an edge of this run, or leave it empty");
+    if (name.empty()) return;
+    expect_known(name, edges, "an edge", origins.place_of(key), "name an edge of this run, or leave it empty");
+    if (edge_entry(configuration, TierId(name)).until_s > 0.0)
+      throw Error(ErrorCode::kBadInput, key + " names edge '" + name + "', which goes before the end (until_s)", origins.place_of(key),
+                  "name an edge that stays, or leave it empty");
   };
   expect_edge(configuration.cloud.at, "cloud.at");
   expect_edge(configuration.coordinator.at, "coordinator.at");

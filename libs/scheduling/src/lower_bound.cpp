@@ -19,6 +19,8 @@
 
 #include <mapweave/scheduling/placement.h>
 
+#include <mapweave/core/log.h>
+
 #include <coin/IpIpoptApplication.hpp>
 #include <coin/IpTNLP.hpp>
 
@@ -28,6 +30,7 @@
 #include <limits>
 #include <map>
 #include <mutex>
+#include <string>
 
 namespace mapweave::scheduling {
 namespace {
@@ -424,7 +427,12 @@ double lower_bound_seconds(const Latency& latency) {
   application->Options()->SetStringValue("sb", "yes");
   application->Options()->SetIntegerValue("max_iter", 300);
   application->Options()->SetNumericValue("tol", 1e-7);
-  if (application->Initialize("") != Ipopt::Solve_Succeeded || application->OptimizeTNLP(program) != Ipopt::Solve_Succeeded) return simple;
+  Ipopt::ApplicationReturnStatus status = application->Initialize("");
+  if (status == Ipopt::Solve_Succeeded) status = application->OptimizeTNLP(program);
+  if (status != Ipopt::Solve_Succeeded) {
+    log(LogLevel::warning, "the lower bound of a plan is a simpler one, for Ipopt ended with " + std::to_string(status));
+    return simple;
+  }
   constexpr double kMargin = 1e-5;  // what the solver's tolerance and kUnused may add
   return std::max(simple, program->objective() * (1.0 - kMargin));
 }

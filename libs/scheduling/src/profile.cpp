@@ -183,7 +183,7 @@ std::optional<std::vector<double>> fitted(const std::string& name, const std::st
     if (samples[i].value > 0.0) off.push_back(std::abs(term.regression.residuals[i]) / samples[i].value);
   std::sort(off.begin(), off.end());
   if (!off.empty()) term.median_off = off[off.size() / 2];
-  for (const Sample& sample : samples) term.samples.push_back({sample.at, sample.value});
+  for (const Sample& sample : samples) term.samples.push_back({sample.at, sample.value, term.regression.interval(sample.basis)});
   for (const Sample* shown : {&samples.front(), &samples[samples.size() / 2], &samples.back()})
     if (term.shown.empty() || shown->at > term.shown.back().at)
       term.shown.push_back({shown->at, term.regression.at(shown->basis), term.regression.interval(shown->basis)});

@@ -91,7 +91,7 @@ struct CoordinatorEntry {
               {"metis", Coordination::metis},
               {"exact", Coordination::exact}},
              "how robots are grouped (mapweave plan); none: edges are as robots name them, or in turn");
-    v.text("at", at, "the edge that coordinates; empty: the cloud");
+    v.text("at", at, "the edge that coordinates, as it is told of it: summaries take no time on wires; empty: the cloud");
     v.text("model", model, "a latency model as mapweave profile writes it; relative to this file; empty: the program's own");
     v.positive("overlap_period_s", overlap_period_s, "of data, from one look at what maps share to the next");
     v.fraction("hysteresis", hysteresis, "robots are moved where that saves more than this share of the expected time");

@@ -20,7 +20,7 @@ struct ProfiledTerm {
   };
   std::vector<Point> shown;  // at the smallest, the middle and the largest sample
   struct Sample {
-    double at, measured;
+    double at, measured, half_width;  // as of points
   };
   std::vector<Sample> samples;  // in the order of the residuals
 };
