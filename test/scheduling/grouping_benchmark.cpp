@@ -60,14 +60,12 @@ void compare(std::uint32_t most_robots) {
         measured("default", [&] { return group_balanced(graph, sizes); });
         if (group_with_metis(graph, sizes)) measured("metis", [&] { return *group_with_metis(graph, sizes); });
         measured("greedy", [&] { return group_greedy(graph, sizes); });
-        if (robots <= 500) {
-          measured("recslam", [&] { return group_recslam(graph, groups); });
-          RecslamOptions intended;
-          intended.tabu_filters = true;
-          measured("recslam_tabu", [&] { return group_recslam(graph, groups, intended); });
-          intended.search = false;
-          measured("recslam_no_search", [&] { return group_recslam(graph, groups, intended); });
-        }
+        measured("recslam", [&] { return group_recslam(graph, groups); });
+        RecslamOptions intended;
+        intended.tabu_filters = true;
+        measured("recslam_tabu", [&] { return group_recslam(graph, groups, intended); });
+        intended.search = false;
+        measured("recslam_no_search", [&] { return group_recslam(graph, groups, intended); });
         measured("random", [&] { return group_randomly(robots, sizes); });
         std::printf("}");
         std::fflush(stdout);
