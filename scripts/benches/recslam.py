@@ -135,6 +135,8 @@ def measure(name, seed, model):
             result["verdicts"] = verdicts(out)
     summary, alone = run_team(name, seed, "cloud-only", "mode=cloud-only")
     result["cloud_only_s"] = summary["timeline"]["total_seconds"]
+    result["stages"] = {stage["name"]: stage["seconds"] for stage in summary["stages"] if stage["tier"] == "cloud"}
+    result["scans"] = sum(robot["scans"] for robot in summary["robots"])
     result["cloud_only_loads"] = [robot["load"] for robot in summary["timeline"]["robots"]]
     if verdicts(alone) != result["verdicts"]:
         common.give_up(f"{name}: the cloud alone says otherwise than edges and cloud (RecSLAM VI-A)")
@@ -171,6 +173,8 @@ def draw(rows, models):
         plots.lines(common.OUT / "recslam-load.png", "mean load of a robot (fig. 5, 18)", "robots", "% of its core",
                     {"offload": [(row["robots"], 100 * statistics.mean(row["methods"]["default"]["loads"])) for row in series],
                      "cloud alone": [(row["robots"], 100 * statistics.mean(row["cloud_only_loads"])) for row in series]})
+        plots.lines(common.OUT / "recslam-functions.png", "fusion in the cloud alone, by function, wall (fig. 7a)", "scans", "s",
+                    {stage: [(row["scans"], row["stages"][stage]) for row in series] for stage in series[0]["stages"]})
     for term in next(iter(models.values()))["terms"]:
         if term["term"].startswith("fusion"):
             plots.lines(common.OUT / f"recslam-{term['term'].replace(' ', '-')}.png", f"{term['term']} (fig. 7, 11)", term["by"], "s",
