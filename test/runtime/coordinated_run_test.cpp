@@ -57,6 +57,7 @@ TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
   EXPECT_EQ(told["decisions"][1]["because"], json(decisions[1].because));
   EXPECT_EQ(told["decisions"].back()["placement"].size(), 2u);
   EXPECT_EQ(told["came_seconds"], report.timeline->total_s);
+  EXPECT_EQ(report.work.overlaps.size(), report.coordination->decisions.back().overlaps.size());
 }
 
 TEST_F(CoordinatedRun, decides_the_same_with_any_number_of_threads) {

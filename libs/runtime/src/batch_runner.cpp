@@ -236,7 +236,10 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       robot.sensed_bytes += told > 0 ? told : robot.map_bytes;
     }
     push(team, configuration.cloud, report.work);
-    report.work.overlaps = overlaps_of(team, outcomes);
+    if (report.coordination && !report.coordination->decisions.empty())
+      for (const auto& [a, b, degree] : report.coordination->decisions.back().overlaps) report.work.overlaps.push_back({a, b, degree});
+    else
+      report.work.overlaps = overlaps_of(team, outcomes);
     report.timeline = timeline({configuration.mode, plan.network, configuration.processors, configuration.cloud,
                                 report.coordination ? report.coordination->recorded_s : 0.0, configuration.seed},
                                report.work);

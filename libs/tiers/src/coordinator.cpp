@@ -198,6 +198,7 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
     const bool is_first = std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
     decision.is_new_plan = is_first || plan.seconds < stay.seconds * (1.0 - options_.hysteresis);
     decision.staying_s = stay.seconds;
+    decision.overlaps = overlaps_.overlaps();
     const Candidate& taken = decision.is_new_plan ? plan : stay;
     decision.expected_s = taken.seconds;
     if (!decision.is_new_plan) decision.cut_weight = scheduling::cut_weight(problem.overlaps, taken.edge_of);

@@ -108,7 +108,8 @@ struct PushWork {
   RobotId robot;
   std::uint64_t bytes = 0;  // of the team's map
 };
-// What two robots' maps share, once they lie on each other (DESIGN.md, 3).
+// What two robots' maps share (DESIGN.md, 3): once they lie on each other; where there was a coordinator, as it thought at its last
+// decision, for with such guesses it predicts.
 struct OverlapOfRobots {
   RobotId a, b;
   double degree;
@@ -118,7 +119,7 @@ struct Work {
   std::vector<EdgeWork> edges;    // by id; of cloud_only none
   double fusing_s = 0.0;          // in the cloud
   std::vector<PushWork> pushes;
-  std::vector<OverlapOfRobots> overlaps;  // of robots that the team's map has
+  std::vector<OverlapOfRobots> overlaps;
 };
 
 // All in seconds since the recordings ended.

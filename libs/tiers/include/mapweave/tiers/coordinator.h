@@ -63,6 +63,7 @@ struct CoordinatorDecision {
   // what no plan undercuts.
   double expected_s = 0.0, staying_s = 0.0, lower_bound_s = 0.0;
   double cut_weight = 0.0, algorithm_s = 0.0;
+  std::vector<scheduling::OverlapEstimator::Overlap> overlaps;  // as summaries told them
 };
 
 class Coordinator {
