@@ -3,7 +3,7 @@
 //   t_r = pack + robot -> edge + SLAM on the edge                          (1), by robot
 //   t_e = max over its robots of t_r + fusion of its maps                  (2), by edge
 //   t_c = max over edges of (t_e + edge -> cloud) + fusion of edge maps    (3)
-// Defaults are for this program on one core of a Xeon at 2.8 GHz (public logs intel and fr079 of README's Results); `mapweave profile`
+// Defaults are for this program on one core of an EPYC (all runs of README's RecSLAM table together); `mapweave profile`
 // learns them from earlier runs.
 
 #include <mapweave/scheduling/problem.h>
@@ -39,18 +39,18 @@ struct FusionTime {
 
 struct LatencyModel {
   double scans = 1000.0;             // of a robot of which nothing is said
-  double pack_s_per_scan = 2e-5;     // on the robot
+  double pack_s_per_scan = 5e-6;     // on the robot
   double robot_bytes_fixed = 0.0;    // robot -> edge, beside its scans: none where it sends what it senses
-  double scan_bytes = 400.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
+  double scan_bytes = 600.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
   double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
   double robot_delay_s = 0.005;
-  double slam_s_per_scan = 0.0015;              // on an edge of speed 1
-  FusionTime edge_fusion{0.0, 2.2e-4, 3.4e-6};  // on an edge of speed 1
-  double map_bytes_per_scan = 650.0;            // of a robot's map as it is sent on
+  double slam_s_per_scan = 0.0007;                // on an edge of speed 1
+  FusionTime edge_fusion{0.0, 0.0, 2.8e-7, 0.0};  // on an edge of speed 1
+  double map_bytes_per_scan = 650.0;              // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
-  double edge_bytes_per_map_byte = 1.0;          // what an edge sends on: its robots' maps as they are, and what it judged of them
-  double cloud_delay_s = 0.02;                   // edge -> cloud, of an edge of which nothing is said
-  FusionTime cloud_fusion{0.0, 1.1e-4, 1.2e-6};  // of edge maps, at speed 1; its pairs where CloudResources says
+  double edge_bytes_per_map_byte = 1.0;           // what an edge sends on: its robots' maps as they are, and what it judged of them
+  double cloud_delay_s = 0.02;                    // edge -> cloud, of an edge of which nothing is said
+  FusionTime cloud_fusion{0.0, 0.0, 4e-7, 4e-5};  // of edge maps, at speed 1; its pairs where CloudResources says
 };
 
 // As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing has its default.
