@@ -174,7 +174,7 @@ def draw(rows, models):
                     {"offload": [(row["robots"], 100 * statistics.mean(row["methods"]["default"]["loads"])) for row in series],
                      "cloud alone": [(row["robots"], 100 * statistics.mean(row["cloud_only_loads"])) for row in series]})
         plots.lines(common.OUT / "recslam-functions.png", "fusion in the cloud alone, by function, wall (fig. 7a)", "scans", "s",
-                    {stage: [(row["scans"], row["stages"][stage]) for row in series] for stage in series[0]["stages"]})
+                    {stage.split()[-1]: [(row["scans"], row["stages"][stage]) for row in series] for stage in series[0]["stages"]})
     for term in next(iter(models.values()))["terms"]:
         if term["term"].startswith("fusion"):
             plots.lines(common.OUT / f"recslam-{term['term'].replace(' ', '-')}.png", f"{term['term']} (fig. 7, 11)", term["by"], "s",

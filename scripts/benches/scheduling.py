@@ -53,7 +53,7 @@ def draw(rows, times):
                 {label: relative(name) for name, label in (("recslam_no_search", "algorithm 1"), ("recslam", "as printed"), ("recslam_tabu", "list filters"))})
     plots.lines(common.OUT / "scheduling-methods.png", "time of the methods, one core, median (fig. 15, 20)", "robots", "ms",
                 {label: median_by_robots([row for row in rows if f"{name}_ms" in row], lambda row: row[f"{name}_ms"])
-                 for name, label in (("default", "default"), ("recslam_no_search", "algorithm 1"), ("recslam", "with tabu search"), ("greedy", "greedy"), ("metis", "metis"))}, log_y=True)
+                 for name, label in (("default", "default"), ("recslam_no_search", "algorithm 1"), ("recslam", "with tabu"), ("greedy", "greedy"), ("metis", "metis"))}, log_y=True)
     plots.lines(common.OUT / "scheduling-time.png", "time of the default grouping, one core", "robots", "ms",
                 {label: median_by_robots([row for row in times if row["kind"] == kind], lambda row: row["ms"]) for kind, label in KINDS.items()}, log_y=True)
 

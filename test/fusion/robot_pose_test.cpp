@@ -1,4 +1,5 @@
 #include <mapweave/fusion/robot_pose.h>
+#include <support/straight_ways.h>
 
 #include <gtest/gtest.h>
 #include <algorithm>
@@ -9,7 +10,9 @@
 namespace mapweave::fusion {
 namespace {
 
-Stamp at(double seconds) { return stamp_from_seconds(1000.0 + seconds); }
+using test::aside_m;
+using test::at;
+using test::longest_step_m;
 
 // Half a metre a second along x.
 Pose3 straight(double seconds, double aside_m = 0.0) { return {{0.5 * seconds, aside_m, 0.0}, Eigen::Quaterniond::Identity()}; }
@@ -19,10 +22,7 @@ double none(double) { return 0.0; }
 
 // Frames, 10 a second; `aside_m`: by how much to the left.
 SeenWay camera(double begin_s, double end_s, const Aside& aside_m = none, double weight = 1.0) {
-  SeenWay way;
-  way.weight = weight;
-  for (double t = begin_s; t < end_s - 1e-9; t += 0.1) way.frames.push_back({at(t), straight(t, aside_m(t))});
-  return way;
+  return test::straight_way(begin_s, end_s, aside_m, weight);
 }
 SeenWay joined(SeenWay way, const SeenWay& more) {
   way.frames.insert(way.frames.end(), more.frames.begin(), more.frames.end());
@@ -61,16 +61,6 @@ std::vector<StampedPose> answered(const std::vector<SeenWay>& cameras, const std
   }
   return answers;
 }
-
-double longest_step_m(const std::vector<StampedPose>& way) {  // in a tenth of a second
-  double longest = 0.0;
-  for (std::size_t i = 1; i < way.size(); ++i)
-    longest = std::max(
-        longest, (way[i].map_from_robot.t - way[i - 1].map_from_robot.t).norm() / (10.0 * seconds_between(way[i - 1].stamp, way[i].stamp)));
-  return longest;
-}
-
-double aside_m(const std::vector<StampedPose>& way, double seconds) { return pose_at(way, at(seconds), 0.25)->t.y(); }
 
 double farthest_aside_m(const std::vector<StampedPose>& way) {
   double farthest = 0.0;

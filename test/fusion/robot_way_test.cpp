@@ -1,35 +1,25 @@
 #include <mapweave/fusion/robot_way.h>
+#include <support/straight_ways.h>
 
 #include <gtest/gtest.h>
 
 namespace mapweave::fusion {
 namespace {
 
-Stamp at(double seconds) { return stamp_from_seconds(1000.0 + seconds); }
+using test::aside_m;
+using test::at;
+using test::longest_step_m;
 Pose3 ahead(double x, double y = 0.0) { return {{x, y, 0.0}, Eigen::Quaterniond::Identity()}; }
 
 // Half a metre a second along x, 10 frames a second; `aside_m`: by how much to the left.
 template <class Aside>
 SeenWay camera(double begin_s, double end_s, Aside aside_m, double weight = 1.0) {
-  SeenWay way;
-  way.weight = weight;
-  for (double t = begin_s; t < end_s - 1e-9; t += 0.1) way.frames.push_back({at(t), ahead(0.5 * t, aside_m(t))});
-  return way;
+  return test::straight_way(begin_s, end_s, aside_m, weight);
 }
 SeenWay camera(double begin_s, double end_s, double aside_m = 0.0, double weight = 1.0) {
   return camera(
       begin_s, end_s, [=](double) { return aside_m; }, weight);
 }
-
-double longest_step_m(const std::vector<StampedPose>& way) {
-  double longest = 0.0;
-  for (std::size_t i = 1; i < way.size(); ++i)
-    longest = std::max(
-        longest, (way[i].map_from_robot.t - way[i - 1].map_from_robot.t).norm() / (10.0 * seconds_between(way[i - 1].stamp, way[i].stamp)));
-  return longest;
-}
-
-double aside_m(const std::vector<StampedPose>& way, double seconds) { return pose_at(way, at(seconds), 0.25)->t.y(); }
 
 TEST(RobotWay, is_the_weighted_mean_at_every_stamp_of_any_camera) {
   const SeenWay one = camera(0.0, 10.0, 0.00, 3.0);

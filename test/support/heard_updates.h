@@ -5,6 +5,12 @@
 
 namespace mapweave::test {
 
+inline tiers::ServerOptions sharing(tiers::Sharing share) {
+  tiers::ServerOptions options;
+  options.share = share;
+  return options;
+}
+
 inline simulation::WorldOptions two_in_an_apartment() {
   auto options = camera_world(simulation::PlanKind::apartment, 7, 2);
   options.robots[0].first_room = 0, options.robots[0].last_room = 3, options.robots[0].length_m = 25.0;

@@ -8,12 +8,7 @@ namespace {
 
 using test::FeatureTeam;
 using test::hello_of;
-
-ServerOptions sharing(Sharing share) {
-  ServerOptions options;
-  options.share = share;
-  return options;
-}
+using test::sharing;
 
 // One robot, whose second camera is turned by so much.
 simulation::WorldOptions two_cameras(double yaw_deg, double length_m) {

@@ -11,14 +11,9 @@ namespace {
 using simulation::PlanKind;
 using test::camera_world;
 using test::FeatureTeam;
+using test::sharing;
 
 using test::two_in_an_apartment;
-
-ServerOptions sharing(Sharing share) {
-  ServerOptions options;
-  options.share = share;
-  return options;
-}
 
 // The apartment seen at once by two, once for all tests that look at what came of it.
 FeatureTeam& apartment() {
