@@ -196,7 +196,7 @@ TEST(LandmarkDescription, takes_the_descriptor_of_the_feature_beside_and_says_wh
   const NodeId id{kBeta, 0};
   map.nodes.set(id, {id, {kBeta.run}, {}, std::make_shared<const Payload>(keyframe)});
   Landmark seen{{kBeta, 9}, id, landmark_units({4.0, 0.0, 0.0}), {}, {{id, pixel_units(318), pixel_units(243), 0, 0}}};
-  const auto found = described(map, seen);
+  const auto found = LandmarkDescriber(map).described(seen);
   ASSERT_TRUE(found);
   EXPECT_EQ(found->descriptor, keyframe.descriptors[1]);
   EXPECT_LT((found->point_in_map - Eigen::Vector3d(4, 0, 0)).norm(), 1e-9);
@@ -205,9 +205,9 @@ TEST(LandmarkDescription, takes_the_descriptor_of_the_feature_beside_and_says_wh
   EXPECT_NEAR(found->nearest_m, 4.0, 1e-9);
   EXPECT_EQ(found->updated_by.robot, RobotId("beta"));
   seen.seen[0].u = pixel_units(400);
-  EXPECT_FALSE(described(map, seen)) << "no feature there";
+  EXPECT_FALSE(LandmarkDescriber(map).described(seen)) << "no feature there";
   seen.anchor.index = 3;
-  EXPECT_FALSE(described(map, seen)) << "it hangs on nothing";
+  EXPECT_FALSE(LandmarkDescriber(map).described(seen)) << "it hangs on nothing";
 }
 
 }  // namespace

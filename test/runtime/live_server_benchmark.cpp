@@ -9,6 +9,7 @@
 #include <mapweave/simulation/feature_sensor.h>
 #include <support/seen_frame.h>
 
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
 #include <unistd.h>
@@ -20,6 +21,7 @@
 #include <ctime>
 #include <deque>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <thread>
 
@@ -225,10 +227,13 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
 
 nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t clients) {
   WorkerPool pool(1);
-  tiers::VisualServer server(TierId("edge"), sharing(tiers::Sharing::view), {});
+  tiers::ServerOptions options = sharing(tiers::Sharing::view);
+  options.wait = false;
+  tiers::VisualServer server(TierId("edge"), options, {});
+  std::map<std::string, double> stages_s;
   std::vector<std::optional<SessionId>> sessions(clients);
-  double joining_s = 0.0, longest_s = 0.0, seconds = 0.0;
-  int joinings = 0;
+  double joining_s = 0.0, longest_s = 0.0, retrieval_s = 0.0, seconds = 0.0;
+  int joinings = 0, views = 0;
   for (const Told& one : all) {
     if (one.client >= clients) continue;
     auto& session = sessions[one.client];
@@ -238,37 +243,57 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
       server.greet(hello);
     } else if (one.message.kind == ClientMessage::Kind::update) {
       server.receive(*session, one.message.bytes);
+    } else if (one.message.kind == ClientMessage::Kind::view) {
+      const ClientView view = decode_client_view(one.message.bytes, "a client");
+      const double before_s = runtime::thread_cpu_seconds();
+      server.share(*session, view);
+      retrieval_s += runtime::thread_cpu_seconds() - before_s, ++views;
     }
-    server.advance({static_cast<std::int64_t>(1e9 * one.after_s)}, pool);
+    const Stamp now{static_cast<std::int64_t>(1e9 * one.after_s)};
+    server.advance(now, pool);
     seconds = one.after_s;
     if (const auto work = server.pending(); work && !work->is_done()) {
       const double before_s = runtime::thread_cpu_seconds();
       work->run();
       const double spent_s = runtime::thread_cpu_seconds() - before_s;
       ++joinings, joining_s += spent_s, longest_s = std::max(longest_s, spent_s);
+      server.advance(now, pool, false);
+      for (const fusion::StageTime& stage : server.joined().stages) stages_s[stage.name] += stage.seconds;
     }
   }
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
-  nlohmann::ordered_json row{
-      {"clients", clients}, {"joinings", joinings}, {"joining_s_per_client_minute", joining_s / minutes}, {"longest_joining_s", longest_s}};
+  nlohmann::ordered_json row{{"clients", clients},
+                             {"joinings", joinings},
+                             {"joining_s_per_client_minute", joining_s / minutes},
+                             {"longest_joining_s", longest_s},
+                             {"retrieval_ms", 1e3 * retrieval_s / std::max(1, views)}};
   const auto& joined = server.joined();
   row["components"] = joined.components.size();
   if (!joined.components.empty()) {
     row["keyframes"] = joined.components.front().map.nodes.size();
     row["members"] = joined.components.front().members.size();
   }
+  for (const auto& [stage, spent_s] : stages_s) row["stages_s_per_client_minute"][stage] = spent_s / minutes;
   for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
   const auto sealed = server.seal(pool, *make_silent_progress());
-  double square = 0.0, most_m = 0.0;
-  std::size_t both = 0;
+  std::vector<Eigen::Vector3d> live, at_the_end;
   if (!joined.components.empty() && !sealed.components.empty())
     for (const auto& [id, node] : joined.components.front().map.nodes)
-      if (const Node* other = sealed.components.front().map.nodes.find(id)) {
-        const double apart_m = (other->map_from_node.t - node.map_from_node.t).norm();
-        square += apart_m * apart_m, most_m = std::max(most_m, apart_m), ++both;
-      }
+      if (const Node* other = sealed.components.front().map.nodes.find(id))
+        live.push_back(node.map_from_node.t), at_the_end.push_back(other->map_from_node.t);
+  double square = 0.0, most_m = 0.0;
+  if (live.size() > 2) {
+    const auto columns = [](const std::vector<Eigen::Vector3d>& points) {
+      return Eigen::Map<const Eigen::Matrix3Xd>(points.front().data(), 3, static_cast<Eigen::Index>(points.size()));
+    };
+    const Eigen::Matrix4d aligned = Eigen::umeyama(columns(live), columns(at_the_end), false);
+    for (std::size_t i = 0; i < live.size(); ++i) {
+      const double apart_m = ((aligned * live[i].homogeneous()).head<3>() - at_the_end[i]).norm();
+      square += apart_m * apart_m, most_m = std::max(most_m, apart_m);
+    }
+  }
   row["sealed_components"] = sealed.components.size();
-  row["from_seal_m"] = both == 0 ? 0.0 : std::sqrt(square / static_cast<double>(both)), row["most_from_seal_m"] = most_m;
+  row["from_seal_m"] = live.empty() ? 0.0 : std::sqrt(square / static_cast<double>(live.size())), row["most_from_seal_m"] = most_m;
   return row;
 }
 

@@ -74,8 +74,9 @@ class LendingServer {
     for (const MapUpdate& update : client.take_updates(place, visual::PublishedDetail::exact))
       map = updated(std::move(map), decode_map_update(encode(update), "test"));
     world_from_map = compose(world_from_camera, inverse(place.robot_from_camera));
+    const matching::LandmarkDescriber describer(map);
     for (const auto& [id, landmark] : map.landmarks)
-      if (const auto known = matching::described(map, landmark)) index.set(*known);
+      if (const auto known = describer.described(landmark)) index.set(*known);
   }
   // In the world's frame, under a camera there.
   std::vector<DescribedLandmark> under(const visual::PinholeCamera& camera, const Pose3& world_from_camera) const {

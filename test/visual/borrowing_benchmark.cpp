@@ -148,8 +148,9 @@ void compare(const Drive& mapping, const Drive& borrowing, bool has_pictures) {
     if (update.origin.map == MapId("alpha.front")) map = updated(std::move(map), update);
   Server server;
   double before = now_ms();
+  const matching::LandmarkDescriber describer(map);
   for (const auto& [id, landmark] : map.landmarks)
-    if (const auto known = matching::described(map, landmark)) server.index.set(*known);
+    if (const auto known = describer.described(landmark)) server.index.set(*known);
   std::printf("map: error %.4f m; %zu landmarks, %zu described in %.1f ms\n", std::sqrt(square / static_cast<double>(pairs.size())),
               map.landmarks.size(), server.index.size(), now_ms() - before);
   const auto first = first_place(server, borrowing, compose(inverse(world_from_map(client, mapping)), borrowing.truth.front()));

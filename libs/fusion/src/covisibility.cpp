@@ -4,15 +4,10 @@
 
 namespace mapweave::fusion {
 
-std::size_t Covisibility::number_of(const NodeId& id) const {
-  const auto place = std::lower_bound(keyframes.begin(), keyframes.end(), id, [](const Node* k, const NodeId& key) { return k->id < key; });
-  return place != keyframes.end() && (*place)->id == id ? static_cast<std::size_t>(place - keyframes.begin()) : keyframes.size();
-}
-
 Covisibility covisibility(const Map& map) {
   Covisibility result;
   for (const auto& [id, node] : map.nodes)
-    if (keyframe_of(node) != nullptr) result.keyframes.push_back(&node);
+    if (keyframe_of(node) != nullptr) result.keyframes.push_back(&node), result.numbers.add(id);
   const std::size_t count = result.keyframes.size();
   std::vector<std::vector<std::size_t>> seen_by, landmarks_of(count);  // keyframes of each landmark, and the other way round
   for (const auto& [id, landmark] : map.landmarks) {

@@ -2,6 +2,7 @@
 // Which keyframes of a map see the same landmarks.
 
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/node_numbers.h>
 
 #include <utility>
 #include <vector>
@@ -13,7 +14,9 @@ struct Covisibility {
   // Of each keyframe: how many landmarks it shares, and with which one; most first.
   std::vector<std::vector<std::pair<std::size_t, std::size_t>>> shared;
 
-  std::size_t number_of(const NodeId& id) const;  // of a keyframe; keyframes.size() for another node
+  NodeNumbers numbers;
+
+  std::size_t number_of(const NodeId& id) const { return numbers.of(id); }  // of a keyframe; keyframes.size() for another node
 };
 Covisibility covisibility(const Map&);
 

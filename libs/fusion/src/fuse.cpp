@@ -220,7 +220,7 @@ class Fusing {
       sighting.map_of_landmark = static_cast<std::size_t>(of - members.begin());
       told.push_back(sighting);
     }
-    VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual, same_team(input_.teams, seen));
+    VisualTeam team = join(seen, joins, placement.team_from_map, told, options_.visual, largest_within(input_.teams, seen));
     component.map.nodes = std::move(team.nodes), component.map.landmarks = std::move(team.landmarks);
     component.map.constraints = std::move(team.constraints), component.same_as = std::move(team.same_as);
   }

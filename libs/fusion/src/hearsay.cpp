@@ -1,7 +1,6 @@
 #include "hearsay.h"
 
 #include <algorithm>
-#include <map>
 #include <set>
 #include <tuple>
 
@@ -16,12 +15,18 @@ auto order_of(const ToldSighting& told) { return std::tie(told.map, told.keyfram
 }  // namespace
 
 Hearsay::Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<VisualMap>& maps) : maps_(maps) {
+  if (borrowed.empty()) return;
+  std::map<SessionId, std::set<std::size_t>> maps_of;
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    for (const MappedKeyframe& keyframe : maps[m].keyframes()) maps_of[keyframe.id.session].insert(m);
+    for (const MappedLandmark& landmark : maps[m].landmarks()) maps_of[landmark.id.session].insert(m);
+  }
   for (const LandmarkChange& change : borrowed)
-    for (std::size_t m = 0; m < maps.size(); ++m) {
+    for (const std::size_t m : maps_of[change.id.session]) {
       const auto landmark = maps[m].landmark_number(change.id);
       if (!landmark) continue;
       for (const LandmarkSighting& seen : change.seen)
-        for (std::size_t other = 0; other < maps.size(); ++other) {
+        for (const std::size_t other : maps_of[seen.node.session]) {
           const std::size_t keyframe = maps[other].number_of(seen.node);
           if (other != m && keyframe < maps[other].keyframes().size()) sightings_.push_back({other, keyframe, m, *landmark, seen});
         }
@@ -30,18 +35,38 @@ Hearsay::Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<V
   sightings_.erase(
       std::unique(sightings_.begin(), sightings_.end(), [](const auto& a, const auto& b) { return order_of(a) == order_of(b); }),
       sightings_.end());
+  for (const ToldSighting& told : sightings_) of_pair_[std::minmax(told.map, told.map_of_landmark)].push_back(&told);
+}
+
+std::optional<std::pair<std::size_t, std::size_t>> Hearsay::most_told(std::size_t map, std::size_t keyframe,
+                                                                      const std::function<bool(std::size_t)>& counts) const {
+  const auto of = [](const ToldSighting& told) { return std::make_pair(told.map, told.keyframe); };
+  auto told = std::lower_bound(sightings_.begin(), sightings_.end(), std::make_pair(map, keyframe),
+                               [&](const ToldSighting& one, const auto& key) { return of(one) < key; });
+  std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;
+  for (; told != sightings_.end() && of(*told) == std::make_pair(map, keyframe); ++told)
+    if (counts(told->map_of_landmark))
+      for (const std::size_t owner : keyframes_of(*told)) ++shared[{told->map_of_landmark, owner}];
+  const auto most =
+      std::max_element(shared.begin(), shared.end(), [](const auto& one, const auto& other) { return one.second < other.second; });
+  return most == shared.end() || most->second < kLeastTold ? std::nullopt : std::optional(most->first);
+}
+
+std::vector<std::size_t> Hearsay::keyframes_of(const ToldSighting& told) const {
+  const VisualMap& owner = maps_[told.map_of_landmark];
+  std::vector<std::size_t> result;
+  for (const LandmarkSighting& own : owner.map().landmarks.find(owner.landmarks()[told.landmark].id)->seen)
+    if (const std::size_t keyframe = owner.number_of(own.node); keyframe < owner.keyframes().size()) result.push_back(keyframe);
+  return result;
 }
 
 std::vector<VisualQuestion> Hearsay::pairs(std::size_t a, std::size_t b) const {
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;  // of each pair of keyframes, how many
-  for (const ToldSighting& told : sightings_) {
-    const bool of_b = told.map == b && told.map_of_landmark == a, of_a = told.map == a && told.map_of_landmark == b;
-    if (!of_a && !of_b) continue;
-    const VisualMap& owner = maps_[told.map_of_landmark];
-    for (const LandmarkSighting& own : owner.map().landmarks.find(owner.landmarks()[told.landmark].id)->seen)
-      if (const std::size_t keyframe = owner.number_of(own.node); keyframe < owner.keyframes().size())
-        ++shared[of_b ? std::make_pair(keyframe, told.keyframe) : std::make_pair(told.keyframe, keyframe)];
-  }
+  const auto known = of_pair_.find(std::minmax(a, b));
+  if (known == of_pair_.end()) return {};
+  for (const ToldSighting* told : known->second)
+    for (const std::size_t keyframe : keyframes_of(*told))
+      ++shared[told->map == b ? std::make_pair(keyframe, told->keyframe) : std::make_pair(told->keyframe, keyframe)];
   std::vector<std::tuple<std::size_t, std::size_t, std::size_t>> ranked;
   for (const auto& [pair, count] : shared)
     if (count >= kLeastTold) ranked.emplace_back(count, pair.first, pair.second);

@@ -5,6 +5,8 @@
 #include "visual_pair.h"
 
 #include <deque>
+#include <functional>
+#include <map>
 
 namespace mapweave::fusion {
 
@@ -20,11 +22,16 @@ class Hearsay {
 
   // Keyframes of the two maps that would see the same, those that share most first; a few.
   std::vector<VisualQuestion> pairs(std::size_t a, std::size_t b) const;
+  // Of the maps that `counts` names: map and keyframe that see most of what this keyframe was lent, where that is enough to tell.
+  std::optional<std::pair<std::size_t, std::size_t>> most_told(std::size_t map, std::size_t keyframe,
+                                                               const std::function<bool(std::size_t)>& counts) const;
   const std::vector<ToldSighting>& sightings() const { return sightings_; }  // by map, keyframe, map of the landmark, landmark
 
  private:
+  std::vector<std::size_t> keyframes_of(const ToldSighting&) const;  // of the owner's, those that see the landmark
   const std::deque<VisualMap>& maps_;
   std::vector<ToldSighting> sightings_;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<const ToldSighting*>> of_pair_;  // the lower map first
 };
 
 }  // namespace mapweave::fusion

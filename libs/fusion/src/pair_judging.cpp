@@ -45,6 +45,7 @@ void PairJudging::prepare_maps() {
     seen_.emplace_back(*map, pool_, *input_.pictures);
   }
   hearsay_.emplace(input_.borrowed, seen_);
+  growth_.emplace(input_.teams, seen_, *hearsay_, options_.visual, pool_);
 }
 
 std::vector<Judgement> PairJudging::judgements() {
@@ -97,7 +98,9 @@ PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
   const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
   if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
   if (!cameras) return join;
-  VisualPairResult seen = decide(seen_[a], seen_[b], hearsay_->pairs(a, b), input_, options_, visual_judge_);
+  auto questions = growth_->questions(a, b);
+  if (!questions) questions.emplace().first = hearsay_->pairs(a, b);
+  VisualPairResult seen = decide(seen_[a], seen_[b], *questions, input_, options_, visual_judge_);
   join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
   join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
   join.repetition = std::move(seen.repetition);

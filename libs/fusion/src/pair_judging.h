@@ -1,7 +1,7 @@
 #pragma once
 // The first half of fuse(): maps made ready, and each two of them judged by all senses that both have.
 
-#include "hearsay.h"
+#include "growth.h"
 #include "map_pair.h"
 #include "repetition.h"
 
@@ -51,6 +51,7 @@ class PairJudging {
   std::vector<PreparedMap> maps_;
   std::deque<VisualMap> seen_;
   std::optional<Hearsay> hearsay_;
+  std::optional<Growth> growth_;
   std::vector<Hash> judged_;
 };
 

@@ -60,27 +60,16 @@ Sim3 mean_transform(const std::vector<const VisualWitness*>& witnesses, const Vi
   return result;
 }
 
-// What is most like each of the keyframes `of` b in a; before: those that it has are left out.
-using Ranked = std::vector<std::tuple<double, std::size_t, std::size_t>>;  // likeness, with a minus; keyframes of a and b
-Ranked most_alike(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options, const StandingTeam* before) {
-  Ranked ranked;
+// What is most like each of the keyframes of b in a.
+std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> ranked;  // likeness, with a minus; keyframes of a and b
   for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
     const MappedKeyframe& keyframe = b.keyframes()[j];
-    if (before != nullptr && before->map_from_node.contains(keyframe.id)) continue;
     const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
     for (const matching::SimilarPlace& place : a.alike(keyframe.words->bag, least, static_cast<std::size_t>(options.candidates)))
       ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id),
                           j);  // groups' sums: above 1
   }
-  return ranked;
-}
-
-// before: of what is new since alone, on either side.
-std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b, const VisualFusionOptions& options,
-                                         const StandingTeam* before = nullptr) {
-  Ranked ranked = most_alike(a, b, options, before);
-  if (before != nullptr)
-    for (const auto& [score, j, i] : most_alike(b, a, options, before)) ranked.emplace_back(score, i, j);
   std::sort(ranked.begin(), ranked.end());
   if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
   std::vector<VisualQuestion> questions;
@@ -175,9 +164,9 @@ class Rounds {
   Rounds(const VisualMap& a, const VisualMap& b, const FusionOptions& options, VisualJudge& judge)
       : a_(a), b_(b), options_(options), judge_(judge) {}
 
-  std::deque<VisualWitness> run(const std::vector<VisualQuestion>& told) {
-    if (const StandingTeam* team = judge_.team_of(a_, b_)) return grown(told, *team);
-    open_ = told;
+  std::deque<VisualWitness> run(const VisualQuestions& questions) {
+    if (questions.is_grown) return grown(questions.first);
+    open_ = questions.first;
     while (!open_.empty() && !is_over_) round(true);
     open_new(questions_of(a_, b_, options_.visual));
     is_over_ = false, barren_ = 0;
@@ -187,18 +176,10 @@ class Rounds {
   }
 
  private:
-  // What stands, and of what is new a little.
-  std::deque<VisualWitness> grown(const std::vector<VisualQuestion>& told, const StandingTeam& team) {
-    constexpr std::size_t kAsked = 3;
-    const auto is_new = [&](const VisualMap& map, std::size_t keyframe) {
-      return !team.map_from_node.contains(map.keyframes()[keyframe].id);
-    };
+  // What stands, and what is new.
+  std::deque<VisualWitness> grown(const std::vector<VisualQuestion>& questions) {
     take(judge_.ask(a_, b_, judge_.standing(a_, b_)));
-    for (const VisualQuestion& question : told)
-      if (is_new(a_, question.keyframe_a) || is_new(b_, question.keyframe_b)) open_.push_back(question);
-    open_new(questions_of(a_, b_, options_.visual, &team));
-    leave_out();
-    if (open_.size() > kAsked) open_.resize(kAsked);
+    open_new(questions);
     take(judge_.ask(a_, b_, open_));
     return std::move(witnesses_);
   }
@@ -265,7 +246,7 @@ class Rounds {
 
 }  // namespace
 
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told, const FusionInput& input,
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
                         const FusionOptions& options, VisualJudge& judge) {
   VisualPairResult result;
   Verdict& verdict = result.verdict;
@@ -273,7 +254,7 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
   verdict.kind = "vision", verdict.proposer = "words";
   verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
 
-  const auto witnesses = Rounds(a, b, options, judge).run(told);
+  const auto witnesses = Rounds(a, b, options, judge).run(questions);
   const VisualWitness* likeliest = nullptr;
   std::size_t vetoed = 0;
   for (const VisualWitness& w : witnesses) {
@@ -331,7 +312,8 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vecto
     result.repetition = repetition_between(a, b, clique, others);
   } else if (disjoint(clique) < static_cast<std::size_t>(options.min_witnesses) && !sole) {
     verdict.decision = Decision::deferred, verdict.reason = Reason::too_few_witnesses;
-  } else if (Repetition own = repetition_within(a, b, clique, options, judge, result.judged); !own.because.empty()) {
+  } else if (Repetition own = questions.is_doubted ? repetition_within(a, b, clique, options, judge, result.judged) : Repetition();
+             !own.because.empty()) {
     doubt(verdict, own.because);
     result.repetition = std::move(own);
   } else {

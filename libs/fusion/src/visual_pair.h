@@ -21,8 +21,13 @@ struct VisualPairResult {
   Repetition repetition;  // where the verdict is ambiguous
 };
 
-// told: pairs to judge first.
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& told, const FusionInput& input,
+struct VisualQuestions {
+  std::vector<VisualQuestion> first;  // to be judged before others
+  bool is_grown = false;              // these and what was found before are all
+  bool is_doubted = true;             // whether what the maps rest on looks like other places
+};
+
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
                         const FusionOptions& options, VisualJudge& judge);
 
 // Whether keyframes that see the same once b lies so do not know each other again.

@@ -27,7 +27,8 @@ constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
 constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
 constexpr std::size_t kOfOneMap = 3;                    // sightings of a landmark while maps are laid on each other
 constexpr auto kAll = static_cast<std::size_t>(-1);
-constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
+constexpr std::size_t kAtOnce = 600, kPart = 300;  // keyframes that a preview adjusts at once; else in parts of about so many
+constexpr std::size_t kLeastFound = 12;            // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
 struct TeamKeyframe {
@@ -45,25 +46,6 @@ struct Look {
 
 struct Found {
   std::size_t keyframe, feature, landmark;  // numbers in the team
-};
-
-// Landmarks that are the same, and the one that stands for each.
-class Classes {
- public:
-  explicit Classes(std::size_t count) : parent_(count) {
-    for (std::size_t i = 0; i < count; ++i) parent_[i] = i;
-  }
-  std::size_t find(std::size_t i) const {
-    while (parent_[i] != i) i = parent_[i];
-    return i;
-  }
-  void join(std::size_t i, std::size_t j) {
-    i = find(i), j = find(j);
-    parent_[std::max(i, j)] = std::min(i, j);
-  }
-
- private:
-  std::vector<std::size_t> parent_;
 };
 
 class Team {
@@ -88,27 +70,60 @@ class Team {
   }
 
   VisualTeam run(const StandingTeam* before) {
-    if (const auto start = before != nullptr ? warm_start(*before, members_, joins_) : std::nullopt) return grown(*start);
+    const bool is_again = before != nullptr && before->is_adjusted_again;
+    if (before != nullptr && (!is_again || keyframes_.size() > kAtOnce))
+      if (const auto start = warm_start(*before, members_, joins_)) return is_again ? adjusted_again(*start) : grown(*start);
     straighten();
     straightened_ = ties(kStiff);
     place_landmarks();
     for (int round = 0; round < options_.adjustments; ++round) {
       const double radius_px = round == 0 ? kWide_px : kNarrow_px;
       find_shared(radius_px);
-      adjust_all(radius_px, round + 1 == options_.adjustments ? Extent::all : Extent::shared);
+      const bool is_last = round + 1 == options_.adjustments;
+      if (before != nullptr && is_last && keyframes_.size() > kAtOnce)
+        adjust_in_parts(radius_px);
+      else
+        adjust_all(radius_px, is_last ? Extent::all : Extent::shared);
     }
     return told();
   }
 
  private:
-  VisualTeam grown(const WarmStart& start) {
+  void begin_at(const WarmStart& start) {
     for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = start.team_from_node[i];
+  }
+
+  VisualTeam grown(const WarmStart& start) {
+    begin_at(start);
     is_free_ = start.is_free;
     straightened_ = ties(kStiff);
     place_landmarks();
+    if (!start.newcomers.empty()) {
+      find_shared(kWide_px, start.newcomers);
+      adjust_all(kWide_px, Extent::free);
+    }
     find_shared(kNarrow_px);
     adjust_all(kNarrow_px, Extent::free);
     return told();
+  }
+
+  VisualTeam adjusted_again(const WarmStart& start) {
+    begin_at(start);
+    straighten();
+    straightened_ = ties(kStiff);
+    place_landmarks();
+    find_shared(kNarrow_px);
+    adjust_in_parts(kNarrow_px);
+    return told();
+  }
+
+  // One part after the other, while the rest stays: what that costs grows as the team, where all at once costs far more.
+  void adjust_in_parts(double radius_px) {
+    const std::size_t parts = (keyframes_.size() + kPart - 1) / kPart;
+    for (std::size_t part = 0; part < parts; ++part) {
+      for (std::size_t i = 0; i < keyframes_.size(); ++i) is_free_[i] = i * parts / keyframes_.size() == part;
+      adjust_all(radius_px, Extent::free);
+    }
   }
 
   // What ties its cameras to each other.
@@ -228,7 +243,8 @@ class Team {
     return result;
   }
 
-  void find_shared(double radius_px) {
+  // by: members whose keyframes look; empty: all.
+  void find_shared(double radius_px, const std::vector<std::size_t>& by = {}) {
     found_.clear();
     std::vector<Look> looks;
     for (const TeamKeyframe& keyframe : keyframes_) {
@@ -240,6 +256,7 @@ class Team {
     constexpr auto kNobody = static_cast<std::size_t>(-1);
     std::vector<std::size_t> asked_by(landmark_ids_.size(), kNobody);
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
+      if (!by.empty() && !std::binary_search(by.begin(), by.end(), keyframes_[number].member)) continue;
       const Pose3 camera_from_team = inverse(keyframes_[number].team_from_camera());
       const matching::Pinhole& camera = keyframes_[number].content->camera;
       const Eigen::Matrix3d rotation = camera_from_team.q.toRotationMatrix();

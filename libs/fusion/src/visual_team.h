@@ -19,7 +19,8 @@ struct VisualTeam {
 };
 
 // team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. told: by numbers of the members. before:
-// the same team in a joining before, where it stays for the most part; null: cold.
+// of a joining before, all of whose members are here: it stays for the most part, or all is adjusted again, a large team part by part.
+// null: cold.
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
                 const std::vector<ToldSighting>& told, const VisualFusionOptions& options, const StandingTeam* before = nullptr);
 

@@ -31,7 +31,7 @@ Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
 Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
 
 VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& input, Memo& memo, WorkerPool& pool)
-    : options_(options), input_(input), memo_(memo), pool_(pool) {
+    : options_(options), memo_(memo), pool_(pool) {
   for (const Judgement& judgement : input.judged) {
     const auto [known, is_new] = before_.emplace(std::make_pair(judgement.a, judgement.b), &judgement);
     if (!is_new && known->second->probability < judgement.probability) known->second = &judgement;
@@ -41,17 +41,8 @@ VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& 
       same_[{places.first.session, places.second.session}].push_back(judgement);
 }
 
-const StandingTeam* VisualJudge::team_of(const VisualMap& a, const VisualMap& b) const {
-  if (!a.is_metric() || !b.is_metric()) return nullptr;
-  for (const StandingTeam& team : input_.teams) {
-    const auto has = [&](const MapId& id) { return std::binary_search(team.members.begin(), team.members.end(), id); };
-    if (has(a.map().id) && has(b.map().id)) return &team;
-  }
-  return nullptr;
-}
-
 std::vector<VisualQuestion> VisualJudge::standing(const VisualMap& a, const VisualMap& b) const {
-  constexpr std::size_t kMost = 60;
+  constexpr std::size_t kMost = 24;
   const auto sessions_of = [](const VisualMap& map) {
     std::set<SessionId> sessions;
     for (const MappedKeyframe& keyframe : map.keyframes()) sessions.insert(keyframe.id.session);

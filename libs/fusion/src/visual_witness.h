@@ -38,15 +38,11 @@ class VisualJudge {
   std::vector<VisualWitness> ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
                                  bool by_words = true);
 
-  // Two maps that a joining before found to belong together (FusionInput::teams), and which of their keyframes are new since; null: it did
-  // not.
-  const StandingTeam* team_of(const VisualMap& a, const VisualMap& b) const;
   // What was judged of them before and found to be the same place, the most probable first, no keyframe twice; all of it is known.
   std::vector<VisualQuestion> standing(const VisualMap& a, const VisualMap& b) const;
 
  private:
   const VisualFusionOptions& options_;
-  const FusionInput& input_;
   std::map<std::pair<SubmapId, SubmapId>, const Judgement*> before_;
   std::map<std::pair<SessionId, SessionId>, std::vector<const Judgement*>> same_;  // of those, of one place
   Memo& memo_;

@@ -12,22 +12,90 @@ constexpr std::size_t kAlong = 3;      // companions of a keyframe that move wit
 
 }  // namespace
 
-const StandingTeam* same_team(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members) {
+const StandingTeam* largest_within(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members) {
   if (std::any_of(members.begin(), members.end(), [](const VisualMap* map) { return !map->is_metric(); })) return nullptr;
-  const auto found = std::find_if(teams.begin(), teams.end(), [&](const StandingTeam& team) {
-    return !team.team_from_node.empty() && std::equal(team.members.begin(), team.members.end(), members.begin(), members.end(),
-                                                      [](const MapId& id, const VisualMap* map) { return id == map->map().id; });
-  });
-  return found == teams.end() ? nullptr : &*found;
+  const StandingTeam* largest = nullptr;
+  for (const StandingTeam& team : teams) {
+    const auto is_here = [&](const MapId& id) {
+      return std::any_of(members.begin(), members.end(), [&](const VisualMap* map) { return map->map().id == id; });
+    };
+    if (std::all_of(team.members.begin(), team.members.end(), is_here) &&
+        (largest == nullptr || team.map_from_node.size() > largest->map_from_node.size()))
+      largest = &team;
+  }
+  return largest;
 }
+
+namespace {
+
+// Of maps that were not in the team: as the one witness says that most of the others agree with; the nearest to the team first.
+class Newcomers {
+ public:
+  Newcomers(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<std::size_t>& first,
+            WarmStart& start)
+      : members_(members), joins_(joins), first_(first), start_(start) {}
+
+  bool lay(std::vector<std::size_t> members, std::vector<char> placed) {
+    while (!members.empty()) {
+      const auto next = std::find_if(members.begin(), members.end(), [&](std::size_t member) { return lay(member, placed); });
+      if (next == members.end()) return false;
+      placed[*next] = true;
+      members.erase(next);
+    }
+    return true;
+  }
+
+ private:
+  bool lay(std::size_t member, const std::vector<char>& placed) {
+    const auto& keyframes = members_[member]->keyframes();
+    std::vector<Pose3> team_from_map;
+    for (const VisualJoin& join : joins_) {
+      const std::size_t other = join.a == member ? join.b : join.a;
+      if ((join.a != member && join.b != member) || !placed[other]) continue;
+      for (const VisualWitness& w : *join.witnesses) {
+        const bool is_b = join.b == member;
+        const Pose3& here_from_there = w.node_a_from_node_b.pose;
+        const Pose3& known = start_.team_from_node[first_[other] + (is_b ? w.keyframe_a : w.keyframe_b)];
+        const Pose3 node = compose(known, is_b ? here_from_there : inverse(here_from_there));
+        team_from_map.push_back(compose(node, inverse(keyframes[is_b ? w.keyframe_b : w.keyframe_a].map_from_node)));
+      }
+    }
+    if (team_from_map.empty()) return false;
+    const Eigen::Vector3d middle = keyframes[keyframes.size() / 2].map_from_node.t;
+    std::pair<double, std::size_t> best{1e300, 0};
+    for (std::size_t i = 0; i < team_from_map.size(); ++i) {
+      double apart = 0.0;
+      for (const Pose3& other : team_from_map) apart += (transformed(middle, team_from_map[i]) - transformed(middle, other)).norm();
+      best = std::min(best, {apart, i});
+    }
+    for (std::size_t i = 0; i < keyframes.size(); ++i)
+      start_.team_from_node[first_[member] + i] = compose(team_from_map[best.second], keyframes[i].map_from_node);
+    return true;
+  }
+
+  const std::vector<const VisualMap*>& members_;
+  const std::vector<VisualJoin>& joins_;
+  const std::vector<std::size_t>& first_;
+  WarmStart& start_;
+};
+
+}  // namespace
 
 std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vector<const VisualMap*>& members,
                                     const std::vector<VisualJoin>& joins) {
   WarmStart start;
   std::vector<std::size_t> first;  // of each member
+  std::vector<char> placed;
   for (const VisualMap* member : members) {
     first.push_back(start.is_free.size());
     const auto& keyframes = member->keyframes();
+    placed.push_back(std::binary_search(before.members.begin(), before.members.end(), member->map().id));
+    if (!placed.back()) {
+      start.newcomers.push_back(first.size() - 1);
+      start.team_from_node.resize(start.team_from_node.size() + keyframes.size());
+      start.is_free.resize(start.team_from_node.size(), true);
+      continue;
+    }
     std::vector<const Pose3*> known;
     for (const MappedKeyframe& keyframe : keyframes) known.push_back(before.team_from_node.find(keyframe.id));
     auto on = std::find_if(known.begin(), known.end(), [](const Pose3* pose) { return pose != nullptr; });
@@ -46,6 +114,7 @@ std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vecto
       }
     }
   }
+  if (!Newcomers(members, joins, first, start).lay(start.newcomers, placed)) return std::nullopt;
   const std::vector<char> moved = start.is_free;
   for (std::size_t m = 0; m < members.size(); ++m)
     for (std::size_t i = 0; i < members[m]->keyframes().size(); ++i) {

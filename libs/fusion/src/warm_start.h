@@ -8,12 +8,13 @@
 
 namespace mapweave::fusion {
 
-// The one that has the same members, with poses, all of which know their lengths; null: none.
-const StandingTeam* same_team(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members);
+// The largest one of which every member is among these, all of which know their lengths; null: none.
+const StandingTeam* largest_within(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members);
 
 struct WarmStart {
-  std::vector<Pose3> team_from_node;  // of all members' keyframes in a row
-  std::vector<char> is_free;          // of each
+  std::vector<Pose3> team_from_node;   // of all members' keyframes in a row
+  std::vector<char> is_free;           // of each
+  std::vector<std::size_t> newcomers;  // members that were not in the team, and lie where what joins them says
 };
 
 // nullopt where the team has to be adjusted as a whole: most of it moves, or its maps or what joins them say that it lies elsewhere.

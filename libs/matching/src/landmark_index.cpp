@@ -140,13 +140,15 @@ class LandmarkIndex::View {
   // How alike one that is shown is seen; nothing where it was not seen from about here.
   std::optional<double> merit_of(const Eigen::Vector3d& point, const Member& member) const {
     const Eigen::Vector3d ray = point - frustum_.map_from_camera.t;
-    const double range = ray.norm(), cosine = ray.dot(member.direction) / range;
-    const bool knows_direction = !member.direction.isZero(0.0), knows_range = member.farthest_m > 0.0;
+    const Eigen::Vector3d direction = member.direction.cast<double>();
+    const double nearest_m = static_cast<double>(member.nearest_m), farthest_m = static_cast<double>(member.farthest_m);
+    const double range = ray.norm(), cosine = ray.dot(direction) / range;
+    const bool knows_direction = !direction.isZero(0.0), knows_range = farthest_m > 0.0;
     if (knows_direction && cosine < least_cosine_) return std::nullopt;
-    if (knows_range && (range * options_.most_range_ratio < member.nearest_m || range > member.farthest_m * options_.most_range_ratio))
+    if (knows_range && (range * options_.most_range_ratio < nearest_m || range > farthest_m * options_.most_range_ratio))
       return std::nullopt;
     constexpr double kUnknown = 0.5, kOfRange = 0.2;
-    const double apart = knows_range ? std::max({1.0, member.nearest_m / range, range / member.farthest_m}) : 1.0;
+    const double apart = knows_range ? std::max({1.0, nearest_m / range, range / farthest_m}) : 1.0;
     return (knows_direction ? cosine : kUnknown) - kOfRange * (apart - 1.0);
   }
 
@@ -208,12 +210,15 @@ void LandmarkIndex::set(const DescribedLandmark& landmark) {
     landmarks_.emplace_back(), place_in_cell_.emplace_back();
   }
   const std::uint32_t slot = known->second;
-  const std::uint32_t session = sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size())).first->second;
+  const auto [session, is_first] = sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size()));
+  if (is_first) session_of_number_.push_back(landmark.id.session);
+  const std::uint32_t client = clients_.try_emplace(landmark.updated_by, static_cast<std::uint32_t>(clients_.size())).first->second;
   landmarks_[slot] = landmark;
   auto& [points, members] = cells_[cell_of(landmark.point_in_map)];
   place_in_cell_[slot] = static_cast<std::uint32_t>(members.size());
   points.push_back(landmark.point_in_map);
-  members.push_back({landmark.direction, landmark.nearest_m, landmark.farthest_m, landmark.updated_by, slot, session, landmark.id.index});
+  members.push_back({landmark.direction.cast<float>(), static_cast<float>(landmark.nearest_m), static_cast<float>(landmark.farthest_m),
+                     client, slot, session->second, landmark.id.index});
 }
 
 bool LandmarkIndex::remove(const LandmarkId& id) {
@@ -237,12 +242,12 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
   const auto seen = look(frustum, options, asking);
   std::vector<DescribedLandmark> result;
   result.reserve(seen.size());
-  for (const DescribedLandmark* one : seen) result.push_back(*one);
+  for (const Seen& one : seen) result.push_back(landmark(one));
   return result;
 }
 
-std::vector<const DescribedLandmark*> LandmarkIndex::look(const Frustum& frustum, const RetrievalOptions& options,
-                                                          const std::optional<ClientId>& asking) const {
+std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, const RetrievalOptions& options,
+                                                     const std::optional<ClientId>& asking) const {
   MAPWEAVE_EXPECT(options.most >= 1 && options.margin_px >= 0.0 && options.most_range_ratio >= 1.0, "bounds that hold something");
   std::string problem = flaw(frustum);
   if (!problem.empty()) throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: " + problem);
@@ -253,14 +258,16 @@ std::vector<const DescribedLandmark*> LandmarkIndex::look(const Frustum& frustum
   std::vector<std::uint64_t> rank_of_session(sessions_.size());  // names are compared once, not for every answer
   std::uint64_t rank = 0;
   for (const auto& [session, number] : sessions_) rank_of_session[number] = rank++;
+  const auto own = asking ? clients_.find(*asking) : clients_.end();
+  const std::int64_t left_out = own == clients_.end() ? -1 : static_cast<std::int64_t>(own->second);
   std::vector<Found> found;
   const auto look_into = [&](const Members& cell) {
     for (std::size_t i = 0; i < cell.points.size(); ++i) {
       if (!view.shows(cell.points[i])) continue;
       const Member& member = cell.members[i];
-      if (asking && member.updated_by == *asking) continue;
+      if (member.updated_by == left_out) continue;
       if (const auto merit = view.merit_of(cell.points[i], member))
-        found.push_back({*merit, rank_of_session[member.session] << 32 | member.index, member.slot});
+        found.push_back({*merit, rank_of_session[member.session] << 32 | member.index, &cell.points[i], &member});
     }
   };
   const double side = options_.cell_m;
@@ -292,9 +299,9 @@ std::vector<const DescribedLandmark*> LandmarkIndex::look(const Frustum& frustum
     found.resize(most);
   }
   std::sort(found.begin(), found.end(), by_id);
-  std::vector<const DescribedLandmark*> result;
+  std::vector<Seen> result;
   result.reserve(found.size());
-  for (const Found& one : found) result.push_back(&landmarks_[one.slot]);
+  for (const Found& one : found) result.push_back({one.point, one.member->session, one.member->index, one.member->slot});
   return result;
 }
 

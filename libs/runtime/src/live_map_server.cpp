@@ -201,6 +201,7 @@ struct LiveMapServer::State {
             const Hold hold(*this);
             share = maps.share(from, view);
           }
+          if (const Hold hold(*this); true) advance();
           if (!share) return;
           ++more.shares;
           const Spending spending(more.sending_s);

@@ -55,8 +55,9 @@ VisualServer::PlaceSearch::~PlaceSearch() = default;
 
 void VisualServer::PlaceSearch::run(WorkerPool& pool) {
   for (const TeamView::Component& one : state_->view->components()) {
-    auto found = one.places.find(state_->request.features, state_->options, pool);
+    auto found = one.places(pool).find(state_->request.features, state_->options, pool);
     if (!found || (state_->found && found->probability <= state_->found->probability)) continue;
+    one.make_landmarks(pool);
     state_->found = std::move(found), state_->component = &one;
   }
 }
@@ -111,8 +112,8 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     PlaceAnswer answer;
     answer.stamp = request.stamp, answer.map = told;
     answer.map_from_robot = carried(map_from_team, place->team_from_robot);
-    for (const DescribedLandmark& one :
-         place->component->landmarks.retrieve(state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
+    for (const DescribedLandmark& one : place->component->landmarks().retrieve(
+             state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
       DescribedLandmark here = matching::transformed(one, map_from_team);
       if (here.id.session != from && matching::flaw(here).empty()) answer.landmarks.push_back(std::move(here));
     }

@@ -10,8 +10,8 @@
 namespace mapweave::tiers {
 namespace {
 
-constexpr std::uint64_t kHeldFor = 20;    // shares out of view: clients forget after 30 keyframes
-constexpr std::uint64_t kSweepEvery = 4;  // shares
+constexpr std::uint32_t kHeldFor = 20;    // shares out of view: clients forget after 30 keyframes
+constexpr std::uint32_t kSweepEvery = 4;  // shares
 constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
 constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the joining began knows better
@@ -21,14 +21,6 @@ constexpr double kLandmarkBytes = 70.0;   // on the wire, about
 
 std::size_t landmarks_within(const ByteAllowance& downlink) {
   return static_cast<std::size_t>(std::max(0.0, downlink.bytes()) / kLandmarkBytes);
-}
-
-std::vector<DescribedLandmark> thinned(std::vector<DescribedLandmark> all, std::size_t count) {
-  if (all.size() <= count) return all;
-  for (std::size_t i = 0; i < count; ++i)
-    if (const std::size_t from = i * all.size() / count; from != i) all[i] = std::move(all[from]);
-  all.resize(count);
-  return all;
 }
 
 const Node* VisualServer::State::nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place,
@@ -70,28 +62,36 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
                                const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
   ++part.shares;
+  const matching::LandmarkIndex& landmarks = member.component->landmarks();
   // A camera that measures lengths would come to rest on those that a sibling has from itself.
   std::set<SessionId> not_lent{to};
   for (const Entry* sibling : siblings(to.client))
     if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
-  for (const DescribedLandmark* known : member.component->landmarks.look(
-           frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
-    const DescribedLandmark& one = *known;
-    if (not_lent.count(one.id.session) != 0) continue;
-    if (const auto held = part.lent.find(one.id); held != part.lent.end()) {
-      held->second.wanted = part.shares;
-      const double moved_m = (held->second.point_in_map - matching::transformed(one.point_in_map, map_from_team)).norm();
-      if (moved_m < std::max(kResent_m, map_from_team.scale * one.sigma_m)) continue;
+  constexpr std::uint64_t kNobody = 0;
+  std::vector<std::uint64_t> lenders;  // by the landmarks' number of their session
+  for (const SessionId& session : landmarks.sessions())
+    lenders.push_back(not_lent.count(session) != 0 ? kNobody : part.lenders.try_emplace(session, part.lenders.size() + 1).first->second);
+  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return lenders[seen.session] << 32 | seen.index; };
+  const matching::Frustum seen_from = frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot));
+  std::vector<std::uint64_t> keys;  // of what is told
+  for (const matching::LandmarkIndex::Seen& seen : landmarks.look(seen_from, options.retrieval, to.client)) {
+    if (lenders[seen.session] == kNobody) continue;
+    if (LentTable::Lent* const held = part.lent.find(key_of(seen))) {
+      held->wanted = part.shares;
+      if ((held->point_in_map - matching::transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))
+        continue;
     }
-    DescribedLandmark here = matching::transformed(one, map_from_team);
-    if (matching::flaw(here).empty()) share.landmarks.push_back(std::move(here));
+    DescribedLandmark here = matching::transformed(landmarks.landmark(seen), map_from_team);
+    if (matching::flaw(here).empty()) share.landmarks.push_back(std::move(here)), keys.push_back(key_of(seen));
   }
-  share.landmarks = thinned(std::move(share.landmarks), most);
-  for (const DescribedLandmark& here : share.landmarks) part.lent[here.id] = {here.point_in_map, part.shares};
+  share.landmarks = thinned(std::move(share.landmarks), most), keys = thinned(std::move(keys), most);
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const DescribedLandmark& here = share.landmarks[i];
+    part.lent.set({keys[i], here.point_in_map, static_cast<float>(std::max(kResent_m, here.sigma_m)), part.shares});
+  }
   if (part.shares % kSweepEvery != 0 && part.lent.size() <= kMostHeld) return;
-  const auto is_old = [&](const Client::Lent& lent, std::uint64_t shares) { return lent.wanted + shares < part.shares; };
-  for (std::uint64_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
-    for (auto one = part.lent.begin(); one != part.lent.end();) one = is_old(one->second, patience) ? part.lent.erase(one) : std::next(one);
+  for (std::uint32_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
+    part.lent.keep([&](const LentTable::Lent& lent) { return lent.wanted + patience >= part.shares; });
     if (patience == 0) break;
   }
 }
@@ -100,7 +100,7 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
   if (part.corrected_by == views) return;
   part.corrected_by = views;
   const Map& own = part.inbox.map();
-  const Map& team = member.component->content->map;
+  const Map& team = member.component->content().map;
   const Node* first = nullptr;
   double square = 0.0;
   Pose3 map_from_team;
@@ -135,7 +135,7 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   Client::Part& part = known->second;
   if (part.forgotten != told.forgotten) part.lent.clear(), part.forgotten = told.forgotten;
   const TeamView::Member* member = state.view->member(part.name);
-  if (member == nullptr || member->component->content->members.size() < 2) return std::nullopt;
+  if (member == nullptr || member->component->content().members.size() < 2) return std::nullopt;
   const Node* near = State::nearest(part, *member, told.map_from_robot.t, State::Frame::map);
   if (near == nullptr) return std::nullopt;
   Share share;

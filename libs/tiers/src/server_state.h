@@ -1,6 +1,7 @@
 #pragma once
 // What a map server keeps, of each client and of all.
 
+#include "lent_table.h"
 #include "team_joining.h"
 
 #include <mapweave/core/error.h>
@@ -8,7 +9,6 @@
 #include <mapweave/tiers/visual_server.h>
 
 #include <deque>
-#include <unordered_map>
 
 namespace mapweave::tiers {
 
@@ -22,29 +22,26 @@ inline Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
 // Landmarks that a client may still be told.
 std::size_t landmarks_within(const ByteAllowance& downlink);
 // So many of them, from all over.
-std::vector<DescribedLandmark> thinned(std::vector<DescribedLandmark> all, std::size_t count);
-
-struct LandmarkHash {
-  std::size_t operator()(const LandmarkId& id) const {
-    const auto robot = reinterpret_cast<std::uintptr_t>(&id.session.client.robot.str());  // names are kept once
-    return (robot ^ (static_cast<std::uint64_t>(id.session.run) * 31 + id.index)) * 0x9e3779b97f4a7c15ULL;
-  }
-};
+template <class T>
+std::vector<T> thinned(std::vector<T> all, std::size_t count) {
+  if (all.size() <= count) return all;
+  for (std::size_t i = 0; i < count; ++i)
+    if (const std::size_t from = i * all.size() / count; from != i) all[i] = std::move(all[from]);
+  all.resize(count);
+  return all;
+}
 
 struct VisualServer::Client {
   static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
   static constexpr std::size_t kMostViews = 8;
 
-  struct Lent {
-    Eigen::Vector3d point_in_map;
-    std::uint64_t wanted = 0;  // the share, counted, that it was in the view of last
-  };
   struct Part {  // one of its maps
     MapId name;  // here; the client says `told`
     UpdateInbox inbox;
-    std::unordered_map<LandmarkId, Lent, LandmarkHash> lent = {};
+    LentTable lent = {};
+    std::map<SessionId, std::uint64_t> lenders = {};  // numbered from 1, for its keys
     std::uint32_t forgotten = 0;
-    std::uint64_t shares = 0;
+    std::uint32_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
     std::map<NodeId, std::map<LandmarkId, LandmarkSighting>> borrowed = {};  // seen by its keyframes
 
@@ -98,6 +95,9 @@ struct VisualServer::State {
   std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
   std::uint64_t views = 0;                          // counted
   std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
+  std::size_t counted = 0;                          // of those told, at the last advance
+  std::optional<Stamp> told_at;                     // any of them, at an advance
+  std::set<SessionId> tell;                         // who told any of them since
   bool vetoed_since = false;
 
   Client& client(const SessionId& session) {
@@ -115,6 +115,7 @@ struct VisualServer::State {
   TeamJoining::Snapshots snapshots() const;
   fusion::FusionInput input() const;
 
+  bool is_due(Stamp now);  // a joining
   void begin(Stamp now, WorkerPool& pool);
 
   // What is let go of is left to whoever holds the work.

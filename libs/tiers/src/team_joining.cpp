@@ -26,7 +26,7 @@ void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const Serv
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
   if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {
-    for (fusion::StandingTeam& team : input.teams) team.team_from_node = {};
+    for (fusion::StandingTeam& team : input.teams) team.is_adjusted_again = true;
     adjusted_keyframes = keyframes;
   }
   fusion::VisualFusionOptions& visual = fusion_options.visual;
@@ -37,7 +37,7 @@ void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const Serv
   auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
   leave_to_the_next(result);
   fusion::tell_apart(result, siblings.tied, own);
-  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, *input.pictures, pool);
+  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, input.pictures, pool);
   input.pictures->forget();
   input = {};
 }

@@ -8,12 +8,13 @@ matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOp
   constexpr std::size_t kAtOnce = 512;
   const auto& landmarks = map.landmarks;
   const std::size_t parts = (landmarks.size() + kAtOnce - 1) / kAtOnce;
+  const matching::LandmarkDescriber describer(map, description);
   const auto known = pool.map(parts, [&](std::size_t part) {
     std::vector<DescribedLandmark> result;
     const auto first = landmarks.begin() + static_cast<std::ptrdiff_t>(part * kAtOnce);
     const auto last = landmarks.begin() + static_cast<std::ptrdiff_t>(std::min(landmarks.size(), (part + 1) * kAtOnce));
     for (auto entry = first; entry != last; ++entry)
-      if (auto one = matching::described(map, entry->second, description)) result.push_back(std::move(*one));
+      if (auto one = describer.described(entry->second)) result.push_back(std::move(*one));
     return result;
   });
   matching::LandmarkIndex index(options);
@@ -26,11 +27,11 @@ matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOp
 }  // namespace
 
 TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-                   const matching::DescriptionOptions& description, fusion::Pictures& pictures, WorkerPool& pool)
+                   const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool)
     : result_(std::move(result)) {
   for (const fusion::Component& component : result_.components) {
-    components_.push_back(
-        {&component, index_of(component.map, index, description, pool), fusion::PlaceFinder(component.map, pool, pictures)});
+    components_.emplace_back(component, index, description, pictures);
+    if (component.members.size() > 1) components_.back().make_landmarks(pool);  // lent all the time
     for (const Map& map : input) {
       if (!component.team_from_map.contains(map.id)) continue;
       Member& member = members_[map.id];
@@ -44,13 +45,32 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, c
   }
 }
 
+TeamView::Component::Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
+                               const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures)
+    : content_(content), index_(index), description_(description), pictures_(std::move(pictures)) {}
+
+void TeamView::Component::make_landmarks(WorkerPool& pool) const {
+  std::call_once(has_landmarks_, [&] { landmarks_.emplace(index_of(content_.map, index_, description_, pool)); });
+}
+
+const matching::LandmarkIndex& TeamView::Component::landmarks() const {
+  WorkerPool alone(1);
+  make_landmarks(alone);
+  return *landmarks_;
+}
+
+const fusion::PlaceFinder& TeamView::Component::places(WorkerPool& pool) const {
+  std::call_once(has_places_, [&] { places_.emplace(content_.map, pool, *pictures_); });
+  return *places_;
+}
+
 const TeamView::Member* TeamView::member(const MapId& map) const {
   const auto found = members_.find(map);
   return found == members_.end() ? nullptr : &found->second;
 }
 
 Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member) {
-  const Pose3& team_from_node = member.component->content->map.nodes.find(node)->map_from_node;
+  const Pose3& team_from_node = member.component->content().map.nodes.find(node)->map_from_node;
   Sim3 result;
   result.scale = member.scale;
   result.pose.q = (team_from_node.q * map_from_node.q.conjugate()).normalized();

@@ -7,6 +7,8 @@
 
 #include <deque>
 #include <memory>
+#include <mutex>
+#include <optional>
 
 namespace mapweave::tiers {
 
@@ -14,12 +16,26 @@ class TeamView {
  public:
   // `input`: what was joined to `result`.
   TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-           const matching::DescriptionOptions& description, fusion::Pictures& pictures, WorkerPool& pool);
+           const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool);
 
-  struct Component {
-    const fusion::Component* content;
-    matching::LandmarkIndex landmarks;  // in the team's frame
-    fusion::PlaceFinder places;
+  // What is asked seldom is made when it is asked for the first time. All calls are thread-safe.
+  class Component {
+   public:
+    Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
+              const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures);
+    const fusion::Component& content() const { return content_; }
+    void make_landmarks(WorkerPool& pool) const;
+    const matching::LandmarkIndex& landmarks() const;  // in the team's frame
+    const fusion::PlaceFinder& places(WorkerPool& pool) const;
+
+   private:
+    const fusion::Component& content_;
+    const matching::LandmarkIndexOptions index_;
+    const matching::DescriptionOptions description_;
+    const std::shared_ptr<fusion::Pictures> pictures_;
+    mutable std::once_flag has_landmarks_, has_places_;
+    mutable std::optional<matching::LandmarkIndex> landmarks_;
+    mutable std::optional<fusion::PlaceFinder> places_;
   };
   const std::deque<Component>& components() const { return components_; }
   const fusion::FusionResult& result() const { return result_; }

@@ -31,13 +31,24 @@ fusion::FusionInput VisualServer::State::input() const {
   return input;
 }
 
+bool VisualServer::State::is_due(Stamp now) {
+  if (std::exchange(counted, keyframes) != keyframes) told_at = now;
+  if (vetoed_since) return true;
+  constexpr double kGrowth = 1.0;
+  const double joined = static_cast<double>(joined_keyframes), after = options.fuse_after;
+  const double of_each = after * static_cast<double>(std::max<std::size_t>(1, tell.size()));
+  const double due = std::max(options.fuse_share * joined, std::min(of_each, std::max(after, kGrowth * joined)));
+  const std::size_t fresh = keyframes - joined_keyframes;
+  return static_cast<double>(fresh) >= due || (fresh > 0 && told_at && seconds_between(*told_at, now) >= options.fuse_idle_s);
+}
+
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   joining = std::make_shared<TeamJoining>();
   joining->input = input(), joining->rig = rig;
   if (last) joining->input.judged = last->standing;
   if (!std::exchange(vetoed_since, false) && last) joining->input.teams = last->teams;
   joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
-  joined_keyframes = keyframes;
+  joined_keyframes = keyframes, tell.clear();
   work = std::make_shared<BackgroundWork>([joining = joining, last = last, maps = snapshots(), options = options,
                                            fusion_options = fusion_options,
                                            &pool] { joining->run(last.get(), maps, options, fusion_options, pool); });
@@ -86,6 +97,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
     received.stored.push_back(stored.sequence == sequence ? std::string(bytes) : encode(stored));
     part.note(stored);
     state_->keyframes += stored.nodes.size();
+    if (!stored.nodes.empty()) state_->tell.insert(from);
   }
   count_waiting();
   received.receipt = part.inbox.receipt();
@@ -101,9 +113,7 @@ void VisualServer::advance(Stamp now, WorkerPool& pool, bool may_begin) {
   State& state = *state_;
   if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.work->is_done())) state.take_over();
   if (state.joining || !may_begin) return;
-  const auto due =
-      std::max(static_cast<double>(state.options.fuse_after), state.options.fuse_share * static_cast<double>(state.joined_keyframes));
-  if (static_cast<double>(state.keyframes - state.joined_keyframes) >= due || state.vetoed_since) state.begin(now, pool);
+  if (state.is_due(now)) state.begin(now, pool);
 }
 
 void VisualServer::abandon() { state_->abandon(); }

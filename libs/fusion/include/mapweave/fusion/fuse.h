@@ -21,7 +21,8 @@ namespace mapweave::fusion {
 struct StandingTeam {
   std::vector<MapId> members;           // sorted
   Table<NodeId, Pose3> map_from_node;   // of their keyframes, as their own maps had them then
-  Table<NodeId, Pose3> team_from_node;  // as they were adjusted; empty: they are adjusted anew
+  Table<NodeId, Pose3> team_from_node;  // as they were adjusted
+  bool is_adjusted_again = false;       // all of them, not what is new alone
 };
 
 struct FusionInput {
@@ -31,8 +32,9 @@ struct FusionInput {
   // Judgements made when the maps were smaller: keyframes that know their lengths are not judged again where one of these names both. For
   // previews of maps that grow; who wants a sealed result gives none.
   std::vector<Judgement> judged = {};
-  // For the same previews: of two maps of a team, only what is new is compared, and little of it; and of a team whose members are the same
-  // still, keyframes that stood stay where they were adjusted, unless what is new says that they lie elsewhere.
+  // For the same previews, of maps that know their lengths: only keyframes that are new are compared, each with the few of all other maps
+  // that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new says that they lie
+  // elsewhere.
   std::vector<StandingTeam> teams = {};
   // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged first, as all others
   // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.

@@ -3,6 +3,7 @@
 // takes the descriptor of a feature beside it.
 
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/node_numbers.h>
 #include <mapweave/matching/landmark_index.h>
 
 namespace mapweave::matching {
@@ -21,9 +22,31 @@ struct DescriptionOptions {
   }
 };
 
-// In the map's frame; of the features beside it in the keyframes that see it, the one that the others resemble most (CVS III-B: location,
-// observations and descriptor). updated_by: the client of the latest keyframe that sees it. nullopt where no keyframe has a feature there,
-// or its anchor or point is none.
-std::optional<DescribedLandmark> described(const Map& map, const Landmark& landmark, const DescriptionOptions& options = {});
+// const calls are thread-safe.
+class LandmarkDescriber {
+ public:
+  explicit LandmarkDescriber(const Map& map, const DescriptionOptions& options = {});  // the map outlives it, unchanged
+  // In the map's frame; of the features beside it in the keyframes that see it, the one that the others resemble most (CVS III-B: location,
+  // observations and descriptor). updated_by: the client of the latest keyframe that sees it. nullopt where no keyframe has a feature
+  // there, or its anchor or point is none.
+  std::optional<DescribedLandmark> described(const Landmark& landmark) const;
+
+ private:
+  struct Known {
+    const Node* node;
+    const KeyframeFeatures* keyframe;  // null: the node is none
+    Pose3 map_from_camera, camera_from_map;
+    std::vector<std::uint32_t> begin, by_row;  // its points, in rows; where each row begins, and the end
+    std::vector<double> per_px2;               // of each level: what a square of a pixel is of one on it
+    int far = 0;                               // a feature that stands for a landmark is nearer, in units of its points
+  };
+  struct Look;
+  void sort_by_row(Known& known) const;
+  Look look(const Known& known, const LandmarkSighting& sighting, double depth_m) const;
+
+  DescriptionOptions options_;
+  NodeNumbers numbers_;
+  std::vector<Known> nodes_;
+};
 
 }  // namespace mapweave::matching

@@ -68,9 +68,15 @@ class LandmarkIndex {
   // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not
   // within 0..far, a pose that is none, beyond kMostCoordinate_m.
   std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
-  // The same without copies, until the index changes.
-  std::vector<const DescribedLandmark*> look(const Frustum&, const RetrievalOptions& = {},
-                                             const std::optional<ClientId>& asking = {}) const;
+  // The same without copies: what there is, by number, until the index changes.
+  struct Seen {
+    const Eigen::Vector3d* point_in_map;
+    std::uint32_t session, index;  // of its id; the session by its number
+    std::uint32_t slot;
+  };
+  std::vector<Seen> look(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
+  const DescribedLandmark& landmark(const Seen& seen) const { return landmarks_[seen.slot]; }
+  const std::vector<SessionId>& sessions() const { return session_of_number_; }
 
  private:
   struct Cell {
@@ -83,11 +89,10 @@ class LandmarkIndex {
   struct IdHash {
     std::size_t operator()(const LandmarkId&) const;
   };
-  struct Member {  // what the check looks at next
-    Eigen::Vector3d direction;
-    double nearest_m, farthest_m;
-    ClientId updated_by;
-    std::uint32_t slot, session, index;  // session: in the order of arrival
+  struct Member {  // what the check looks at next; small, since hundreds are looked at
+    Eigen::Vector3f direction;
+    float nearest_m, farthest_m;
+    std::uint32_t updated_by, slot, session, index;  // clients and sessions: in the order of arrival
   };
   struct Members {                        // as many of both
     std::vector<Eigen::Vector3d> points;  // what it looks at first
@@ -96,7 +101,8 @@ class LandmarkIndex {
   struct Found {
     double merit;
     std::uint64_t order;  // as ids are
-    std::uint32_t slot;
+    const Eigen::Vector3d* point;
+    const Member* member;
   };
   class View;
   Cell cell_of(const Eigen::Vector3d& point) const;
@@ -107,6 +113,8 @@ class LandmarkIndex {
   std::vector<DescribedLandmark> landmarks_;  // by slot
   std::vector<std::uint32_t> place_in_cell_, free_slots_;
   std::map<SessionId, std::uint32_t> sessions_;  // numbered in the order of arrival
+  std::map<ClientId, std::uint32_t> clients_;
+  std::vector<SessionId> session_of_number_;
   std::unordered_map<Cell, Members, CellHash> cells_;
 };
 

@@ -28,9 +28,10 @@ struct ServerOptions {
   double share_rate_hz = 2.0;
   int fuse_after = 10;
   double fuse_share = 0.1;
+  double fuse_idle_s = 3.0;
   double fuse_delay_s = 1.0;
   bool wait = true;
-  int judged_pairs = 240;
+  int judged_pairs = 120;
   double far_m = 10.0;
   double correct_m = 0.05;
   double most_bytes_per_s = 0.0;
@@ -43,8 +44,12 @@ struct ServerOptions {
              "none: clients hear nothing; view: landmarks of others that they may see, and their place; full: where the team has their "
              "keyframes, too");
     v.positive("share_rate_hz", share_rate_hz, "of data, how often clients tell and hear");
-    v.integer("fuse_after", fuse_after, 1, 100000, "new keyframes, at least, before all maps are joined again");
+    v.integer(
+        "fuse_after", fuse_after, 1, 100000,
+        "new keyframes of each client that tells any, on the mean, before all maps are joined again; while there are few, so many in all, "
+        "or half of those that are there");
     v.non_negative("fuse_share", fuse_share, "and this share of those that are there");
+    v.non_negative("fuse_idle_s", fuse_idle_s, "of data, in which nobody told a new keyframe: what is new is joined then, however little");
     v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0, "of data, from beginning to join until the result counts");
     v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
     v.integer(

@@ -1,0 +1,57 @@
+#pragma once
+// What a client was lent, by number. Hundreds are looked up for each share, so that each lookup should touch one line of the cache.
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace mapweave::tiers {
+
+class LentTable {
+ public:
+  struct Lent {
+    std::uint64_t key = 0;  // not 0
+    Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
+    float resent_m = 0.0F;     // is told again once it lies farther off
+    std::uint32_t wanted = 0;  // the share, counted, that it was in the view of last
+  };
+
+  std::size_t size() const { return size_; }
+  Lent* find(std::uint64_t key) {
+    if (size_ == 0) return nullptr;
+    Lent& slot = slots_[place_of(key)];
+    return slot.key == key ? &slot : nullptr;
+  }
+  void set(const Lent& lent) {
+    if (2 * (size_ + 1) > slots_.size()) rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Lent&) { return true; });
+    Lent& slot = slots_[place_of(lent.key)];
+    size_ += slot.key == 0;
+    slot = lent;
+  }
+  template <class Keeps>
+  void keep(const Keeps& keeps) {
+    if (size_ > 0) rebuild(slots_.size(), keeps);
+  }
+  void clear() { slots_.clear(), size_ = 0; }
+
+ private:
+  // Of the key, or the free one where it would be; a power of two, half of it free.
+  std::size_t place_of(std::uint64_t key) const {
+    std::size_t place = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> 20) & (slots_.size() - 1);
+    while (slots_[place].key != 0 && slots_[place].key != key) place = (place + 1) & (slots_.size() - 1);
+    return place;
+  }
+  template <class Keeps>
+  void rebuild(std::size_t count, const Keeps& keeps) {
+    const std::vector<Lent> before = std::exchange(slots_, std::vector<Lent>(count));
+    size_ = 0;
+    for (const Lent& lent : before)
+      if (lent.key != 0 && keeps(lent)) slots_[place_of(lent.key)] = lent, ++size_;
+  }
+
+  std::vector<Lent> slots_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace mapweave::tiers
