@@ -63,6 +63,14 @@ struct ServerOptions {
   }
 };
 
+// Where a robot is, by all of its cameras.
+struct RobotInTeam {
+  Stamp stamp;            // of the newest word of where it was
+  Pose3 team_from_robot;  // of its base, as maps were joined last: joining them again may move it
+  MapId team;             // the lowest of the maps that are joined there: the first member of its component
+  int cameras = 0;        // that it rests on
+};
+
 class VisualServer {
  public:
   // rig: of clients that are cameras of one robot.
@@ -105,6 +113,12 @@ class VisualServer {
   class PlaceSearch;
   std::shared_ptr<PlaceSearch> place_search(const SessionId& from, PlaceRequest request) const;
   std::optional<PlaceAnswer> answer(const SessionId& from, const PlaceSearch& search) const;
+
+  // By the views of its cameras' newest runs, whatever is shared; one with a single camera too. Which cameras are believed, and how one
+  // hands over to the others: fusion/robot_pose.h. One is silent once two views in a row did not come (share_rate_hz). Where their maps are
+  // not joined to one, those speak that are the most, else those that spoke last. Views are stamped by one clock. nullopt: no camera said
+  // where it is, or no map that it is in is among those that were joined last.
+  std::optional<RobotInTeam> robot(const RobotId& robot) const;
 
   // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
   void veto(const Hash& judgement);
