@@ -1,15 +1,11 @@
 #include "client_wire.h"
 #include "journal_saver.h"
+#include "spent_time.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <mapweave/runtime/metrics.h>
-
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <condition_variable>
@@ -22,34 +18,10 @@
 namespace mapweave::runtime {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::size_t kMostLinks = 1000;
 constexpr std::size_t kMostGone = 1000;                      // clients that left, counted each on its own
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
-constexpr int kNice = 10;                                    // of threads that join
 constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
-
-double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
-
-// Of this thread and those that it starts; one that may not ask for it goes on as it is.
-void give_way() {
-  const auto thread = static_cast<id_t>(syscall(SYS_gettid));
-  setpriority(PRIO_PROCESS, thread, getpriority(PRIO_PROCESS, thread) + kNice);
-}
-
-// Adds the thread's processor time until its end.
-class Spending {
- public:
-  explicit Spending(double& sum_s) : sum_s_(sum_s), begin_s_(thread_cpu_seconds()) {}
-  ~Spending() { sum_s_ += thread_cpu_seconds() - begin_s_; }
-  Spending(const Spending&) = delete;
-  Spending& operator=(const Spending&) = delete;
-
- private:
-  double& sum_s_;
-  const double begin_s_;
-};
 
 }  // namespace
 
