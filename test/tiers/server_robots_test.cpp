@@ -1,4 +1,5 @@
 // Where a robot is by all of its cameras, as their map server knows it.
+#include <mapweave/core/error.h>
 #include <mapweave/core/stamped_pose.h>
 #include <support/heard_updates.h>
 
@@ -263,6 +264,19 @@ TEST(ServerRobots, does_not_know_who_said_nothing_or_is_in_no_joined_map) {
   never.view.stamp = {std::numeric_limits<std::int64_t>::max()};
   replay.say(never);
   EXPECT_FALSE(replay.server.robot(kAlpha)) << "no clock shows that";
+}
+
+TEST(ServerRobots, hears_a_client_that_is_told_nothing_now) {
+  Replay replay;
+  replay.join();
+  const Said first = said(0).front();
+  replay.server.note(replay.sessions.at(first.camera), first.view);
+  ASSERT_TRUE(replay.server.robot(kAlpha));
+  EXPECT_EQ(replay.server.robot(kAlpha)->stamp, first.view.stamp);
+  ClientView foreign = first.view;
+  foreign.map = MapId("beta.ahead");
+  EXPECT_THROW(replay.server.note(replay.sessions.at(first.camera), foreign), Error);
+  EXPECT_THROW(replay.server.note({{RobotId("beta"), kAhead}, 1}, first.view), Error);
 }
 
 TEST(ServerRobots, knows_a_robot_with_one_camera) {

@@ -76,6 +76,7 @@ TEST(SiblingServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   };
   team.run();
   const fusion::FusionResult &joined = team.server.joined(), sealed = sealed_again(team.server, {});
+  EXPECT_THAT(team.server.notes(), testing::IsEmpty());
   for (const fusion::FusionResult* result : {&joined, &sealed}) {
     ASSERT_EQ(result->components.size(), 1U);
     const fusion::Component& both = result->components.front();
@@ -189,6 +190,7 @@ TEST(SiblingServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
       ++ties;
     }
   EXPECT_GT(ties, 50U) << "another robot's cameras are tied";
+  EXPECT_THAT(team.server.notes(), testing::ElementsAre(testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg"))));
   for (const auto& component : sealed.components) EXPECT_LT(team.error_m(component), 0.05);
 }
 

@@ -52,7 +52,7 @@ OneRobot tied_robot(const std::vector<const Map*>& maps, const RigOptions& optio
     if (one.members.size() > 1) result.tied.push_back(named_for_good(one, members));
     result.maps.push_back(std::move(one.map));
   }
-  for (const std::string& note : rig.notes) result.notes.push_back("robot " + session_of(*maps.front()).client.robot.str() + ": " + note);
+  for (const std::string& note : rig.notes) result.notes.push_back("robot '" + session_of(*maps.front()).client.robot.str() + "': " + note);
   return result;
 }
 

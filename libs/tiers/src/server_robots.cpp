@@ -1,3 +1,4 @@
+#include "owned_update.h"
 #include "server_state.h"
 
 #include <mapweave/core/stamped_pose.h>
@@ -63,6 +64,12 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::in_team(cons
   if (near == nullptr) return std::nullopt;
   const Sim3 team_from_map = team_from_map_at(near->id, near->map_from_node, *member);
   return RobotPlace{member->component, carried(team_from_map, map_from_robot), near->id};
+}
+
+void VisualServer::note(const SessionId& from, const ClientView& view) {
+  Client& client = state_->client(from);
+  expect_own_map(view.map, from.client, name_of(from));
+  client.note(view);
 }
 
 std::optional<RobotInTeam> VisualServer::robot(const RobotId& robot) const {

@@ -15,7 +15,9 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace mapweave::tiers {
 
@@ -106,6 +108,8 @@ class VisualServer {
   // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
   // receive.
   std::optional<Share> share(const SessionId& to, const ClientView& view);
+  // Of a client that is told nothing now: where it is. Throws as share.
+  void note(const SessionId& from, const ClientView& view);
   // Where the picture was taken: as it is known again, else by where another camera of the robot said it was within half a second; nullopt
   // where neither tells, nothing is known of what the camera should see there, or sharing is off.
   std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
@@ -131,6 +135,8 @@ class VisualServer {
   std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
+  // Of the last joining, for people: why cameras of one robot are not tied.
+  std::vector<std::string> notes() const;
   // As joined last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
   const fusion::FusionResult& joined() const;
   // All joined now. Neither the order in which updates came nor threads change a byte.
