@@ -101,16 +101,18 @@ TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
   EXPECT_EQ(bytes_of(again.server.joined()), bytes_of(back_to_back().server.joined()));
 }
 
-// The same from a camera without depth, whose lengths are so many times the true ones.
+// The same from a camera without depth, whose lengths are so many times the true ones: those of its way, and of what it sees from there.
 MapUpdate single(MapUpdate update, double scale) {
+  const Eigen::Vector3d camera_m = keyframe_of(update.nodes.front())->geometry->robot_from_camera.t;
   for (Node& node : update.nodes) {
     KeyframeFeatures features = *keyframe_of(node);
     for (KeyframePoint& point : features.points) point.inverse_depth = 0;
     node.payload = std::make_shared<const Payload>(std::move(features));
-    node.map_from_node.t *= scale;
+    const Eigen::Vector3d gone = transformed(camera_m, node.map_from_node) - camera_m;
+    node.map_from_node.t += (scale - 1.0) * gone;
   }
   for (Landmark& landmark : update.landmarks) {
-    landmark.point_units = landmark_units(scale * landmark.point_in_anchor());
+    landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
     for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
   }
   update.borrowed.clear();
