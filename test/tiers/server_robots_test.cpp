@@ -289,5 +289,24 @@ TEST(ServerRobots, knows_a_robot_with_one_camera) {
   EXPECT_LT(heard.farthest_m(), 0.1);
 }
 
+TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_whose_lengths_are_its_own) {
+  constexpr double kScale = 0.4;
+  Replay replay({}, [](MapUpdate& update) {
+    const SensorId camera = update.nodes.front().id.session.client.sensor;
+    if (camera == kBack) update = test::single(update, kScale);
+    return camera != kAside;
+  });
+  replay.join();
+  ASSERT_EQ(replay.server.joined().components.size(), 1U);
+  ASSERT_NE(replay.server.joined().components.front().scales.find(MapId("alpha.back")), nullptr);
+  const Eigen::Vector3d back_m = three_cameras().robots[1].place.robot_from_camera.t;
+  std::vector<Said> all = without(said(0), [](const Said& one) { return one.camera != kBack; });
+  for (Said& one : all) one.view.map_from_robot = test::single(one.view.map_from_robot, back_m, kScale);
+  const Heard heard(replay, all);
+  EXPECT_GT(heard.answers.size(), 100U);
+  std::printf("%.3f m off at most\n", heard.farthest_m());
+  EXPECT_LT(heard.farthest_m(), 0.1);
+}
+
 }  // namespace
 }  // namespace mapweave::tiers

@@ -101,24 +101,6 @@ TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
   EXPECT_EQ(bytes_of(again.server.joined()), bytes_of(back_to_back().server.joined()));
 }
 
-// The same from a camera without depth, whose lengths are so many times the true ones: those of its way, and of what it sees from there.
-MapUpdate single(MapUpdate update, double scale) {
-  const Eigen::Vector3d camera_m = keyframe_of(update.nodes.front())->geometry->robot_from_camera.t;
-  for (Node& node : update.nodes) {
-    KeyframeFeatures features = *keyframe_of(node);
-    for (KeyframePoint& point : features.points) point.inverse_depth = 0;
-    node.payload = std::make_shared<const Payload>(std::move(features));
-    const Eigen::Vector3d gone = transformed(camera_m, node.map_from_node) - camera_m;
-    node.map_from_node.t += (scale - 1.0) * gone;
-  }
-  for (Landmark& landmark : update.landmarks) {
-    landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
-    for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
-  }
-  update.borrowed.clear();
-  return update;
-}
-
 TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   constexpr double kScale = 0.4;
   ServerOptions options = sharing(Sharing::full);
@@ -130,7 +112,7 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
     server.greet(hello_of(from));
     const bool has_depth = from.client.sensor == SensorId("ahead");
     (has_depth ? ahead : other) = from;
-    server.receive(from, has_depth ? update : encode(single(decode_map_update(update, "test"), kScale)));
+    server.receive(from, has_depth ? update : encode(test::single(decode_map_update(update, "test"), kScale)));
   }
   ASSERT_TRUE(ahead && other);
   server.advance({}, pool);
