@@ -95,5 +95,16 @@ TEST(CarriedAlong, frames_go_with_the_keyframes_around_them) {
   EXPECT_TRUE(carried_along({{at(0.5), ahead(0.5)}}, {}).empty());
 }
 
+TEST(CarriedAlong, ways_of_the_camera_grow_and_not_the_robot_under_it) {
+  const Pose3 robot_from_camera{{0.3, 0.0, 0.6}, Eigen::Quaterniond::Identity()};
+  const Pose3 turned{{1.0, 0.0, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()))};
+  const std::vector<MovedKeyframe> keyframes{{at(1.0), Pose3(), Pose3(), 2.0, robot_from_camera}};
+  const Pose3 pose = carried_along({{at(1.5), turned}}, keyframes).front().map_from_robot;
+  // The camera went from 0.3 m to 0.7 m, and so truly to 1.1 m; the robot that has turned round stands 0.3 m before it.
+  EXPECT_NEAR(compose(pose, robot_from_camera).t.x(), 1.1, 1e-9);
+  EXPECT_NEAR(pose.t.x(), 1.4, 1e-9);
+  EXPECT_NEAR(pose.t.z(), 0.0, 1e-9);
+}
+
 }  // namespace
 }  // namespace mapweave::fusion

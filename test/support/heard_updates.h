@@ -38,6 +38,29 @@ inline const std::vector<Heard>& heard() {
   static const std::vector<Heard> all = heard_in_the_apartment();
   return all;
 }
+// Where a robot is by a camera without depth, whose lengths are so many times the true ones: those of its way, and of what it sees.
+inline Pose3 single(Pose3 map_from_robot, const Eigen::Vector3d& camera_m, double scale) {
+  const Eigen::Vector3d gone_m = transformed(camera_m, map_from_robot) - camera_m;
+  map_from_robot.t += (scale - 1.0) * gone_m;
+  return map_from_robot;
+}
+// What such a camera tells.
+inline MapUpdate single(MapUpdate update, double scale) {
+  const Eigen::Vector3d camera_m = keyframe_of(update.nodes.front())->geometry->robot_from_camera.t;
+  for (Node& node : update.nodes) {
+    KeyframeFeatures features = *keyframe_of(node);
+    for (KeyframePoint& point : features.points) point.inverse_depth = 0;
+    node.payload = std::make_shared<const Payload>(std::move(features));
+    node.map_from_node = single(node.map_from_node, camera_m, scale);
+  }
+  for (Landmark& landmark : update.landmarks) {
+    landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
+    for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
+  }
+  update.borrowed.clear();
+  return update;
+}
+
 inline Hello hello_of(const SessionId& session) { return {session, matching::shipped_vocabulary().hash()}; }
 
 inline std::string sealed(tiers::VisualServer& server, int threads = 1) {

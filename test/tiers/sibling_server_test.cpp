@@ -76,6 +76,7 @@ TEST(SiblingServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   };
   team.run();
   const fusion::FusionResult &joined = team.server.joined(), sealed = sealed_again(team.server, {});
+  EXPECT_THAT(team.server.notes(), testing::IsEmpty());
   for (const fusion::FusionResult* result : {&joined, &sealed}) {
     ASSERT_EQ(result->components.size(), 1U);
     const fusion::Component& both = result->components.front();
@@ -100,22 +101,6 @@ TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
   EXPECT_EQ(bytes_of(again.server.joined()), bytes_of(back_to_back().server.joined()));
 }
 
-// The same from a camera without depth, whose lengths are so many times the true ones.
-MapUpdate single(MapUpdate update, double scale) {
-  for (Node& node : update.nodes) {
-    KeyframeFeatures features = *keyframe_of(node);
-    for (KeyframePoint& point : features.points) point.inverse_depth = 0;
-    node.payload = std::make_shared<const Payload>(std::move(features));
-    node.map_from_node.t *= scale;
-  }
-  for (Landmark& landmark : update.landmarks) {
-    landmark.point_units = landmark_units(scale * landmark.point_in_anchor());
-    for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
-  }
-  update.borrowed.clear();
-  return update;
-}
-
 TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   constexpr double kScale = 0.4;
   ServerOptions options = sharing(Sharing::full);
@@ -127,7 +112,7 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
     server.greet(hello_of(from));
     const bool has_depth = from.client.sensor == SensorId("ahead");
     (has_depth ? ahead : other) = from;
-    server.receive(from, has_depth ? update : encode(single(decode_map_update(update, "test"), kScale)));
+    server.receive(from, has_depth ? update : encode(test::single(decode_map_update(update, "test"), kScale)));
   }
   ASSERT_TRUE(ahead && other);
   server.advance({}, pool);
@@ -189,6 +174,7 @@ TEST(SiblingServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
       ++ties;
     }
   EXPECT_GT(ties, 50U) << "another robot's cameras are tied";
+  EXPECT_THAT(team.server.notes(), testing::ElementsAre(testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg"))));
   for (const auto& component : sealed.components) EXPECT_LT(team.error_m(component), 0.05);
 }
 

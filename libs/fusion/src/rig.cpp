@@ -32,7 +32,8 @@ class Rig {
       std::stable_sort(keyframes.begin(), keyframes.end(), [](const Node* a, const Node* b) { return a->stamp < b->stamp; });
       part.poses = members[i].frames;
       for (const Node* node : keyframes) {
-        part.keyframes.push_back({node->stamp, node->map_from_node, node->map_from_node});
+        if (const KeyframeFeatures* keyframe = keyframe_of(*node)) part.robot_from_camera = keyframe->geometry->robot_from_camera;
+        part.keyframes.push_back({node->stamp, node->map_from_node, node->map_from_node, 1.0, part.robot_from_camera});
         part.ids.push_back(node->id);
         if (members[i].frames.empty()) part.poses.push_back({node->stamp, node->map_from_node});
       }
@@ -111,8 +112,9 @@ class Rig {
     std::vector<std::pair<std::size_t, Common>> along;
     for (const std::size_t m : group) along.emplace_back(m, common_with(parts_, {parts_.size() - 1}, m, options_));
     for (const auto& [m, common] : along)
-      if (common.seconds < options_.least_common_s || !scale_of(common)) return parts_.pop_back(), false;
-    for (const auto& [m, common] : along) place(parts_[m], common.moments, stretches(common.moments, false), *scale_of(common));
+      if (common.seconds < options_.least_common_s || !scale_of(common, parts_[m])) return parts_.pop_back(), false;
+    for (const auto& [m, common] : along)
+      place(parts_[m], common.moments, stretches(common.moments, parts_[m]), *scale_of(common, parts_[m]));
     return true;
   }
 
@@ -140,22 +142,24 @@ class Rig {
     }
   }
 
-  static std::optional<double> scale_of(const Common& common) {
+  // By the ways of its camera.
+  static std::optional<double> scale_of(const Common& common, const Part& part) {
     std::vector<PosePair> pairs;
-    for (const Moment& moment : common.moments) pairs.push_back(moment.pose);
+    for (const Moment& moment : common.moments)
+      pairs.push_back({compose(moment.pose.in_a, part.robot_from_camera), compose(moment.pose.in_b, part.robot_from_camera)});
     return scale_of_ways(pairs);
   }
 
   bool joins(std::size_t number, const Common& common) {
     Part& part = parts_[number];
-    const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common);
+    const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common, part);
     if (!scale) {
       why_apart_[number] = {"the map of camera '" + part.camera + "', which has no depth, stays apart: ",
                             "the robot hardly moved while a sibling saw where, so its lengths are not known"};
       return false;
     }
     constexpr double kLeastWay_m = 0.1;  // turns on the spot tell little of how a camera is mounted
-    const std::vector<Stretch> all = stretches(common.moments, part.metric);
+    const std::vector<Stretch> all = stretches(common.moments, part);
     const auto telling = std::count_if(all.begin(), all.end(), [&](const Stretch& stretch) {
       return stretch.by_sibling.t.norm() > kLeastWay_m || contradicts(stretch, options_);
     });

@@ -1,5 +1,6 @@
 #include "rig_graph.h"
 #include "covisibility.h"
+#include "lengths.h"
 
 #include <mapweave/graph/spatial_graph.h>
 
@@ -12,7 +13,7 @@ namespace {
 
 struct Tie {
   std::uint32_t from, to;     // numbers of knots
-  Pose3 from_from_to;         // in the lengths of `from`
+  Pose3 from_from_to;         // in the lengths of `from`, as they are when it is made
   double sigma_m, sigma_rad;  // in the group's lengths
   double sigma_scale;         // by which lengths may change; 0: nothing is known of that
   ConstraintKind kind;
@@ -107,7 +108,7 @@ class Group {
       const auto near = std::min_element(parts_[m].keyframes.begin(), parts_[m].keyframes.end(), [&](const auto& a, const auto& b) {
         return std::abs(a.stamp.ns - from.stamp.ns) < std::abs(b.stamp.ns - from.stamp.ns);
       });
-      seen.t *= near->scale;
+      seen = in_lengths(seen, near->robot_from_camera, near->scale);
       least = std::min(least, unlike(seen, between(from.before, to.before)));
     }
     return least;
@@ -117,10 +118,12 @@ class Group {
     constexpr double kUsuallyShared = 60.0, kWithoutDepth = 2.0, kMostScale = 1.0, kWheels_m = 0.005, kWheels_rad = 0.005;
     for (const Step& step : steps(covisibility(*part.map), options_.least_shared)) {
       const std::uint32_t from = numbers_.at(step.from->id), to = numbers_.at(step.to->id);
-      const Pose3 way = between(step.from->map_from_node, step.to->map_from_node);
+      const double scale = knots_[from].group_from_node.scale;
+      Pose3 way = in_lengths(between(step.from->map_from_node, step.to->map_from_node), part.robot_from_camera, scale);
+      const double length_m = way.t.norm();
+      way.t /= scale;
       const double slack =
           (part.metric ? 1.0 : kWithoutDepth) * std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(step.shared + 1)), 0.7, 3.0);
-      const double length_m = knots_[from].group_from_node.scale * way.t.norm();
       Tie tie{from,
               to,
               way,
@@ -153,8 +156,8 @@ class Group {
       });
       std::uint32_t from = numbers_.at(sibling.ids[static_cast<std::size_t>(near - sibling.keyframes.begin())]),
                     to = numbers_.at(part.ids[k]);
-      Pose3 way = between(near->before, seen->own_from_robot);
-      const Pose3 own{near->scale * way.t, way.q};
+      const Pose3 own = in_lengths(between(near->before, seen->own_from_robot), near->robot_from_camera, near->scale);
+      Pose3 way{own.t / near->scale, own.q};
       if (part.metric && !sibling.metric) {  // else lengths could grow to make errors small
         way = inverse(own);
         std::swap(from, to);
@@ -240,7 +243,10 @@ class Group {
       }
       for (auto [id, landmark] : parts_[m].map->landmarks) {
         const double scale = knots_[numbers_.at(landmark.anchor)].group_from_node.scale;
-        if (scale != 1.0) landmark.point_units = landmark_units(scale * landmark.point_in_anchor());
+        if (scale != 1.0) {  // seen from the camera
+          const Eigen::Vector3d& camera_m = parts_[m].robot_from_camera.t;
+          landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
+        }
         landmarks.emplace(id, std::move(landmark));
       }
     }

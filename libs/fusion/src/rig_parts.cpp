@@ -1,4 +1,5 @@
 #include "rig_parts.h"
+#include "lengths.h"
 
 #include <mapweave/matching/rigid_from_points.h>
 
@@ -39,7 +40,7 @@ Common common_with(const std::vector<Part>& parts, const std::vector<std::size_t
   return common;
 }
 
-std::vector<Stretch> stretches(const std::vector<Moment>& m, bool metric) {
+std::vector<Stretch> stretches(const std::vector<Moment>& m, const Part& part) {
   constexpr double kLeast_m = 0.3, kLeast_rad = 0.3, kLongest_s = 10.0;
   std::vector<Stretch> result;
   for (std::size_t first = 0, i = 1; i < m.size(); ++i) {
@@ -53,16 +54,18 @@ std::vector<Stretch> stretches(const std::vector<Moment>& m, bool metric) {
     result.push_back(stretch);
     first = i;
   }
-  if (metric) return result;
+  if (part.metric) return result;
   // Lengths of a camera without depth change as it goes: those around tell.
   constexpr std::size_t kAround = 4;
+  const Pose3& mounted = part.robot_from_camera;
+  const auto by_camera_m = [&](const Pose3& way) { return compose(compose(inverse(mounted), way), mounted).t.norm(); };
   for (std::size_t i = 0; i < result.size(); ++i) {
     double sibling_m = 0.0, part_m = 0.0;
     for (std::size_t k = i > kAround ? i - kAround : 0; k < std::min(result.size(), i + kAround + 1); ++k)
-      sibling_m += result[k].by_sibling.t.norm(), part_m += result[k].by_part.t.norm();
+      sibling_m += by_camera_m(result[k].by_sibling), part_m += by_camera_m(result[k].by_part);
     if (part_m > 0.0 && sibling_m > 0.0) result[i].scale = sibling_m / part_m;
   }
-  for (Stretch& stretch : result) stretch.by_part.t *= stretch.scale;
+  for (Stretch& stretch : result) stretch.by_part = in_lengths(stretch.by_part, mounted, stretch.scale);
   return result;
 }
 
@@ -106,9 +109,8 @@ void place(Part& part, const std::vector<Moment>& moments, const std::vector<Str
     const auto stretch = nearest(stretches, keyframe.stamp, [](const Stretch& s) { return Stamp{(s.begin.ns + s.end.ns) / 2}; });
     const Moment& moment = *nearest(moments, keyframe.stamp, [](const Moment& m) { return m.stamp; });
     keyframe.scale = stretch == stretches.end() ? scale : stretch->scale;
-    Pose3 since = between(moment.pose.in_b, keyframe.before);
-    since.t *= keyframe.scale;
-    keyframe.after = compose(moment.pose.in_a, since);
+    keyframe.after =
+        compose(moment.pose.in_a, in_lengths(between(moment.pose.in_b, keyframe.before), part.robot_from_camera, keyframe.scale));
   }
   part.placed = carried_along(part.poses, part.keyframes);
 }

@@ -16,6 +16,7 @@ struct Part {
   std::vector<StampedPose> poses, placed;  // that are known: in the part's own map, and in the group's once it has one
   std::vector<MovedKeyframe> keyframes;    // by stamp: from the one map into the other
   std::vector<NodeId> ids;                 // of the keyframes
+  Pose3 robot_from_camera;
 };
 
 double turn_rad(const Pose3& pose);
@@ -46,7 +47,7 @@ struct Stretch {
   Stamp begin, end;
   double scale = 1.0;
 };
-std::vector<Stretch> stretches(const std::vector<Moment>& moments, bool metric);
+std::vector<Stretch> stretches(const std::vector<Moment>& moments, const Part& part);
 bool contradicts(const Stretch& stretch, const RigOptions& options);
 // By how much more the part's camera would have to be turned to the left, for its motions to be the sibling's.
 std::optional<double> wrong_turn_rad(const std::vector<Stretch>& all, const RigOptions& options);

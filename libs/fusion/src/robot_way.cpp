@@ -1,3 +1,4 @@
+#include "lengths.h"
 #include "way_policy.h"
 
 #include <algorithm>
@@ -69,9 +70,7 @@ std::vector<StampedPose> carried_along(const std::vector<StampedPose>& frames, c
   std::vector<StampedPose> result;
   if (keyframes.empty()) return result;
   const auto carried = [](const Pose3& pose, const MovedKeyframe& keyframe) {
-    Pose3 step = between(keyframe.before, pose);
-    step.t *= keyframe.scale;
-    return compose(keyframe.after, step);
+    return compose(keyframe.after, in_lengths(between(keyframe.before, pose), keyframe.robot_from_camera, keyframe.scale));
   };
   for (const StampedPose& frame : frames) {
     const auto later = std::upper_bound(keyframes.begin(), keyframes.end(), frame.stamp,

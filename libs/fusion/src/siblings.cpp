@@ -52,28 +52,34 @@ OneRobot tied_robot(const std::vector<const Map*>& maps, const RigOptions& optio
     if (one.members.size() > 1) result.tied.push_back(named_for_good(one, members));
     result.maps.push_back(std::move(one.map));
   }
-  for (const std::string& note : rig.notes) result.notes.push_back("robot " + session_of(*maps.front()).client.robot.str() + ": " + note);
+  for (const std::string& note : rig.notes) result.notes.push_back("robot '" + session_of(*maps.front()).client.robot.str() + "': " + note);
   return result;
 }
 
-struct PlacedNode {
-  const Pose3 *map_from_node, *team_from_node;
+// Lengths are those of a camera's way: the robot under it swings by metres whatever lengths its map has.
+struct PlacedCamera {
+  Pose3 in_map, in_team;
 };
-std::vector<PlacedNode> placed_nodes(const Map& map, const Map& team) {
-  std::vector<PlacedNode> result;
-  for (const auto& [id, node] : map.nodes)
-    if (const Node* placed = team.nodes.find(id)) result.push_back({&node.map_from_node, &placed->map_from_node});
+std::vector<PlacedCamera> placed_cameras(const Map& map, const Map& team) {
+  std::vector<PlacedCamera> result;
+  for (const auto& [id, node] : map.nodes) {
+    const Node* placed = team.nodes.find(id);
+    if (placed == nullptr) continue;
+    const KeyframeFeatures* keyframe = keyframe_of(node);
+    const Pose3 robot_from_camera = keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3();
+    result.push_back({compose(node.map_from_node, robot_from_camera), compose(placed->map_from_node, robot_from_camera)});
+  }
   MAPWEAVE_EXPECT(!result.empty(), "a team has nodes of each member");
   return result;
 }
 
-// How far nodes lie from their middle, root mean square.
-double spread_m(const std::vector<PlacedNode>& nodes, const Pose3* PlacedNode::*pose) {
-  const auto count = static_cast<double>(nodes.size());
+// How far they lie from their middle, root mean square.
+double spread_m(const std::vector<PlacedCamera>& cameras, Pose3 PlacedCamera::*pose) {
+  const auto count = static_cast<double>(cameras.size());
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const PlacedNode& node : nodes) middle += (node.*pose)->t / count;
+  for (const PlacedCamera& camera : cameras) middle += (camera.*pose).t / count;
   double square = 0.0;
-  for (const PlacedNode& node : nodes) square += ((node.*pose)->t - middle).squaredNorm() / count;
+  for (const PlacedCamera& camera : cameras) square += ((camera.*pose).t - middle).squaredNorm() / count;
   return std::sqrt(square);
 }
 
@@ -118,12 +124,12 @@ void tell_apart(FusionResult& result, const std::vector<SiblingMaps::Tied>& all,
       component.scales.erase(tied.map);
       for (const MapId& member : tied.members) {
         const Map& map = *by_id.at(member);
-        const std::vector<PlacedNode> nodes = placed_nodes(map, component.map);
+        const std::vector<PlacedCamera> cameras = placed_cameras(map, component.map);
         double scale = whole;
-        if (const double own_m = spread_m(nodes, &PlacedNode::map_from_node); own_m > 0.0 && !is_metric(map))
-          scale = spread_m(nodes, &PlacedNode::team_from_node) / own_m;
+        if (const double own_m = spread_m(cameras, &PlacedCamera::in_map); own_m > 0.0 && !is_metric(map))
+          scale = spread_m(cameras, &PlacedCamera::in_team) / own_m;
         component.members.push_back(member);
-        component.team_from_map.set(member, carried({*nodes.front().team_from_node, scale}, inverse(*nodes.front().map_from_node)));
+        component.team_from_map.set(member, carried({cameras.front().in_team, scale}, inverse(cameras.front().in_map)));
         if (scale != 1.0) component.scales.set(member, scale);
       }
     }

@@ -1,15 +1,11 @@
 #include "client_wire.h"
 #include "journal_saver.h"
+#include "spent_time.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <mapweave/runtime/metrics.h>
-
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <condition_variable>
@@ -22,34 +18,21 @@
 namespace mapweave::runtime {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr std::size_t kMostLinks = 1000;
 constexpr std::size_t kMostGone = 1000;                      // clients that left, counted each on its own
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
-constexpr int kNice = 10;                                    // of threads that join
 constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
 
-double seconds_since(Clock::time_point then) { return std::chrono::duration<double>(Clock::now() - then).count(); }
-
-// Of this thread and those that it starts; one that may not ask for it goes on as it is.
-void give_way() {
-  const auto thread = static_cast<id_t>(syscall(SYS_gettid));
-  setpriority(PRIO_PROCESS, thread, getpriority(PRIO_PROCESS, thread) + kNice);
+// But for those in names: what they count grows from joining to joining, while what a note tells is the same.
+std::string without_numbers(const std::string& note) {
+  std::string rest;
+  bool is_quoted = false;
+  for (const char letter : note) {
+    if (letter == '\'') is_quoted = !is_quoted;
+    if (is_quoted || letter < '0' || letter > '9') rest += letter;
+  }
+  return rest;
 }
-
-// Adds the thread's processor time until its end.
-class Spending {
- public:
-  explicit Spending(double& sum_s) : sum_s_(sum_s), begin_s_(thread_cpu_seconds()) {}
-  ~Spending() { sum_s_ += thread_cpu_seconds() - begin_s_; }
-  Spending(const Spending&) = delete;
-  Spending& operator=(const Spending&) = delete;
-
- private:
-  double& sum_s_;
-  const double begin_s_;
-};
 
 }  // namespace
 
@@ -63,6 +46,7 @@ struct LiveMapServer::State {
   std::condition_variable maps_changed;
   tiers::VisualServer maps;
   double longest_hold_s = 0.0;
+  std::set<std::string> noted;  // of the joining thread
   bool joiner_is_busy = false;  // or rests
 
   std::mutex mutex;
@@ -193,13 +177,16 @@ struct LiveMapServer::State {
         case ClientMessage::Kind::update: return update(wire, from, taken, more);
         case ClientMessage::Kind::view: {
           ++more.views;
-          if (!wire->has_room(most_answer_bytes())) return;
           std::optional<Share> share;
           {
             const Spending spending(more.retrieval_s);
             const ClientView view = decode_client_view(bytes, to_string(from));
+            const bool has_room = wire->has_room(most_answer_bytes());
             const Hold hold(*this);
-            share = maps.share(from, view);
+            if (has_room)
+              share = maps.share(from, view);
+            else
+              maps.note(from, view);
           }
           if (const Hold hold(*this); true) advance();
           if (!share) return;
@@ -313,15 +300,16 @@ struct LiveMapServer::State {
         work->run();
       });
       const double lasted_s = seconds_since(begin);
+      std::vector<std::string> notes;
       const std::string later = trouble_of([&] {
         const Hold hold(*this);
         if (trouble.empty())
-          advance();
+          advance(), notes = maps.notes();
         else
           maps.abandon();
       });
       work.reset();  // with what is no longer known
-      note_joining(spent_s, lasted_s, trouble.empty() ? later : trouble);
+      note_joining(spent_s, lasted_s, trouble.empty() ? later : trouble, std::move(notes));
       lock.lock();
       maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.joining_share) - 1.0)),
                             [&] { return joining_ends; });
@@ -342,10 +330,12 @@ struct LiveMapServer::State {
   }
 
   // What could not be joined now may be once there is more: clients go on, and what was joined before stays.
-  void note_joining(double spent_s, double lasted_s, const std::string& trouble) {
+  void note_joining(double spent_s, double lasted_s, const std::string& trouble, std::vector<std::string> notes) {
     if (!trouble.empty()) log(LogLevel::error, "the maps could not be joined: " + trouble);
+    for (const std::string& note : notes)
+      if (noted.insert(without_numbers(note)).second) log(LogLevel::warning, note);
     const std::lock_guard counting(mutex);
-    if (trouble.empty()) ++counts.joinings;
+    if (trouble.empty()) ++counts.joinings, counts.notes = std::move(notes);
     counts.joining_s += spent_s, counts.trouble = trouble;
     counts.longest_joining_s = std::max(counts.longest_joining_s, lasted_s);
   }
@@ -429,6 +419,11 @@ std::shared_ptr<LiveMapServer::Link> LiveMapServer::connect() {
 }
 
 void LiveMapServer::veto(const Hash& judgement) { state_->veto(judgement); }
+
+std::optional<tiers::RobotInTeam> LiveMapServer::robot(const RobotId& robot) const {
+  const State::Hold hold(*state_);
+  return state_->maps.robot(robot);
+}
 
 ServerCounts LiveMapServer::counts() const {
   double longest_hold_s = 0.0;

@@ -6,9 +6,13 @@ namespace mapweave::runtime {
 
 std::vector<StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale) {
   std::vector<fusion::MovedKeyframe> keyframes;
-  for (const auto& [id, node] : part.map.nodes)
-    if (const Node* moved = team.nodes.find(id); moved != nullptr && id.session.client.sensor.str() == sensor_name(way.label))
-      keyframes.push_back({node.stamp, node.map_from_node, moved->map_from_node, scale});
+  for (const auto& [id, node] : part.map.nodes) {
+    const Node* moved = team.nodes.find(id);
+    if (moved == nullptr || id.session.client.sensor.str() != sensor_name(way.label)) continue;
+    const KeyframeFeatures* keyframe = keyframe_of(node);
+    keyframes.push_back({node.stamp, node.map_from_node, moved->map_from_node, scale,
+                         keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3()});
+  }
   std::stable_sort(keyframes.begin(), keyframes.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   return fusion::carried_along(way.frames, keyframes);
 }

@@ -1,6 +1,7 @@
 #include "owned_update.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/visual/borrowing.h>
 
 namespace mapweave::tiers {
 namespace {
@@ -8,6 +9,11 @@ namespace {
 constexpr double kFarthest_m = 1e6;  // from a map's origin
 
 }  // namespace
+
+void expect_own_map(const MapId& map, const ClientId& client, const std::string& where) {
+  if (!visual::session_of(client, map))
+    throw Error(ErrorCode::kBadInput, "map '" + map.str() + "' is not one of its own", where, "a client tells of its own map alone");
+}
 
 void expect_owned(const MapUpdate& update, const SessionId& owner, const std::string& where) {
   const auto expect = [&](const SessionId& session, const std::string& what) {

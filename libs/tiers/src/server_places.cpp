@@ -87,13 +87,7 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_sib
     const Client& sibling = entry->second;
     const std::optional<Whereabouts> known = robot_at(sibling.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;
-    const auto part = sibling.parts.find(known->map);
-    const TeamView::Member* member = part == sibling.parts.end() ? nullptr : team.member(part->second.name);
-    const Node* near = member == nullptr ? nullptr : nearest(part->second, *member, known->map_from_robot.t, Frame::map);
-    if (near == nullptr) continue;
-    const Sim3 team_from_map = team_from_map_at(near->id, near->map_from_node, *member);
-    best = RobotPlace{member->component, carried(team_from_map, known->map_from_robot), near->id};
-    least_s = known->apart_s;
+    if (auto place = in_team(team, sibling, known->map, known->map_from_robot)) best = std::move(place), least_s = known->apart_s;
   }
   return best;
 }

@@ -34,6 +34,7 @@ std::vector<T> thinned(std::vector<T> all, std::size_t count) {
 struct VisualServer::Client {
   static constexpr std::size_t kMostBorrowed = 1000;  // of one keyframe, that are kept
   static constexpr std::size_t kMostViews = 8;
+  static constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 61;  // from the epoch: no clock shows that
 
   struct Part {  // one of its maps
     MapId name;  // here; the client says `told`
@@ -68,6 +69,7 @@ struct VisualServer::Client {
   };
   // Where it was, the last few times that it said so.
   void note(const ClientView& view) {
+    if (view.stamp < Stamp{-kFarthest_ns} || Stamp{kFarthest_ns} < view.stamp) return;
     while (!seen_at.empty() && !(seen_at.back().stamp < view.stamp)) seen_at.pop_back();
     seen_at.push_back(view);
     if (seen_at.size() > kMostViews) seen_at.pop_front();
@@ -143,6 +145,8 @@ struct VisualServer::State {
     Pose3 team_from_robot;
     NodeId beside;
   };
+  // By a client's word of where its robot is in its map.
+  static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& told, const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
   void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,

@@ -22,7 +22,7 @@ void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const Serv
                       WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
   fusion::SiblingMaps siblings = fusion::tied_siblings(own, rig, pool);
-  input.maps = std::move(siblings.maps);
+  input.maps = std::move(siblings.maps), notes = std::move(siblings.notes);
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
   if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {

@@ -21,6 +21,7 @@ struct TeamJoining {
   // To the next one: judgements that stand, and where the maps lie.
   std::vector<Judgement> standing;
   std::vector<fusion::StandingTeam> teams;
+  std::vector<std::string> notes;                     // why cameras of one robot stay apart
   std::size_t keyframes = 0, adjusted_keyframes = 0;  // joined; and when all were adjusted last
   std::shared_ptr<const TeamView> view;
 

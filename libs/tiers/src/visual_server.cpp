@@ -2,7 +2,6 @@
 #include "server_state.h"
 
 #include <mapweave/matching/binary_vocabulary.h>
-#include <mapweave/visual/borrowing.h>
 
 #include <algorithm>
 
@@ -79,9 +78,7 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
 VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate update, std::string_view bytes) {
   Client& client = state_->client(from);
   const MapId told = update.origin.map;
-  if (!visual::session_of(from.client, told))
-    throw Error(ErrorCode::kBadInput, "map '" + told.str() + "' is not one of its own", name_of(from),
-                "a client tells of its own map alone");
+  expect_own_map(told, from.client, name_of(from));
   expect_owned(update, from, name_of(from));
   auto known = client.parts.find(told);
   Client::Part fresh{told, UpdateInbox(update.origin)};
@@ -123,6 +120,8 @@ std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->w
 void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
 
 const std::set<Hash>& VisualServer::vetoed() const { return state_->vetoed; }
+
+std::vector<std::string> VisualServer::notes() const { return state_->last ? state_->last->notes : std::vector<std::string>{}; }
 
 VisualServer::Snapshot VisualServer::snapshot() const { return snapshot_to_encode()(); }
 

@@ -37,11 +37,12 @@ struct SeenWay {
 std::vector<StampedPose> robot_way(const std::vector<SeenWay>& cameras, const std::vector<StampedPose>& odometry,
                                    const RobotWayOptions& options = {});
 
-// A keyframe before and after its map was changed. `scale`: by which lengths around it grew.
+// A keyframe before and after its map was changed. `scale`: by which lengths around it grew, of the way of the camera that sits there.
 struct MovedKeyframe {
   Stamp stamp;
   Pose3 before, after;
   double scale = 1.0;
+  Pose3 robot_from_camera = {};
 };
 // Frames go with the keyframes around them (by stamp).
 std::vector<StampedPose> carried_along(const std::vector<StampedPose>& frames, const std::vector<MovedKeyframe>& keyframes);

@@ -68,6 +68,7 @@ struct ServerCounts {
   double saving_s = 0.0;                            // processor time
   double longest_hold_s = 0.0;                      // of the maps by one who changed or read them
   bool is_joining = false;                          // or rests from it, before what came since is joined, if that is enough
+  std::vector<std::string> notes;                   // of the last joining, for people: why cameras of one robot are not tied
   std::string trouble;                              // why it saves or joins nothing any more; empty: it does
 };
 
@@ -90,6 +91,9 @@ class LiveMapServer {
   // A judgement that is not to be believed from the next joining on, which begins soon; in the journal when it returns. Throws
   // Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room; kBadInput after finish().
   void veto(const Hash& judgement);
+
+  // Where a robot is by what its cameras said last, as VisualServer::robot: for who sends it somewhere.
+  std::optional<tiers::RobotInTeam> robot(const RobotId& robot) const;
 
   ServerCounts counts() const;
   // What has been handled is saved, what waits in queues is dropped (no client was told that it is stored), threads end. Links are closed.

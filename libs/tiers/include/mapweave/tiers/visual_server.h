@@ -15,7 +15,9 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace mapweave::tiers {
 
@@ -68,6 +70,14 @@ struct ServerOptions {
   }
 };
 
+// Where a robot is, by all of its cameras.
+struct RobotInTeam {
+  Stamp stamp;            // of the newest word of where it was
+  Pose3 team_from_robot;  // of its base, as maps were joined last: joining them again may move it
+  MapId team;             // the lowest of the maps that are joined there: the first member of its component
+  int cameras = 0;        // that it rests on
+};
+
 class VisualServer {
  public:
   // rig: of clients that are cameras of one robot.
@@ -103,6 +113,8 @@ class VisualServer {
   // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
   // receive.
   std::optional<Share> share(const SessionId& to, const ClientView& view);
+  // Of a client that is told nothing now: where it is. Throws as share.
+  void note(const SessionId& from, const ClientView& view);
   // Where the picture was taken: as it is known again, else by where another camera of the robot said it was within half a second; nullopt
   // where neither tells, nothing is known of what the camera should see there, or sharing is off.
   std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
@@ -110,6 +122,12 @@ class VisualServer {
   class PlaceSearch;
   std::shared_ptr<PlaceSearch> place_search(const SessionId& from, PlaceRequest request) const;
   std::optional<PlaceAnswer> answer(const SessionId& from, const PlaceSearch& search) const;
+
+  // By the views of its cameras' newest runs, whatever is shared; one with a single camera too. Which cameras are believed, and how one
+  // hands over to the others: fusion/robot_pose.h. One is silent once two views in a row did not come (share_rate_hz). Where their maps are
+  // not joined to one, those speak that are the most, else those that spoke last. Views are stamped by one clock. nullopt: no camera said
+  // where it is, or no map that it is in is among those that were joined last.
+  std::optional<RobotInTeam> robot(const RobotId& robot) const;
 
   // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
   void veto(const Hash& judgement);
@@ -122,6 +140,8 @@ class VisualServer {
   std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
+  // Of the last joining, for people: why cameras of one robot are not tied.
+  std::vector<std::string> notes() const;
   // As joined last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
   const fusion::FusionResult& joined() const;
   // All joined now. Neither the order in which updates came nor threads change a byte.
