@@ -141,8 +141,8 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
 void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail detail) {
   landmarks_.resize(std::max(landmarks_.size(), map.landmarks.size()));
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;  // what one keyframe saw may not be there at all
-  std::vector<std::pair<std::uint32_t, const Observation*>> seen;  // by serial number of the keyframe
-  std::vector<std::uint32_t> now;                                  // those numbers
+  std::vector<std::pair<std::uint32_t, const Observation*>> seen;           // by serial number of the keyframe
+  std::vector<std::uint32_t> now;                                           // those numbers
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
