@@ -20,8 +20,8 @@ struct Drive {
   CameraAgent agent;
   std::size_t next = 0;
 
-  explicit Drive(int keyframes = 400)
-      : team(alone(), ServerOptions{}), robot(team.robots[0]), client(camera(robot, keyframes)), agent(robot.place) {}
+  explicit Drive(int keyframes = 400, const UplinkOptions& uplink = {})
+      : team(alone(), ServerOptions{}), robot(team.robots[0]), client(camera(robot, keyframes)), agent(robot.place, uplink) {}
   static simulation::WorldOptions alone() {
     auto options = test::two_in_an_apartment();
     options.robots.resize(1);
@@ -118,6 +118,97 @@ TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of
   EXPECT_EQ(drive.agent.waiting_bytes(), 0U);
   ASSERT_EQ(server.maps().size(), 1U);
   EXPECT_EQ(server.maps()[0].nodes.size(), drive.client.keyframes().size());
+}
+
+// What a server hears of a drive, twice a second, over a wire of so many bytes a second (0: any).
+struct Heard {
+  double kB_per_s = 0.0;
+  std::size_t rounds = 0, views = 0, corrections = 0;
+  std::size_t behind = 0;                // rounds after which the server lacked a keyframe, or had one elsewhere than the client
+  double features = 0.0;                 // of a keyframe, on the mean
+  std::size_t most_features_behind = 0;  // of a keyframe that was told when the server was behind before
+  // At the end: keyframes at the server, at the client, and those that are not where the client has them.
+  std::size_t keyframes = 0, kept = 0, lacking = 0;
+};
+
+// Keyframes that the server lacks or has farther off than what is worth a message.
+std::size_t lacking(const Drive& drive, const VisualServer& server) {
+  const Pose3& robot_from_camera = drive.robot.place.robot_from_camera;
+  std::map<Stamp, Pose3> told;
+  for (const Map& map : server.maps())
+    for (const auto& [id, node] : map.nodes)
+      told[node.stamp] = compose(compose(inverse(robot_from_camera), node.map_from_node), robot_from_camera);
+  std::size_t count = 0;
+  for (const visual::PlacedFrame& keyframe : drive.client.keyframes()) {
+    const auto known = told.find(keyframe.stamp);
+    count += known == told.end() || !((known->second.t - keyframe.map_from_camera.t).norm() < 0.004);
+  }
+  return count;
+}
+
+// Its keyframes all turn out to lie elsewhere.
+bool correct(Drive& drive) {
+  const Pose3 motion{{0.1, 0.0, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitZ()))};
+  std::vector<MovedNode> corrected;
+  for (const Map& map : drive.client.maps(drive.robot.place))
+    for (const auto& [id, node] : map.nodes) corrected.push_back({id, compose(motion, node.map_from_node)});
+  return drive.client.correct(drive.robot.place, 0, corrected, 1.0);
+}
+
+Heard heard_over(double bytes_per_s) {
+  UplinkOptions uplink;
+  uplink.most_bytes_per_s = bytes_per_s;
+  Drive drive(400, uplink);
+  VisualServer server(TierId("edge"), {}, {});
+  drive.go(1), drive.meet(server);
+  Heard heard;
+  std::size_t nodes = 0;
+  bool was_behind = false;
+  while (drive.next < drive.robot.count) {
+    drive.go(6);
+    heard.corrections += heard.rounds % 20 == 19 && correct(drive);
+    const Stamp now = drive.client.trajectory().back().stamp;
+    for (const std::string& update : drive.agent.updates(drive.client, now)) {
+      for (const Node& node : decode_map_update(update, "test").nodes) {
+        const std::size_t features = keyframe_of(node)->points.size();
+        heard.features += static_cast<double>(features), ++nodes;
+        if (was_behind) heard.most_features_behind = std::max(heard.most_features_behind, features);
+      }
+      drive.agent.stored(server.receive(drive.hello().session, update).receipt);
+    }
+    heard.views += drive.agent.view(drive.client).has_value();
+    was_behind = lacking(drive, server) > 0;
+    ++heard.rounds, heard.behind += was_behind;
+  }
+  heard.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
+  heard.features /= static_cast<double>(nodes);
+  drive.agent.lift_bound(), drive.tell(server);
+  for (const Map& map : server.maps()) heard.keyframes += map.nodes.size();
+  heard.kept = drive.client.keyframes().size();
+  heard.lacking = lacking(drive, server);
+  std::printf("bound %.1f kB/s: %.1f kB/s, %.0f features a keyframe (%zu at most when behind), behind after %zu of %zu rounds, %zu views\n",
+              1e-3 * bytes_per_s, heard.kB_per_s, heard.features, heard.most_features_behind, heard.behind, heard.rounds, heard.views);
+  return heard;
+}
+
+// The order in which it tells less: features, then keyframes and where they are, never where the client is.
+TEST(CameraAgent, tells_fewer_features_first_then_keyframes_later_and_always_where_it_is) {
+  const Heard wide = heard_over(0.0), narrow = heard_over(25e3), narrowest = heard_over(10e3);
+  EXPECT_GT(wide.kB_per_s, 30.0) << "or there is nothing to save";
+  EXPECT_EQ(wide.behind, 0U);
+  EXPECT_LT(narrow.features, 0.5 * wide.features);
+  EXPECT_LT(narrow.behind, narrow.rounds / 5) << "features pay for it";
+  EXPECT_LT(narrowest.features, 0.7 * narrow.features);
+  EXPECT_GT(narrowest.behind, 2 * narrow.behind);
+  EXPECT_EQ(narrowest.most_features_behind, UplinkOptions().least_features) << "who is late has given up all features that he may";
+  EXPECT_LT(narrow.kB_per_s, 1.2 * 25.0);
+  EXPECT_LT(narrowest.kB_per_s, 1.2 * 10.0);
+  for (const Heard& heard : {wide, narrow, narrowest}) {
+    EXPECT_EQ(heard.views, heard.rounds);
+    EXPECT_GT(heard.corrections, 4U);
+    EXPECT_EQ(heard.keyframes, heard.kept);
+    EXPECT_EQ(heard.lacking, 0U) << "in the end";
+  }
 }
 
 }  // namespace

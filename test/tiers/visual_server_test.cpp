@@ -325,29 +325,6 @@ TEST(VisualServer, joins_a_robot_that_comes_back_another_day) {
   EXPECT_EQ(maps[1].id.str(), "alpha.camera-2");
 }
 
-TEST(CameraAgent, keeps_within_its_wire_by_telling_less) {
-  auto options = two_in_an_apartment();
-  options.robots.resize(1);
-  options.robots[0].length_m = 15.0;
-  std::map<double, std::uint64_t> sent;
-  for (const double cap : {0.0, 15.0}) {
-    FeatureTeam team(options, sharing(Sharing::none));
-    auto& alpha = team.robots[0];
-    UplinkOptions narrow;
-    narrow.most_bytes_per_s = 1e3 * cap;
-    alpha.agent.emplace(alpha.place, narrow);
-    team.run();
-    sent[cap] = alpha.agent->sent_bytes();
-    const double seconds = static_cast<double>(alpha.next) / 12.0, kB_per_s = 1e-3 * static_cast<double>(sent[cap]) / seconds;
-    std::printf("bound %.0f kB/s: %.1f kB/s\n", cap, kB_per_s);
-    if (cap > 0.0) {
-      EXPECT_LT(kB_per_s, 1.2 * cap);
-    }
-    EXPECT_GT(team.server.maps().front().nodes.size(), 5U);
-  }
-  EXPECT_LT(sent[15.0], sent[0.0] / 2);
-}
-
 TEST(VisualServer, keeps_within_a_clients_wire_by_lending_less) {
   auto options = two_in_an_apartment();
   for (auto& robot : options.robots) robot.length_m = 15.0;

@@ -2,6 +2,7 @@
 #include <mapweave/maps/map.h>
 
 #include "bulk.h"
+#include "submap_content.h"
 
 namespace mapweave {
 namespace {
@@ -97,11 +98,11 @@ Hash content_hash(const Map& map) {
   return hasher.finish();
 }
 
-Hash content_hash(const Submap& submap, const Table<NodeId, Node>& nodes) {
+Hash content_hash(const Submap& submap, const NodeLookup& find) {
   Hasher hasher;
   hasher.add("submap").add(static_cast<std::int64_t>(submap.submap_from_node.size()));
   for (const auto& [id, submap_from_node] : submap.submap_from_node) {
-    const Node* node = nodes.find(id);
+    const Node* node = find(id);
     MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a submap holds nodes with payloads: " + to_string(id));
     add_session(hasher, id.session);
     hasher.add(std::int64_t{id.index});
@@ -109,6 +110,10 @@ Hash content_hash(const Submap& submap, const Table<NodeId, Node>& nodes) {
     add_payload(hasher, node->payload);
   }
   return hasher.finish();
+}
+
+Hash content_hash(const Submap& submap, const Table<NodeId, Node>& nodes) {
+  return content_hash(submap, [&](const NodeId& id) { return nodes.find(id); });
 }
 
 }  // namespace mapweave

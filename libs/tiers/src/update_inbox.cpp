@@ -5,11 +5,7 @@
 
 namespace mapweave::tiers {
 
-UpdateInbox::UpdateInbox(Origin origin) : origin_(origin) {
-  Map map;
-  map.id = origin.map;
-  map_ = std::make_shared<const Map>(std::move(map));
-}
+UpdateInbox::UpdateInbox(Origin origin) : origin_(origin), kept_(std::make_shared<Kept>()) { kept_->map.id = origin.map; }
 
 std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where, std::size_t most_waiting_bytes) {
   constexpr std::size_t kKeeping = 1024;  // bytes of an update that says nothing
@@ -45,8 +41,28 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
   return stored;
 }
 
+std::shared_ptr<const Map> UpdateInbox::snapshot() const {
+  kept_->held.fetch_add(1, std::memory_order_relaxed);
+  return {&kept_->map, [kept = kept_](const Map*) { kept->held.fetch_sub(1, std::memory_order_release); }};
+}
+
+// apply() throws before anything has changed.
 void UpdateInbox::store(const MapUpdate& update) {
-  map_ = std::make_shared<const Map>(updated(update.base == 0 ? Map{} : *map_, update));  // throws before anything has changed
+  if (update.base == 0) {
+    auto all = std::make_shared<Kept>();
+    LandmarksByNode hanging;
+    apply(all->map, hanging, update);
+    kept_ = std::move(all), hanging_ = std::move(hanging);
+  } else if (kept_->held.load(std::memory_order_acquire) == 0) {
+    // Snapshots are taken here alone, so that 0 stays 0. To acquire it makes what others read before they let go of theirs come before
+    // what is written now; the count of a shared_ptr promises no such order.
+    apply(kept_->map, hanging_, update);
+  } else {
+    auto next = std::make_shared<Kept>();
+    next->map = kept_->map;
+    apply(next->map, hanging_, update);
+    kept_ = std::move(next);
+  }
   stored_ = update.sequence;
 }
 

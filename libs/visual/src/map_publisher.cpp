@@ -141,13 +141,15 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
 void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail detail) {
   landmarks_.resize(std::max(landmarks_.size(), map.landmarks.size()));
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;  // what one keyframe saw may not be there at all
+  std::vector<std::pair<std::uint32_t, const Observation*>> seen;           // by serial number of the keyframe
+  std::vector<std::uint32_t> now;                                           // those numbers
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
     const bool told = !landmark.gone && !landmark.lent && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
     const Observation* anchor = nullptr;
-    std::vector<std::pair<std::uint32_t, const Observation*>> seen;
+    seen.clear(), now.clear();
     if (told)
       for (const Observation& o : landmark.seen) {
         const std::uint32_t serial = map.keyframe(o.keyframe).serial;
@@ -167,7 +169,6 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     const Keyframe& held_by = map.keyframe(anchor->keyframe);
     const Eigen::Vector3d in_camera = held_by.view * landmark.point;
     const Eigen::Vector3i units = landmark_units(transformed(in_camera, place_.robot_from_camera));
-    std::vector<std::uint32_t> now;
     for (const auto& [serial, o] : seen) now.push_back(serial);
     const bool lost_sightings = same && !std::includes(now.begin(), now.end(), sent.seen.begin(), sent.seen.end());
     if (!same || held_by.serial != sent.anchor || lost_sightings) {
@@ -182,12 +183,12 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
       for (const auto& [serial, o] : seen)
         if (!std::binary_search(sent.seen.begin(), sent.seen.end(), serial)) change.seen.push_back(sighting_of(map, *o));
       if (!change.point_units && change.seen.empty()) continue;
-      if (!change.point_units) sent.seen = std::move(now);
-      if (change.point_units) sent = {landmark.serial, part, held_by.serial, units, std::move(now)};
+      sent.seen = now;
+      if (change.point_units) sent.point_units = units;
       update_of(part).changed_landmarks.push_back(std::move(change));
       continue;
     }
-    sent = {landmark.serial, part, held_by.serial, units, std::move(now)};
+    sent = {landmark.serial, part, held_by.serial, units, now};
   }
 }
 

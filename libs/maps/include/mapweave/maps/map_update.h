@@ -3,6 +3,7 @@
 // after.
 
 #include <mapweave/maps/judgement.h>
+#include <mapweave/maps/landmarks_by_node.h>
 #include <mapweave/maps/map.h>
 
 #include <string>
@@ -48,7 +49,13 @@ MapUpdate difference(const Map& older, const Map& newer);
 // Throws Error(kBadInput) on what does not fit: another map's update, unknown ids, a changed payload or frozen submap, a frozen submap
 // whose content is not what its hash says, landmarks, borrowed ones too, anchored in or seen by what is no keyframe, or outside of its
 // picture. A node sent again with its own content is moved, a landmark sent again is replaced. Whether `base` fits is the caller's to know.
+// Contract: lists in ascending order.
 Map updated(Map older, const MapUpdate&);
+// The same in place; where it throws, the map is as it was. Costs what the update touches, and what lies behind new or removed ids that are
+// not the last ones: that is moved. An update that removes nodes looks through all that may hang on them.
+void apply(Map&, const MapUpdate&);
+// `known`: of the same map, and kept so. Of landmarks, those that hang on removed nodes are looked at alone.
+void apply(Map&, LandmarksByNode& known, const MapUpdate&);
 
 // The byte form (libs/maps/proto/mapweave.proto). Deterministic: equal updates give equal bytes; doubles are kept bit for bit, scans and
 // keyframes share their geometry again. encode throws ContractViolation for what decode would refuse (numbers that are not finite,

@@ -2,6 +2,7 @@
 // A sorted, flat table: iterates in key order, so everything that walks a map is deterministic.
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -37,6 +38,43 @@ class Table {
     entries_.erase(place);
     return true;
   }
+  // As set() for each of the entries, which come in ascending order, no key twice: what lies behind the first new key moves once, else
+  // nothing does.
+  void set_all(std::vector<Entry> entries) {
+    auto fresh = entries.begin();
+    for (Entry& entry : entries) {
+      if (Value* known = find(entry.first)) {
+        *known = std::move(entry.second);
+      } else {
+        if (&*fresh != &entry) *fresh = std::move(entry);
+        ++fresh;
+      }
+    }
+    if (fresh == entries.begin()) return;
+    const auto begin = lower(entries.front().first) - entries_.begin(), middle = entries_.end() - entries_.begin();
+    entries_.insert(entries_.end(), std::make_move_iterator(entries.begin()), std::make_move_iterator(fresh));
+    std::inplace_merge(entries_.begin() + begin, entries_.begin() + middle, entries_.end(),
+                       [](const Entry& a, const Entry& b) { return a.first < b.first; });
+  }
+  // As erase() for each of the keys, which come in ascending order: what lies behind the first moves once.
+  void erase_all(const std::vector<Key>& keys) {
+    if (keys.empty()) return;
+    auto to = lower(keys.front()), from = to;
+    const auto keep_up_to = [&](iterator place) {
+      to = to == from ? place : std::move(from, place, to);
+      from = place;
+    };
+    for (const Key& key : keys) {
+      keep_up_to(lower(key, from));
+      if (from != entries_.end() && !(key < from->first)) ++from;
+    }
+    keep_up_to(entries_.end());
+    entries_.erase(to, entries_.end());
+  }
+  // For so many new keys: set() and set_all() take no memory for them then.
+  void make_room(std::size_t count) {
+    if (entries_.capacity() - entries_.size() < count) entries_.reserve(entries_.size() + std::max(count, entries_.size()));
+  }
   bool contains(const Key& key) const { return find(key) != nullptr; }
   std::size_t size() const { return entries_.size(); }
   bool empty() const { return entries_.empty(); }
@@ -49,8 +87,9 @@ class Table {
   const Entry& back() const { return entries_.back(); }
 
  private:
-  iterator lower(const Key& key) {
-    return std::lower_bound(entries_.begin(), entries_.end(), key, [](const Entry& e, const Key& k) { return e.first < k; });
+  iterator lower(const Key& key) { return lower(key, entries_.begin()); }
+  iterator lower(const Key& key, iterator from) {
+    return std::lower_bound(from, entries_.end(), key, [](const Entry& e, const Key& k) { return e.first < k; });
   }
   std::vector<Entry> entries_;
 };

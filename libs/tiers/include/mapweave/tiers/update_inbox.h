@@ -3,6 +3,7 @@
 
 #include <mapweave/maps/map_update.h>
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <string>
@@ -22,6 +23,8 @@ class UpdateInbox {
   // Of updates that wait for a missing one; more are dropped, and will be awaited.
   static constexpr std::size_t kMostWaiting = 1024, kMostWaitingBytes = std::size_t{64} << 20;
   explicit UpdateInbox(Origin origin);
+  UpdateInbox(UpdateInbox&&) = default;
+  UpdateInbox& operator=(UpdateInbox&&) = default;
 
   // What could be stored now, in order; nothing for one that came before, or that has to wait. One that builds on
   // nothing may have any number after those: it says all up to there, in place of what was there. Throws Error(kBadInput) for one that does
@@ -32,15 +35,22 @@ class UpdateInbox {
   std::size_t waiting_bytes() const { return waiting_bytes_; }   // with what keeping each one takes
   void drop_waiting() { waiting_.clear(), waiting_bytes_ = 0; }  // they will be awaited
 
-  const Map& map() const { return *map_; }
-  // The map as it is now; what comes later changes another one.
-  std::shared_ptr<const Map> snapshot() const { return map_; }
+  // Changes when an update is stored.
+  const Map& map() const { return kept_->map; }
+  // The map as it is now; what comes later changes another one. Read and let go of on any thread. While it is held the next update to be
+  // stored copies the map, once.
+  std::shared_ptr<const Map> snapshot() const;
   Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
 
  private:
   void store(const MapUpdate& update);
   Origin origin_;
-  std::shared_ptr<const Map> map_;
+  struct Kept {
+    Map map;
+    std::atomic<int> held{0};  // snapshots
+  };
+  std::shared_ptr<Kept> kept_;
+  LandmarksByNode hanging_;  // of the map
   std::uint64_t stored_ = 0;
   struct Waiting {
     MapUpdate update;
