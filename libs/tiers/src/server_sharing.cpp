@@ -70,12 +70,13 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
                                const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
   ++part.shares;
+  const CameraGeometry& camera = *keyframe_of(near)->geometry;
   // A camera that measures lengths would come to rest on those that a sibling has from itself.
   std::set<SessionId> not_lent{to};
   for (const Entry* sibling : siblings(to.client))
     if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
   for (const DescribedLandmark* known : member.component->landmarks.look(
-           frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot)), options.retrieval, to.client)) {
+           frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera)), options.retrieval, to.client)) {
     const DescribedLandmark& one = *known;
     if (not_lent.count(one.id.session) != 0) continue;
     if (const auto held = part.lent.find(one.id); held != part.lent.end()) {
