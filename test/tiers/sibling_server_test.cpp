@@ -150,8 +150,9 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
     const Landmark* known = team.landmarks.find(landmark.id);
     ASSERT_NE(known, nullptr);
     const Eigen::Vector3d in_team = transformed(known->point_in_anchor(), team.nodes.find(known->anchor)->map_from_node);
-    const Eigen::Vector3d truly = transformed(in_team, inverse(team_from_node)),
-                          told = transformed(landmark.point_in_map, inverse(node.map_from_node));
+    const Eigen::Vector3d& camera_m = keyframe_of(node)->geometry->robot_from_camera.t;  // on the robot, whatever its map's lengths
+    const Eigen::Vector3d truly = transformed(in_team, inverse(team_from_node)) - camera_m,
+                          told = transformed(landmark.point_in_map, inverse(node.map_from_node)) - camera_m;
     EXPECT_LT((told / kScale - truly).norm(), 0.05 * truly.norm());
   }
 }

@@ -105,7 +105,7 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
     PlaceAnswer answer;
     answer.stamp = request.stamp, answer.map = told;
-    answer.map_from_robot = carried(map_from_team, place->team_from_robot);
+    answer.map_from_robot = carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
     for (const DescribedLandmark& one : place->component->landmarks().retrieve(
              state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
       DescribedLandmark here = matching::transformed(one, map_from_team);

@@ -62,13 +62,8 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::in_team(cons
   const TeamView::Member* member = part == client.parts.end() ? nullptr : team.member(part->second.name);
   const Node* near = member == nullptr ? nullptr : nearest(part->second, *member, map_from_robot.t, Frame::map);
   if (near == nullptr) return std::nullopt;
-  // Where the camera sits is known in metres: its way alone grows to the team's lengths.
-  const Pose3& robot_from_camera = keyframe_of(*near)->geometry->robot_from_camera;
-  Pose3 way = between(compose(near->map_from_node, robot_from_camera), compose(map_from_robot, robot_from_camera));
-  way.t *= member->scale;
-  const Pose3& team_from_node = member->component->content->map.nodes.find(near->id)->map_from_node;
-  const Pose3 team_from_camera = compose(compose(team_from_node, robot_from_camera), way);
-  return RobotPlace{member->component, compose(team_from_camera, inverse(robot_from_camera)), near->id};
+  const Sim3 team_from_map = team_from_map_at(near->id, near->map_from_node, *member);
+  return RobotPlace{member->component, carried(team_from_map, map_from_robot, keyframe_of(*near)->geometry->robot_from_camera), near->id};
 }
 
 void VisualServer::note(const SessionId& from, const ClientView& view) {

@@ -63,6 +63,7 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
+  const CameraGeometry& camera = *keyframe_of(near)->geometry;
   // A camera that measures lengths would come to rest on those that a sibling has from itself.
   std::set<SessionId> not_lent{to};
   for (const Entry* sibling : siblings(to.client))
@@ -72,7 +73,7 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
   for (const SessionId& session : landmarks.sessions())
     lenders.push_back(not_lent.count(session) != 0 ? kNobody : part.lenders.try_emplace(session, part.lenders.size() + 1).first->second);
   const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return lenders[seen.session] << 32 | seen.index; };
-  const matching::Frustum seen_from = frustum(*keyframe_of(near)->geometry, carried(team_from_map, told.map_from_robot));
+  const matching::Frustum seen_from = frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told
   for (const matching::LandmarkIndex::Seen& seen : landmarks.look(seen_from, options.retrieval, to.client)) {
     if (lenders[seen.session] == kNobody) continue;

@@ -14,9 +14,11 @@ namespace mapweave::tiers {
 
 inline std::string name_of(const SessionId& session) { return "client " + to_string(session); }
 
-// Where pose_in_map is in the team, and the way back.
-inline Pose3 carried(const Sim3& team_from_map, const Pose3& pose_in_map) {
-  return compose(team_from_map.pose, Pose3{team_from_map.scale * pose_in_map.t, pose_in_map.q});
+// Where a robot is in the team, and the way back: by its camera, which alone goes with the lengths of its map.
+inline Pose3 carried(const Sim3& team_from_map, const Pose3& map_from_robot, const Pose3& robot_from_camera) {
+  const Pose3 map_from_camera = compose(map_from_robot, robot_from_camera);
+  return compose(compose(team_from_map.pose, Pose3{team_from_map.scale * map_from_camera.t, map_from_camera.q}),
+                 inverse(robot_from_camera));
 }
 
 // Landmarks that a client may still be told.

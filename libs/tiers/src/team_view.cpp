@@ -70,11 +70,12 @@ const TeamView::Member* TeamView::member(const MapId& map) const {
 }
 
 Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member) {
-  const Pose3& team_from_node = member.component->content().map.nodes.find(node)->map_from_node;
+  const Node& placed = *member.component->content().map.nodes.find(node);
+  const Eigen::Vector3d& camera = keyframe_of(placed)->geometry->robot_from_camera.t;
   Sim3 result;
   result.scale = member.scale;
-  result.pose.q = (team_from_node.q * map_from_node.q.conjugate()).normalized();
-  result.pose.t = team_from_node.t - member.scale * (result.pose.q * map_from_node.t);
+  result.pose.q = (placed.map_from_node.q * map_from_node.q.conjugate()).normalized();
+  result.pose.t = transformed(camera, placed.map_from_node) - member.scale * (result.pose.q * transformed(camera, map_from_node));
   return result;
 }
 

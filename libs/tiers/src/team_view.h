@@ -59,7 +59,8 @@ class TeamView {
   std::map<MapId, Member> members_;
 };
 
-// The map's frame in the team's around one of its nodes: maps bend, so a single transform holds for a part of it alone.
+// The map's frame in the team's around one of its keyframes: maps bend, so a single transform holds for a part of it alone. Of the camera
+// and of what it sees: the robot under it does not grow with its map's lengths.
 Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member);
 
 }  // namespace mapweave::tiers
