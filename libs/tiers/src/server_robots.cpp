@@ -104,7 +104,7 @@ std::optional<RobotInTeam> VisualServer::robot(const RobotId& robot) const {
   const auto agreed = fused(cameras, cameras.first, period_s);
   if (!agreed) return std::nullopt;
   const StampedPose now = gone_on(agreed->pose, cameras, period_s);
-  return RobotInTeam{now.stamp, now.map_from_robot, most->content->members.front(), agreed->cameras};
+  return RobotInTeam{now.stamp, now.map_from_robot, most->content().members.front(), agreed->cameras};
 }
 
 }  // namespace mapweave::tiers
