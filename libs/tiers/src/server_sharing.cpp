@@ -13,6 +13,7 @@ namespace {
 constexpr std::uint32_t kHeldFor = 20;    // shares out of view: clients forget after 30 keyframes
 constexpr std::uint32_t kSweepEvery = 4;  // shares
 constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
+constexpr std::uint64_t kNobody = 0;      // lends
 constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the joining began knows better
 constexpr double kLandmarkBytes = 70.0;   // on the wire, about
@@ -25,14 +26,17 @@ std::size_t landmarks_within(const ByteAllowance& downlink) {
 
 const Node* VisualServer::State::nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place,
                                          Frame frame) {
-  const Node* best = nullptr;
-  double least = std::numeric_limits<double>::infinity();
-  for (const TeamView::Member::Placed& one : member.nodes) {
-    const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm();
-    if (!(apart < least)) continue;
-    if (const Node* node = part.inbox.map().nodes.find(one.id)) least = apart, best = node;
-  }
-  return best;
+  const auto search = [&](const auto& counts) {
+    const TeamView::Member::Placed* best = nullptr;
+    double least = std::numeric_limits<double>::infinity();
+    for (const TeamView::Member::Placed& one : member.nodes)
+      if (const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm(); apart < least && counts(one))
+        least = apart, best = &one;
+    return best;
+  };
+  const auto node_of = [&](const TeamView::Member::Placed* one) { return one == nullptr ? nullptr : part.inbox.map().nodes.find(one->id); };
+  const Node* const node = node_of(search([](const auto&) { return true; }));
+  return node != nullptr ? node : node_of(search([&](const auto& one) { return node_of(&one) != nullptr; }));  // some are gone since
 }
 
 matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const {
@@ -58,25 +62,30 @@ bool VisualServer::State::has_lengths_of_others(const Client& client) const {
   });
 }
 
+void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
+  if (std::exchange(part.lenders_by, views) == views) return;
+  std::set<SessionId> not_lent{to};
+  // A camera that measures lengths would come to rest on those that a sibling has from itself.
+  for (const Entry* sibling : siblings(to.client))
+    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
+  part.lender_of_session.clear();
+  for (const SessionId& session : member.component->landmarks().sessions())
+    part.lender_of_session.push_back(
+        not_lent.count(session) != 0 ? kNobody : part.lenders.try_emplace(session, part.lenders.size() + 1).first->second);
+}
+
 void VisualServer::State::lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
                                const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
-  // A camera that measures lengths would come to rest on those that a sibling has from itself.
-  std::set<SessionId> not_lent{to};
-  for (const Entry* sibling : siblings(to.client))
-    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
-  constexpr std::uint64_t kNobody = 0;
-  std::vector<std::uint64_t> lenders;  // by the landmarks' number of their session
-  for (const SessionId& session : landmarks.sessions())
-    lenders.push_back(not_lent.count(session) != 0 ? kNobody : part.lenders.try_emplace(session, part.lenders.size() + 1).first->second);
-  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return lenders[seen.session] << 32 | seen.index; };
+  note_lenders(part, to, member);
+  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.lender_of_session[seen.session] << 32 | seen.index; };
   const matching::Frustum seen_from = frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told
   for (const matching::LandmarkIndex::Seen& seen : landmarks.look(seen_from, options.retrieval, to.client)) {
-    if (lenders[seen.session] == kNobody) continue;
+    if (part.lender_of_session[seen.session] == kNobody) continue;
     if (LentTable::Lent* const held = part.lent.find(key_of(seen))) {
       held->wanted = part.shares;
       if ((held->point_in_map - matching::transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))

@@ -42,7 +42,9 @@ struct VisualServer::Client {
     MapId name;  // here; the client says `told`
     UpdateInbox inbox;
     LentTable lent = {};
-    std::map<SessionId, std::uint64_t> lenders = {};  // numbered from 1, for its keys
+    std::map<SessionId, std::uint64_t> lenders = {};    // numbered from 1, for its keys
+    std::vector<std::uint64_t> lender_of_session = {};  // by the view's numbers of sessions; 0: is not to lend to it
+    std::uint64_t lenders_by = 0;                       // the view
     std::uint32_t forgotten = 0;
     std::uint32_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
@@ -151,6 +153,7 @@ struct VisualServer::State {
   static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& told, const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
+  void note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
   void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
             std::size_t most, Share& share) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.

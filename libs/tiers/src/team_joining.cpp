@@ -18,9 +18,10 @@ std::vector<Map> TeamJoining::copies(const Snapshots& snapshots) {
   return result;
 }
 
-void TeamJoining::run(const TeamJoining* last, const Snapshots& maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
+void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
                       WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
+  maps.clear();  // while somebody holds them, updates copy them
   fusion::SiblingMaps siblings = fusion::tied_siblings(own, rig, pool);
   input.maps = std::move(siblings.maps), notes = std::move(siblings.notes);
   for (const Map& map : input.maps) keyframes += map.nodes.size();

@@ -25,8 +25,7 @@ struct TeamJoining {
   std::size_t keyframes = 0, adjusted_keyframes = 0;  // joined; and when all were adjusted last
   std::shared_ptr<const TeamView> view;
 
-  void run(const TeamJoining* last, const Snapshots& maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
-           WorkerPool& pool);
+  void run(const TeamJoining* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options, WorkerPool& pool);
 
  private:
   void leave_to_the_next(const fusion::FusionResult& result);

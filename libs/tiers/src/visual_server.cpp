@@ -50,7 +50,7 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   joined_keyframes = keyframes, tell.clear();
   work = std::make_shared<BackgroundWork>([joining = joining, last = last, maps = snapshots(), options = options,
                                            fusion_options = fusion_options,
-                                           &pool] { joining->run(last.get(), maps, options, fusion_options, pool); });
+                                           &pool]() mutable { joining->run(last.get(), std::move(maps), options, fusion_options, pool); });
 }
 
 VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, fusion::RigOptions rig) : state_(new State) {
