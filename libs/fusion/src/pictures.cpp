@@ -1,4 +1,5 @@
 #include <mapweave/fusion/pictures.h>
+#include <mapweave/matching/feature_matching.h>
 
 namespace mapweave::fusion {
 
@@ -7,8 +8,9 @@ std::shared_ptr<const matching::DescribedPicture> Pictures::words_of(const Node&
     const std::lock_guard lock(mutex_);
     if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;
   }
-  auto words =
-      std::make_shared<const matching::DescribedPicture>(matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors));
+  auto words = std::make_shared<OrderedPicture>();
+  static_cast<matching::DescribedPicture&>(*words) = matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors);
+  words->by_node = matching::order_by_node(words->node_of_feature.data(), words->node_of_feature.size());
   const std::lock_guard lock(mutex_);
   return known_.try_emplace(node.payload.get(), Known{node.payload, std::move(words)}).first->second.words;
 }

@@ -165,7 +165,7 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions, bool 
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
     view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(),
-                     with_words ? from.words->node_of_feature.data() : nullptr};
+                     with_words ? from.words->node_of_feature.data() : nullptr, with_words ? from.words->by_node.data() : nullptr};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);

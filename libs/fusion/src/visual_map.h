@@ -25,7 +25,7 @@ struct MappedKeyframe {
   std::vector<matching::FeaturePoint> points;
   std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
   std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first
-  std::shared_ptr<const matching::DescribedPicture> words;
+  std::shared_ptr<const OrderedPicture> words;
   int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores
 };
 

@@ -7,15 +7,6 @@
 namespace mapweave::matching {
 namespace {
 
-// Features by node, then by number.
-std::vector<std::uint32_t> by_node(const FeaturesView& features) {
-  std::vector<std::uint32_t> order(features.count);
-  std::iota(order.begin(), order.end(), 0U);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::uint32_t left, std::uint32_t right) { return features.nodes[left] < features.nodes[right]; });
-  return order;
-}
-
 struct Group {
   const std::uint32_t* features;
   std::size_t count;
@@ -50,19 +41,32 @@ class Matcher {
 
 }  // namespace
 
+std::vector<std::uint32_t> order_by_node(const std::uint32_t* nodes, std::size_t count) {
+  std::vector<std::uint32_t> order(count);
+  std::iota(order.begin(), order.end(), 0U);
+  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t left, std::uint32_t right) { return nodes[left] < nodes[right]; });
+  return order;
+}
+
 std::vector<FeatureMatch> match_features(const FeaturesView& a, const FeaturesView& b, const MatchingOptions& options) {
   Matcher matcher(a, b, options);
   if (a.nodes != nullptr && b.nodes != nullptr) {
-    const std::vector<std::uint32_t> of_a = by_node(a), of_b = by_node(b);
-    const auto end_of_group = [](const FeaturesView& features, const std::vector<std::uint32_t>& order, std::size_t begin) {
+    const auto order_of = [](const FeaturesView& features, std::vector<std::uint32_t>& own) {
+      if (features.by_node != nullptr) return features.by_node;
+      own = order_by_node(features.nodes, features.count);
+      return static_cast<const std::uint32_t*>(own.data());
+    };
+    std::vector<std::uint32_t> own_of_a, own_of_b;
+    const std::uint32_t *of_a = order_of(a, own_of_a), *of_b = order_of(b, own_of_b);
+    const auto end_of_group = [](const FeaturesView& features, const std::uint32_t* order, std::size_t begin) {
       std::size_t end = begin;
-      while (end < order.size() && features.nodes[order[end]] == features.nodes[order[begin]]) ++end;
+      while (end < features.count && features.nodes[order[end]] == features.nodes[order[begin]]) ++end;
       return end;
     };
-    for (std::size_t i = 0, j = 0; i < of_a.size() && j < of_b.size();) {
+    for (std::size_t i = 0, j = 0; i < a.count && j < b.count;) {
       const std::size_t i_end = end_of_group(a, of_a, i), j_end = end_of_group(b, of_b, j);
       const std::uint32_t node_a = a.nodes[of_a[i]], node_b = b.nodes[of_b[j]];
-      if (node_a == node_b) matcher.match({of_a.data() + i, i_end - i}, {of_b.data() + j, j_end - j});
+      if (node_a == node_b) matcher.match({of_a + i, i_end - i}, {of_b + j, j_end - j});
       if (node_a <= node_b) i = i_end;
       if (node_b <= node_a) j = j_end;
     }

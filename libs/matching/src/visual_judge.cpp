@@ -33,8 +33,9 @@ struct Side {
       }
     const KeyframeView& first = view.keyframes.front();
     depth.assign(first.features.count, 0.0);
+    const Pose3 camera_from_side = inverse(first.side_from_camera);
     for (std::uint32_t f = 0; f < first.features.count; ++f)
-      if (const auto point = point_of({0, f})) depth[f] = transformed(*point, inverse(first.side_from_camera)).z();
+      if (const auto point = point_of({0, f})) depth[f] = transformed(*point, camera_from_side).z();
   }
   int landmark_of(const FeatureId& id) const {
     const KeyframeView& keyframe = place.keyframes[id.keyframe];

@@ -10,18 +10,22 @@
 
 namespace mapweave::fusion {
 
+struct OrderedPicture : matching::DescribedPicture {
+  std::vector<std::uint32_t> by_node;  // matching::order_by_node()
+};
+
 // All calls are thread-safe.
 class Pictures {
  public:
   // In the shipped vocabulary. The node is a keyframe.
-  std::shared_ptr<const matching::DescribedPicture> words_of(const Node&);
+  std::shared_ptr<const OrderedPicture> words_of(const Node&);
   // Those of keyframes that nobody else has any more.
   void forget();
 
  private:
   struct Known {
     std::shared_ptr<const Payload> payload;
-    std::shared_ptr<const matching::DescribedPicture> words;
+    std::shared_ptr<const OrderedPicture> words;
   };
   std::mutex mutex_;
   std::unordered_map<const Payload*, Known> known_;

@@ -12,10 +12,13 @@ struct FeaturesView {
   std::size_t count = 0;
   const FeaturePoint* points = nullptr;
   const OrbDescriptor* descriptors = nullptr;
-  const std::uint32_t* nodes = nullptr;  // of one vocabulary (BinaryVocabulary::describe_picture); null: unknown
+  const std::uint32_t* nodes = nullptr;    // of one vocabulary (BinaryVocabulary::describe_picture); null: unknown
+  const std::uint32_t* by_node = nullptr;  // what order_by_node() says; null: it is asked for each match
 };
+// Numbers of features by node, then by number.
+std::vector<std::uint32_t> order_by_node(const std::uint32_t* nodes, std::size_t count);
 inline FeaturesView view_of(const OrbFeatures& features) {
-  return {features.points.size(), features.points.data(), features.descriptors.data(), nullptr};
+  return {features.points.size(), features.points.data(), features.descriptors.data(), nullptr, nullptr};
 }
 
 struct FeatureMatch {
