@@ -3,7 +3,7 @@
 
 namespace mapweave::fusion {
 
-std::shared_ptr<const matching::DescribedPicture> Pictures::words_of(const Node& node) {
+std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node) {
   {
     const std::lock_guard lock(mutex_);
     if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;
