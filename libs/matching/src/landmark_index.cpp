@@ -270,6 +270,7 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
         found.push_back({*merit, rank_of_session[member.session] << 32 | member.index, &cell.points[i], &member});
     }
   };
+  std::vector<const Members*> looked_into;
   const double side = options_.cell_m;
   const auto low_of = [&](const Cell& cell) { return Eigen::Vector3d(cell.x * side, cell.y * side, cell.z * side); };
   const auto touches = [&](const Cell& cell) {
@@ -282,13 +283,23 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
   const double count = (1.0 + last.x - first.x) * (1.0 + last.y - first.y) * (1.0 + last.z - first.z);
   if (count > static_cast<double>(cells_.size())) {  // more than there are
     for (const auto& [cell, members] : cells_)
-      if (touches(cell)) look_into(members);
+      if (touches(cell)) looked_into.push_back(&members);
   } else {
     for (Cell cell{first.x, 0, 0}; cell.x <= last.x; ++cell.x)
       for (cell.y = first.y; cell.y <= last.y; ++cell.y)
         for (cell.z = first.z; cell.z <= last.z; ++cell.z)
           if (touches(cell))
-            if (const auto members = cells_.find(cell); members != cells_.end()) look_into(members->second);
+            if (const auto members = cells_.find(cell); members != cells_.end()) looked_into.push_back(&members->second);
+  }
+  constexpr std::size_t kAhead = 2, kLine = 64, kLines = 8;
+  for (std::size_t i = 0; i < looked_into.size(); ++i) {
+    if (i + kAhead < looked_into.size()) {  // memory is what this waits for
+      const Members& later = *looked_into[i + kAhead];
+      const char* const points = reinterpret_cast<const char*>(later.points.data());
+      const std::size_t bytes = later.points.size() * sizeof(later.points.front());
+      for (std::size_t line = 0; line < kLines && line * kLine < bytes; ++line) __builtin_prefetch(points + line * kLine);
+    }
+    look_into(*looked_into[i]);
   }
 
   const auto by_id = [](const Found& a, const Found& b) { return a.order < b.order; };

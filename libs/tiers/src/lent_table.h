@@ -23,6 +23,10 @@ class LentTable {
     Lent& slot = slots_[place_of(key)];
     return slot.key == key ? &slot : nullptr;
   }
+  // That it will be looked up soon.
+  void expect(std::uint64_t key) const {
+    if (size_ > 0) __builtin_prefetch(&slots_[first_place_of(key)], 1);
+  }
   void set(const Lent& lent) {
     if (2 * (size_ + 1) > slots_.size()) rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Lent&) { return true; });
     Lent& slot = slots_[place_of(lent.key)];
@@ -38,9 +42,12 @@ class LentTable {
  private:
   // Of the key, or the free one where it would be; a power of two, half of it free.
   std::size_t place_of(std::uint64_t key) const {
-    std::size_t place = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> 20) & (slots_.size() - 1);
+    std::size_t place = first_place_of(key);
     while (slots_[place].key != 0 && slots_[place].key != key) place = (place + 1) & (slots_.size() - 1);
     return place;
+  }
+  std::size_t first_place_of(std::uint64_t key) const {
+    return static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ULL) >> 20) & (slots_.size() - 1);
   }
   template <class Keeps>
   void rebuild(std::size_t count, const Keeps& keeps) {

@@ -84,7 +84,9 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
   const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.lender_of_session[seen.session] << 32 | seen.index; };
   const matching::Frustum seen_from = frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told
-  for (const matching::LandmarkIndex::Seen& seen : landmarks.look(seen_from, options.retrieval, to.client)) {
+  const auto all = landmarks.look(seen_from, options.retrieval, to.client);
+  for (const matching::LandmarkIndex::Seen& seen : all) part.lent.expect(key_of(seen));
+  for (const matching::LandmarkIndex::Seen& seen : all) {
     if (part.lender_of_session[seen.session] == kNobody) continue;
     if (LentTable::Lent* const held = part.lent.find(key_of(seen))) {
       held->wanted = part.shares;
