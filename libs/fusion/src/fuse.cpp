@@ -47,7 +47,7 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
   }
   const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
     const MappedKeyframe& content = map.keyframes()[keyframe];
-    return in_lengths(content.map_from_node, content.content->geometry->robot_from_camera, scale);
+    return scale == 1.0 ? content.map_from_node : in_lengths(content.map_from_node, mounting_of(map.map()), scale);
   };
   for (const VisualWitness& w : pair.seen) {
     const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
@@ -242,7 +242,7 @@ class Fusing {
       const Map& map = *maps_[members[i]].map;
       const auto& [first, node] = first_within(map, team);
       const double scale = placement.team_from_map[i].scale;
-      component.team_from_map.set(map.id, carried({team.nodes.find(first)->map_from_node, scale}, inverse(node.map_from_node)));
+      component.team_from_map.set(map.id, frame_there(team.nodes.find(first)->map_from_node, node.map_from_node, mounting_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;
