@@ -229,9 +229,11 @@ TEST(Bind, gives_a_robot_with_a_single_camera_the_lengths_of_one_with_a_laser) {
     EXPECT_LT(of_alone.keyframe_m, 0.03) << name;
     EXPECT_LT(of_alone.heading_rad, 0.01) << name;
     EXPECT_LT(of_alone.landmark_m, 0.02) << name;
-    const NodeId first = alone.nodes.front().first;
-    const Pose3 apart = between(*team.team_from_map.find(MapId(name)), team.map.nodes.find(first)->map_from_node);
-    EXPECT_LT(apart.t.norm(), 1e-9) << name;
+    const auto& [first, node] = alone.nodes.front();
+    const Pose3& robot_from_camera = keyframe_of(node)->geometry->robot_from_camera;
+    const Eigen::Vector3d in_map = transformed(robot_from_camera.t, node.map_from_node),
+                          in_team = transformed(robot_from_camera.t, team.map.nodes.find(first)->map_from_node);
+    EXPECT_LT((transformed(*team.scales.find(MapId(name)) * in_map, *team.team_from_map.find(MapId(name))) - in_team).norm(), 1e-9) << name;
   }
 }
 

@@ -15,6 +15,8 @@ struct StarryOptions {
   double drift_rad_per_keyframe = 0.0;  // in yaw: the map bends
   bool depth = true;                    // false: one camera, whose way and landmarks it has `scale` times as long; where it sits it knows
   double scale = 1.0;
+  const char* sensor = "camera";
+  Eigen::Vector3d camera_m{0.1, 0.0, 0.6};  // on the robot
 };
 
 // Rooms of 8 x 8 x 3 m, 12 m from one centre to the next along x. look: rooms of one look cannot be told apart.
@@ -40,11 +42,11 @@ class StarryBuilding {
     const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
     auto geometry = std::make_shared<CameraGeometry>();
     *geometry = {640, 480, 520.0, 520.0, 319.5, 239.5, 0.0, 1.2, {}};
-    geometry->robot_from_camera.t = {0.1, 0.0, 0.6};
+    geometry->robot_from_camera.t = options.camera_m;
     geometry->robot_from_camera.q = Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5);  // z ahead, x to the right
     Map map;
     map.id = MapId(name);
-    const SessionId session{{RobotId(name), SensorId("camera")}, 1'000'000'000};
+    const SessionId session{{RobotId(name), SensorId(options.sensor)}, 1'000'000'000};
     std::map<std::size_t, Landmark> seen;
     Pose2 believed;
     for (std::uint32_t k = 0; k < poses.size(); ++k) {

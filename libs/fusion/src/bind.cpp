@@ -1,5 +1,6 @@
 #include "aligned_ways.h"
 #include "covisibility.h"
+#include "lengths.h"
 #include "ties.h"
 
 #include <mapweave/core/stamped_pose.h>
@@ -44,6 +45,24 @@ struct Pair {
   LaserWay::Place place;
 };
 
+// Where the camera's map lies once its lengths are so many times as long, which its way tells: the robot's has turns about the base in it.
+Sim3 beside(const std::vector<Pair>& pairs, const Map& camera) {
+  std::vector<PosePair> both;
+  double scale = 1.0;
+  if (!is_metric(camera)) {
+    const Pose3 robot_from_camera = mounting_of(camera);
+    for (const Pair& pair : pairs)
+      both.push_back({compose(pair.place.map_from_robot, robot_from_camera), compose(pair.keyframe->map_from_node, robot_from_camera)});
+    scale = scale_of_ways(both).value_or(1.0);
+    both.clear();
+    for (const Pair& pair : pairs)
+      both.push_back({pair.place.map_from_robot, in_lengths(pair.keyframe->map_from_node, robot_from_camera, scale)});
+  } else {
+    for (const Pair& pair : pairs) both.push_back({pair.place.map_from_robot, pair.keyframe->map_from_node});
+  }
+  return {aligned(both, 1.0).pose, scale};
+}
+
 }  // namespace
 
 BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& options, const graph::SolveOptions& solve) {
@@ -60,28 +79,20 @@ BoundMap bound(Map laser, const std::vector<Map>& cameras, const BindOptions& op
       result.apart.push_back(camera.id);
       continue;
     }
-    std::vector<PosePair> both;
-    for (const Pair& pair : pairs) both.push_back({pair.place.map_from_robot, pair.keyframe->map_from_node});
-    const Sim3 laser_from_map = aligned(both, is_metric(camera) ? 1.0 : scale_of_ways(both).value_or(1.0));
-    Map placed = camera;
+    const Sim3 laser_from_grown = beside(pairs, camera);
+    Map placed = in_lengths(camera, laser_from_grown.scale);
     for (auto& [id, node] : placed.nodes) {
-      node.map_from_node = compose(laser_from_map.pose, Pose3{laser_from_map.scale * node.map_from_node.t, node.map_from_node.q});
+      node.map_from_node = compose(laser_from_grown.pose, node.map_from_node);
       nodes.emplace(id, node);
     }
-    for (auto [id, landmark] : camera.landmarks) {
-      if (laser_from_map.scale != 1.0) landmark.point_units = landmark_units(laser_from_map.scale * landmark.point_in_anchor());
-      landmarks.emplace(id, std::move(landmark));
-    }
+    landmarks.insert(placed.landmarks.begin(), placed.landmarks.end());
     const auto add = [&](const Constraint& constraint) { constraints.emplace(constraint.id, constraint); };
     for (const Pair& pair : pairs)
       add(constraint_of(ConstraintKind::extrinsic, pair.place.before->id, pair.keyframe->id,
                         between(pair.place.before->map_from_node, pair.place.map_from_robot), options.tie_m, options.tie_rad));
     for (const Constraint& step : steps_of(placed, options)) add(step);
-    for (auto [id, constraint] : camera.constraints) {  // of several cameras of the robot
-      if (id.kind != ConstraintKind::extrinsic) continue;
-      constraint.from_from_to.pose.t *= laser_from_map.scale;
-      add(constraint);
-    }
+    for (const auto& [id, constraint] : placed.constraints)
+      if (id.kind == ConstraintKind::extrinsic) add(constraint);  // of several cameras of the robot
   }
   for (auto& [id, node] : laser.nodes) nodes.emplace(id, std::move(node));
   for (auto& [id, constraint] : laser.constraints) constraints.emplace(id, std::move(constraint));

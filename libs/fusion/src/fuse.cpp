@@ -47,7 +47,7 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
   }
   const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
     const MappedKeyframe& content = map.keyframes()[keyframe];
-    return in_lengths(content.map_from_node, content.content->geometry->robot_from_camera, scale);
+    return scale == 1.0 ? content.map_from_node : in_lengths(content.map_from_node, mounting_of(map.map()), scale);
   };
   for (const VisualWitness& w : pair.seen) {
     const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
@@ -146,6 +146,7 @@ class Fusing {
         revoke(*join);
         revoked = true;
       }
+      in_metres(placement);
     } else {
       in_metres(placement);
       std::vector<Join> terms;
@@ -166,11 +167,13 @@ class Fusing {
 
   bool knows_lengths(std::size_t member) const { return !maps_[member].map->submaps.empty() || seen_[member].is_metric(); }
 
-  // The lengths of a team with a laser are the laser's, whoever is its first member.
+  // The lengths of a team are those of a laser, else of the first member that measures them, whoever is its first member.
   void in_metres(Placement& placement) const {
-    std::size_t known = 0;
-    while (maps_[placement.members[known]].submaps.empty()) ++known;
-    const double all = placement.team_from_map[known].scale;
+    const auto& members = placement.members;
+    auto known = std::find_if(members.begin(), members.end(), [&](std::size_t m) { return !maps_[m].submaps.empty(); });
+    if (known == members.end()) known = std::find_if(members.begin(), members.end(), [&](std::size_t m) { return knows_lengths(m); });
+    if (known == members.end()) return;
+    const double all = placement.team_from_map[static_cast<std::size_t>(known - members.begin())].scale;
     for (std::size_t i = 0; i < placement.members.size(); ++i) {
       Sim3& pose = placement.team_from_map[i];
       pose.pose.t /= all;
@@ -242,7 +245,7 @@ class Fusing {
       const Map& map = *maps_[members[i]].map;
       const auto& [first, node] = first_within(map, team);
       const double scale = placement.team_from_map[i].scale;
-      component.team_from_map.set(map.id, carried({team.nodes.find(first)->map_from_node, scale}, inverse(node.map_from_node)));
+      component.team_from_map.set(map.id, frame_there(team.nodes.find(first)->map_from_node, node.map_from_node, mounting_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;

@@ -5,7 +5,19 @@ namespace {
 
 const Pose3& mounting(const VisualMap& map, std::size_t keyframe) { return map.keyframes()[keyframe].content->geometry->robot_from_camera; }
 
+Pose3 camera_on(const Map& map, const NodeId& id) {
+  const Node* node = map.nodes.find(id);
+  const KeyframeFeatures* keyframe = node != nullptr ? keyframe_of(*node) : nullptr;
+  return keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3();
+}
+
 }  // namespace
+
+Pose3 mounting_of(const Map& map) {
+  for (const auto& [id, node] : map.nodes)
+    if (const KeyframeFeatures* keyframe = keyframe_of(node)) return keyframe->geometry->robot_from_camera;
+  return {};
+}
 
 Pose3 in_lengths(const Pose3& map_from_node, const Pose3& robot_from_camera, double scale) {
   if (scale == 1.0) return map_from_node;
@@ -15,18 +27,32 @@ Pose3 in_lengths(const Pose3& map_from_node, const Pose3& robot_from_camera, dou
 
 Map in_lengths(Map map, double scale) {
   if (scale == 1.0) return map;
-  const auto camera_on = [&](const NodeId& id) {
-    const Node* node = map.nodes.find(id);
-    const KeyframeFeatures* keyframe = node != nullptr ? keyframe_of(*node) : nullptr;
-    return keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3();
-  };
-  for (auto& [id, landmark] : map.landmarks) {
-    const Eigen::Vector3d camera_m = camera_on(landmark.anchor).t;
-    landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
-  }
-  for (auto& [id, node] : map.nodes) node.map_from_node = in_lengths(node.map_from_node, camera_on(id), scale);
-  for (auto& [id, constraint] : map.constraints) constraint.from_from_to.pose.t *= scale;
+  for (auto& [id, landmark] : map.landmarks)
+    landmark.point_units = landmark_units(in_lengths(landmark.point_in_anchor(), camera_on(map, landmark.anchor), scale));
+  const Pose3 robot_from_camera = mounting_of(map);
+  for (auto& [id, node] : map.nodes) node.map_from_node = in_lengths(node.map_from_node, robot_from_camera, scale);
+  for (auto& [id, constraint] : map.constraints) constraint = in_lengths(constraint, map, scale);
   return map;
+}
+
+Constraint in_lengths(Constraint constraint, const Map& map, double scale) {
+  if (scale != 1.0) constraint.from_from_to.pose = in_lengths(constraint.from_from_to.pose, camera_on(map, constraint.id.from), scale);
+  return constraint;
+}
+
+Eigen::Vector3d in_lengths(const Eigen::Vector3d& point_in_anchor, const Pose3& robot_from_camera, double scale) {
+  if (scale == 1.0) return point_in_anchor;
+  return robot_from_camera.t + scale * (point_in_anchor - robot_from_camera.t);
+}
+
+Pose3 carried(const Sim3& there_from_map, const Pose3& map_from_node, const Pose3& robot_from_camera) {
+  if (there_from_map.scale == 1.0) return carried(there_from_map, map_from_node);
+  return compose(carried(there_from_map, compose(map_from_node, robot_from_camera)), inverse(robot_from_camera));
+}
+
+Pose3 frame_there(const Pose3& there_from_node, const Pose3& map_from_node, const Pose3& robot_from_camera, double scale) {
+  if (scale == 1.0) return carried({there_from_node, scale}, inverse(map_from_node));
+  return carried({compose(there_from_node, robot_from_camera), scale}, inverse(compose(map_from_node, robot_from_camera)));
 }
 
 MetricWitness in_lengths(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {

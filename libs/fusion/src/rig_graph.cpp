@@ -243,10 +243,7 @@ class Group {
       }
       for (auto [id, landmark] : parts_[m].map->landmarks) {
         const double scale = knots_[numbers_.at(landmark.anchor)].group_from_node.scale;
-        if (scale != 1.0) {  // seen from the camera
-          const Eigen::Vector3d& camera_m = parts_[m].robot_from_camera.t;
-          landmark.point_units = landmark_units(camera_m + scale * (landmark.point_in_anchor() - camera_m));
-        }
+        if (scale != 1.0) landmark.point_units = landmark_units(in_lengths(landmark.point_in_anchor(), parts_[m].robot_from_camera, scale));
         landmarks.emplace(id, std::move(landmark));
       }
     }

@@ -1,4 +1,5 @@
 #include "visual_team.h"
+#include "lengths.h"
 #include "shared_landmarks.h"
 #include "warm_start.h"
 
@@ -61,8 +62,9 @@ class Team {
         landmark_member_.push_back(m);
         landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) + first_keyframe_[m]);
       }
+      const Pose3 robot_from_camera = mounting_of(members[m]->map());
       for (const MappedKeyframe& keyframe : members[m]->keyframes())
-        keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node)});
+        keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
     }
     is_free_.assign(keyframes_.size(), true);
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
@@ -148,6 +150,9 @@ class Team {
   }
 
   double scale_of(std::size_t member) const { return team_from_map_[member].scale; }
+  MetricWitness in_team(const VisualJoin& join, const VisualWitness& w) const {
+    return in_lengths(w, *members_[join.a], *members_[join.b], scale_of(join.a), scale_of(join.b));
+  }
 
   double middle_depth(const TeamKeyframe& keyframe) const {
     std::vector<double> depths;
@@ -200,10 +205,10 @@ class Team {
     }
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
-        Pose3 from_from_to = w.node_a_from_node_b.pose;
-        from_from_to.t *= scale_of(join.a);
+        const MetricWitness metric = in_team(join, w);
         edges.push_back({static_cast<std::uint32_t>(first_keyframe_[join.a] + w.keyframe_a),
-                         static_cast<std::uint32_t>(first_keyframe_[join.b] + w.keyframe_b), from_from_to, w.information});
+                         static_cast<std::uint32_t>(first_keyframe_[join.b] + w.keyframe_b), metric.node_a_from_node_b,
+                         metric.information});
       }
     const graph::SpatialSolution solution = graph::solve(poses, edges);
     for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = solution.poses[i];
@@ -220,8 +225,10 @@ class Team {
     points_.clear();
     for (std::size_t i = 0; i < landmark_ids_.size(); ++i) {
       const std::size_t member = landmark_member_[i];
-      const Vector3d point = scale_of(member) * members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor();
-      points_.push_back(transformed(point, keyframes_[landmark_keyframe_[i]].team_from_node));
+      const TeamKeyframe& anchor = keyframes_[landmark_keyframe_[i]];
+      const Vector3d point = in_lengths(members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor(),
+                                        anchor.content->content->geometry->robot_from_camera, scale_of(member));
+      points_.push_back(transformed(point, anchor.team_from_node));
     }
   }
 
@@ -408,18 +415,15 @@ class Team {
 
     std::vector<Constraint> constraints;
     for (std::size_t m = 0; m < members_.size(); ++m)
-      for (const Constraint* rigid : rigs_[m]) {
-        constraints.push_back(*rigid);
-        constraints.back().from_from_to.pose.t *= scale_of(m);
-      }
+      for (const Constraint* rigid : rigs_[m]) constraints.push_back(in_lengths(*rigid, members_[m]->map(), scale_of(m)));
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
         Constraint constraint;
         constraint.id = {ConstraintKind::between_maps, members_[join.a]->keyframes()[w.keyframe_a].id,
                          members_[join.b]->keyframes()[w.keyframe_b].id, 0};
-        constraint.from_from_to.pose = w.node_a_from_node_b.pose;
-        constraint.from_from_to.pose.t *= scale_of(join.a);
-        constraint.information = w.information;
+        const MetricWitness metric = in_team(join, w);
+        constraint.from_from_to.pose = metric.node_a_from_node_b;
+        constraint.information = metric.information;
         constraint.because = w.judgement.id;
         constraints.push_back(constraint);
       }
