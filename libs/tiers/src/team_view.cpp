@@ -54,8 +54,10 @@ void TeamView::Component::make_landmarks(WorkerPool& pool) const {
 }
 
 const matching::LandmarkIndex& TeamView::Component::landmarks() const {
-  WorkerPool alone(1);
-  make_landmarks(alone);
+  std::call_once(has_landmarks_, [&] {
+    WorkerPool alone(1);
+    landmarks_.emplace(index_of(content_.map, index_, description_, alone));
+  });
   return *landmarks_;
 }
 
