@@ -105,5 +105,21 @@ TEST(Culling, holds_the_bound_on_keyframes_at_the_least_loss) {
   EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
 }
 
+TEST(Culling, thins_a_trajectory_that_is_too_long_but_leaves_every_keyframe_a_frame) {
+  Story story;
+  const int a = story.keyframe(), b = story.keyframe();
+  story.map.keyframe(a).frames.push_back(anchored(Stamp{1}, View()));
+  for (int i = 2; i < 9; ++i) story.map.keyframe(b).frames.push_back(anchored(Stamp{i}, View()));
+  EXPECT_EQ(thin_frames(story.map, 8), 8U) << "no longer than it may be";
+  EXPECT_EQ(thin_frames(story.map, 7), 5U);
+  EXPECT_EQ(story.map.keyframe(a).frames.size(), 1U);
+  std::vector<std::int64_t> stamps;
+  for (const AnchoredFrame& frame : story.map.keyframe(b).frames) stamps.push_back(frame.stamp.ns);
+  EXPECT_THAT(stamps, testing::ElementsAre(2, 4, 6, 8));
+  EXPECT_EQ(thin_frames(story.map, 1), 3U);
+  EXPECT_EQ(thin_frames(story.map, 1), 2U);
+  EXPECT_EQ(thin_frames(story.map, 1), 2U) << "one for each keyframe";
+}
+
 }  // namespace
 }  // namespace mapweave::visual
