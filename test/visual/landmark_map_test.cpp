@@ -57,6 +57,17 @@ TEST(LandmarkMap, keeps_frames_and_looks_of_a_keyframe_that_goes_where_they_were
   EXPECT_LT((story.map.view_of(story.map.landmark(landmark).appearances[0]).centre() - look.centre()).norm(), 1e-9);
 }
 
+TEST(LandmarkMap, gives_back_the_room_of_keyframes_that_see_a_landmark_no_more) {
+  Story story;
+  std::vector<int> all;
+  for (int i = 0; i < 100; ++i) all.push_back(story.keyframe());
+  const int landmark = story.landmark(all);
+  for (int k : all)
+    if (k >= 3) story.map.forget(landmark, k);
+  EXPECT_EQ(story.map.landmark(landmark).seen.size(), 3U);
+  EXPECT_LT(story.map.landmark(landmark).seen.capacity(), 12U);
+}
+
 TEST(LandmarkMap, fuses_two_landmarks_into_one_that_every_keyframe_sees_once) {
   Story story;
   const int a = story.keyframe(), b = story.keyframe(), c = story.keyframe();
