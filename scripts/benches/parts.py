@@ -2,7 +2,7 @@
 
 Needs the benchmark programs (scripts/build release all) and, for place recognition, visual/ below MAPWEAVE_DATA (default ../shared/data).
 Processor time, so that a busy machine disturbs little. Writes the table between <!-- bench:parts --> and <!-- /bench --> of README.md, and
-out/bench/parts.json. Takes some ten minutes, most of them the hour of driving. A partial run (--parts) keeps the other rows as they were measured before.
+out/bench/parts.json. Takes some twenty minutes, most of them the hours of driving. A partial run (--parts) keeps the other rows as they were measured before.
 """
 import pathlib
 import re
@@ -88,6 +88,19 @@ def endurance():
             f"{late[5]} keyframes; error {error} m"), "flat"
 
 
+def endurance_team():
+    rows = [line.split() for line in told_by("endurance_benchmark", "team").splitlines() if re.match(r"^\s+\d+\s", line)]
+    clients = [row for row in rows if row[1] != "server"]
+    servers = [row for row in rows if row[1] == "server"]
+
+    def held(minute):
+        return " and ".join(row[3] for row in clients if row[0] == minute)
+
+    early, late = servers[len(servers) // 6], servers[-1]
+    return (f"minute {early[0]}: the clients hold {held(early[0])} MB, the server {early[2]} MB of {early[4]} keyframes; minute {late[0]}: "
+            f"{held(late[0])} MB, the server {late[2]} MB of {late[4]}"), "flat"
+
+
 PARTS = {
     "pictures": ("simulated colour and depth, 640 x 480", pictures, "renderer_benchmark"),
     "features": ("simulated features instead of pictures", features, "feature_sensor_benchmark"),
@@ -98,6 +111,7 @@ PARTS = {
     "merge": ("merge of 456 keyframes, two robots' maps of an apartment", merge, "visual_fuse_benchmark"),
     "pose_graph": ("pose graph of 1000 keyframes", pose_graph, "pose_graph_benchmark"),
     "endurance": ("an hour of driving by features", endurance, "endurance_benchmark"),
+    "endurance_team": ("the same by two clients that a map server lends landmarks", endurance_team, "endurance_benchmark"),
 }
 
 

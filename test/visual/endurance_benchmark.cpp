@@ -1,5 +1,8 @@
 // An hour of driving by a client that takes features: memory, processor time for each frame, and error, over time.
 // endurance_benchmark [METRES [SEED]]: of way, at about 0.6 m/s; 2200 m are an hour.
+// endurance_benchmark team [METRES [SEED [none|view|full]]]: two clients, round the same rooms each its own way, and their map server.
+
+#include "endurance_team.h"
 
 #include <mapweave/matching/rigid_from_points.h>
 #include <mapweave/simulation/feature_sensor.h>
@@ -25,16 +28,7 @@ double resident_mb() {
   return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  simulation::WorldOptions options;
-  if (argc > 2) options.seed = static_cast<std::uint64_t>(std::atoll(argv[2]));
-  options.robots.resize(1);
-  options.robots[0].id = "alpha";
-  options.robots[0].length_m = argc > 1 ? std::atof(argv[1]) : 2200.0;
-  options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd;
+void drive_alone(const simulation::WorldOptions& options) {
   WorkerPool here(1);
   const simulation::World world(options, here);
   const simulation::FeatureOptions features;
@@ -83,4 +77,32 @@ int main(int argc, char** argv) {
   std::printf("%.0f frames/s; error %.3f m (root mean square, laid on the truth) of %zu frames\n",
               1e3 * static_cast<double>(recording.frame_count()) / total_ms,
               std::sqrt(square / static_cast<double>(std::max<std::size_t>(1, pairs.size()))), pairs.size());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  std::vector<std::string> words(argv + 1, argv + argc);
+  const bool is_team = !words.empty() && words.front() == "team";
+  if (is_team) words.erase(words.begin());
+  simulation::WorldOptions options;
+  if (words.size() > 1) options.seed = std::atoll(words[1].c_str());
+  options.robots.resize(is_team ? 2 : 1);
+  options.robots[0].id = "alpha";
+  if (is_team) options.robots[1].id = "beta", options.robots[1].order = simulation::TourOrder::back;
+  for (auto& robot : options.robots) robot.length_m = words.empty() ? 2200.0 : std::atof(words[0].c_str());
+  options.cameras.resize(1);
+  options.cameras[0].kind = simulation::CameraKind::rgbd;
+  if (!is_team) {
+    drive_alone(options);
+    return 0;
+  }
+  tiers::ServerOptions sharing;
+  const std::string share = words.size() > 2 ? words[2] : "view";
+  sharing.share = share == "full" ? tiers::Sharing::full : share == "view" ? tiers::Sharing::view : tiers::Sharing::none;
+  endurance::drive_team(options, sharing);
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
 }

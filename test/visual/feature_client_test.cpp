@@ -66,6 +66,28 @@ TEST(FeatureClient, follows_features_without_pictures) {
   EXPECT_LT(client.keyframes().size(), 60U);
 }
 
+TEST(FeatureClient, keeps_fewer_frames_of_long_ago_where_a_drive_goes_on_and_on) {
+  StarryRoom room;
+  ClientOptions options;
+  options.memory.frames = 60;
+  VisualClient client(camera, 0.0, options);
+  for (int i = 0; i < 200; ++i) {
+    ASSERT_EQ(client.add(room.frame(at(i), walk(i))).state, TrackState::tracked) << i;
+    ASSERT_LE(client.trajectory().size(), 60U) << i;
+  }
+  const auto placed = client.trajectory();
+  EXPECT_GT(placed.size(), 30U);
+  const auto before = [&](int frame) {
+    return std::count_if(placed.begin(), placed.end(), [&](const PlacedFrame& one) { return one.stamp < at(frame); });
+  };
+  EXPECT_GT(before(30), 0);
+  EXPECT_LT(before(100), before(200) - before(100));
+  for (const PlacedFrame& one : placed) {
+    const int number = static_cast<int>(std::lround((one.stamp.seconds() - 100.0) * 15.0));
+    EXPECT_LT((one.map_from_camera.t - between(walk(0), walk(number)).t).norm(), 0.07) << number;
+  }
+}
+
 TEST(FeatureClient, finds_itself_again_after_a_jump) {
   StarryRoom room;
   VisualClient client(camera, 0.0, {});

@@ -57,6 +57,17 @@ TEST(LandmarkMap, keeps_frames_and_looks_of_a_keyframe_that_goes_where_they_were
   EXPECT_LT((story.map.view_of(story.map.landmark(landmark).appearances[0]).centre() - look.centre()).norm(), 1e-9);
 }
 
+TEST(LandmarkMap, gives_back_the_room_of_keyframes_that_see_a_landmark_no_more) {
+  Story story;
+  std::vector<int> all;
+  for (int i = 0; i < 100; ++i) all.push_back(story.keyframe());
+  const int landmark = story.landmark(all);
+  for (int k : all)
+    if (k >= 3) story.map.forget(landmark, k);
+  EXPECT_EQ(story.map.landmark(landmark).seen.size(), 3U);
+  EXPECT_LT(story.map.landmark(landmark).seen.capacity(), 12U);
+}
+
 TEST(LandmarkMap, fuses_two_landmarks_into_one_that_every_keyframe_sees_once) {
   Story story;
   const int a = story.keyframe(), b = story.keyframe(), c = story.keyframe();
@@ -103,6 +114,22 @@ TEST(Culling, holds_the_bound_on_keyframes_at_the_least_loss) {
   EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), 7);
   story.map.remove_keyframe(7, heir_of(story.map, 7));
   EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
+}
+
+TEST(Culling, thins_a_trajectory_that_is_too_long_but_leaves_every_keyframe_a_frame) {
+  Story story;
+  const int a = story.keyframe(), b = story.keyframe();
+  story.map.keyframe(a).frames.push_back(anchored(Stamp{1}, View()));
+  for (int i = 2; i < 9; ++i) story.map.keyframe(b).frames.push_back(anchored(Stamp{i}, View()));
+  EXPECT_EQ(thin_frames(story.map, 8), 8U) << "no longer than it may be";
+  EXPECT_EQ(thin_frames(story.map, 7), 5U);
+  EXPECT_EQ(story.map.keyframe(a).frames.size(), 1U);
+  std::vector<std::int64_t> stamps;
+  for (const AnchoredFrame& frame : story.map.keyframe(b).frames) stamps.push_back(frame.stamp.ns);
+  EXPECT_THAT(stamps, testing::ElementsAre(2, 4, 6, 8));
+  EXPECT_EQ(thin_frames(story.map, 1), 3U);
+  EXPECT_EQ(thin_frames(story.map, 1), 2U);
+  EXPECT_EQ(thin_frames(story.map, 1), 2U) << "one for each keyframe";
 }
 
 }  // namespace

@@ -97,6 +97,20 @@ int heir_of(const LandmarkMap& map, int keyframe) {
   return heir;
 }
 
+std::size_t thin_frames(LandmarkMap& map, std::size_t most) {
+  std::size_t count = 0;
+  for (const Keyframe& keyframe : map.keyframes) count += keyframe.frames.size();
+  if (count <= most) return count;
+  count = 0;
+  for (Keyframe& keyframe : map.keyframes) {
+    std::vector<AnchoredFrame> kept;
+    kept.reserve((keyframe.frames.size() + 1) / 2);
+    for (std::size_t i = 0; i < keyframe.frames.size(); i += 2) kept.push_back(keyframe.frames[i]);
+    keyframe.frames = std::move(kept), count += keyframe.frames.size();
+  }
+  return count;
+}
+
 void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const std::vector<Match>& matches, const Pyramid& picture,
                      const View& view) {
   constexpr int kCell = 8;

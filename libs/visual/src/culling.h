@@ -16,6 +16,10 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
 // Who inherits a keyframe's frames: who shares most landmarks with it, or else comes next in its session; -1: it is alone.
 int heir_of(const LandmarkMap& map, int keyframe);
 
+// Of the trajectory, where it has more than `most` frames, each keyframe keeps every second one (its first one always), so that in the end
+// the oldest are the farthest apart. Answers how many there are then.
+std::size_t thin_frames(LandmarkMap& map, std::size_t most);
+
 // Landmarks of these keyframes that the picture shows where it shows one of `matches`, at the same depth, are one with it.
 void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const std::vector<Match>& matches, const Pyramid& picture,
                      const View& view);

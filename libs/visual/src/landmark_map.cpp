@@ -22,6 +22,12 @@ int put(std::vector<Thing>& things, std::vector<int>& free, Thing thing) {
 
 void strike(std::vector<int>& list, int id) { list.erase(std::remove(list.begin(), list.end(), id), list.end()); }
 
+// A landmark lives for hours, and would keep room for the most keyframes that ever saw it at once.
+void give_back_room(std::vector<Observation>& seen) {
+  constexpr std::size_t kSpare = 4;
+  if (seen.capacity() > 2 * seen.size() + kSpare) seen.shrink_to_fit();
+}
+
 }  // namespace
 
 AnchoredFrame anchored(Stamp stamp, const View& frame_from_keyframe) {
@@ -70,6 +76,7 @@ void LandmarkMap::see(int id, const Observation& observation) {
 void LandmarkMap::forget(int id, int number) {
   auto& seen = landmark(id).seen;
   seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
+  give_back_room(seen);
   strike(keyframe(number).landmarks, id);
   if (seen.empty() || (seen.size() == 1 && monocular && !landmark(id).lent && seen.front().sighting.inverse_depth_sigma <= 0.0))
     remove_landmark(id);

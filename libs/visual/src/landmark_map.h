@@ -58,11 +58,11 @@ inline constexpr std::size_t kSettled = 3;  // keyframes that see a landmark who
 // Whether it may tell where a camera is that knows nothing else.
 inline bool is_known(const Landmark& landmark) { return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled; }
 
-// A frame, and where it is seen from a keyframe: it moves with it. Small, since every frame has one for ever.
+// A frame, and where it is seen from a keyframe: it moves with it. Small and not padded, since every frame has one for hours.
 struct AnchoredFrame {
   Stamp stamp;
-  Eigen::Vector3f centre;  // of the camera, in the keyframe's
-  Eigen::Vector4f turn;    // keyframe_from_frame, a quaternion x, y, z, w
+  Eigen::Vector3f centre;                             // of the camera, in the keyframe's
+  Eigen::Matrix<float, 4, 1, Eigen::DontAlign> turn;  // keyframe_from_frame, a quaternion x, y, z, w
 };
 AnchoredFrame anchored(Stamp stamp, const View& frame_from_keyframe);
 View frame_from_keyframe(const AnchoredFrame& frame);

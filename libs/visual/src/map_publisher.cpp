@@ -198,8 +198,9 @@ void MapPublisher::publish_lent(const LandmarkMap& map, PublishedDetail detail) 
   lent_.resize(std::max(lent_.size(), map.landmarks.size()));
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
-    if (landmark.gone || !landmark.lent || landmark.seen.size() < least_seen) continue;
     SentLandmark& sent = lent_[slot];
+    if (landmark.gone || !landmark.lent) sent = {};
+    if (landmark.gone || !landmark.lent || landmark.seen.size() < least_seen) continue;
     if (sent.part < 0 || sent.serial != landmark.serial) sent = {landmark.serial, 0, 0, Eigen::Vector3i::Zero(), {}};
     std::vector<std::uint32_t> now;
     std::map<int, LandmarkChange> told;  // by part

@@ -41,7 +41,8 @@ struct VisualClient::State : Follower {
   std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
   std::size_t reference_landmarks = 0;
   int sessions_begun = 0;
-  int without_depth = 0;  // frames that could not begin a map, for all that they show
+  std::size_t frames = 0;  // of the trajectory, at most
+  int without_depth = 0;   // frames that could not begin a map, for all that they show
   bool noted_delay = false;
   Stamp lost_stamp;  // the last frame that was lost
   std::optional<Straightening> straightening;
@@ -220,6 +221,7 @@ struct VisualClient::State : Follower {
     last_stamp = stamp, last_way = way, lost_s = 0.0, lost_stamp = stamp;
     exchange.clear();
     map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
+    if (const auto most = static_cast<std::size_t>(options.memory.frames); ++frames > most) frames = thin_frames(map, most);
     return {TrackState::tracked, pose_of(view), static_cast<int>(matches.size()), keyframe, session};
   }
 

@@ -77,12 +77,14 @@ struct MemoryOptions {
   double redundant_share = 0.9;
   int redundant_views = 3;
   double found_share = 0.25;
+  int frames = 500000;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("keyframes", keyframes, 20, 100000, "kept at most: those go first whose landmarks others see too");
     v.fraction("redundant_share", redundant_share, "a keyframe goes where others see so many of its landmarks");
     v.integer("redundant_views", redundant_views, 1, 100, "so many others, as finely as it does");
     v.fraction("found_share", found_share, "a landmark goes that is found less often than this where it is looked for");
+    v.integer("frames", frames, 1000, 100000000, "of the trajectory, kept at most (40 bytes each): of more, every second one goes");
   }
 };
 

@@ -111,8 +111,9 @@ class VisualClient {
   std::vector<AdoptedFrame> adopted() const;  // sessions whose map began with an answer, by session
 
   std::vector<SeenLandmark> seen() const;
-  std::vector<PlacedFrame> trajectory() const;  // of frames that were tracked, as their keyframes stand now; by stamp
-  std::vector<PlacedFrame> keyframes() const;   // that are kept; by stamp
+  // Of frames that were tracked, as their keyframes stand now; by stamp. After hours fewer of those long ago (MemoryOptions::frames).
+  std::vector<PlacedFrame> trajectory() const;
+  std::vector<PlacedFrame> keyframes() const;  // that are kept; by stamp
   std::vector<MappedLandmark> landmarks() const;
   std::vector<int> sessions() const;       // that are apart; the lowest number of those that became one stands for all
   std::vector<ClosedLoop> loops() const;   // by stamp; one that is not applied yet is not among them
