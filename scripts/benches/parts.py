@@ -94,7 +94,7 @@ def endurance_team():
     servers = [row for row in rows if row[1] == "server"]
 
     def held(minute):
-        return " and ".join(row[3] for row in clients if row[0] == minute)
+        return " and ".join(row[3] for row in sorted(clients, key=lambda row: row[1]) if row[0] == minute)
 
     early, late = servers[len(servers) // 6], servers[-1]
     return (f"minute {early[0]}: the clients hold {held(early[0])} MB, the server {early[2]} MB of {early[4]} keyframes; minute {late[0]}: "
