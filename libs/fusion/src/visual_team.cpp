@@ -352,10 +352,11 @@ class Team {
     for (const Found& found : found_)
       if (extent != Extent::free || is_free_[found.keyframe]) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
+    const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const matching::Pinhole& camera = keyframes_[i].content->camera;
       bundle.cameras.push_back({camera.fx, camera.fy, camera.cx, camera.cy});
-      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), i == 0 || !is_free_[i]});
+      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
     for (const graph::BundleTie& tie : straightened_)

@@ -56,8 +56,8 @@ struct ServerOptions {
     v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
     v.integer(
         "judged_pairs", judged_pairs, 1, 1000000,
-        "of one map's keyframes with those of all others that a joining compares, shared out evenly; at most fusion.visual.most_pairs, at "
-        "least 12 for each other map");
+        "of one map's keyframes with those of all others, shared out evenly, that a joining compares where it does not go on from the one "
+        "before: the first, now and then, and of single cameras; at most fusion.visual.most_pairs, at least 12 for each other map");
     v.positive("far_m", far_m, "landmarks farther from a camera are not lent");
     v.positive("correct_m", correct_m, "clients hear where the team has their keyframes when those are off by more (root mean square)");
     v.non_negative(
