@@ -62,7 +62,7 @@ def write_readme(name, text):
 
 def readme_rows(name, headers):
     """The cells of the first table between <!-- bench:name --> and <!-- /bench -->, by their first one; none where its columns are others."""
-    found = re.search(rf"<!-- bench:{name} -->\n((?:\|.*\n)*).*?<!-- /bench -->", (ROOT / "README.md").read_text(), re.DOTALL)
+    found = re.search(rf"<!-- bench:{name} -->\n((?:\|[^\n]*\n)*)", (ROOT / "README.md").read_text(), re.DOTALL)
     lines = [[cell.strip() for cell in line.strip("|").split(" |")] for line in found.group(1).splitlines() if line.startswith("|")] if found else []
     return {cells[0]: cells for cells in lines[2:]} if lines and lines[0] == list(headers) else {}
 
