@@ -135,6 +135,8 @@ class Fusing {
     std::vector<PairJoin*> strongest = joins;
     std::stable_sort(strongest.begin(), strongest.end(),
                      [](const PairJoin* l, const PairJoin* r) { return l->witnesses() > r->witnesses(); });
+    if (const LaserTeam* lasers = judging_.lasers().team_of(members.front()); lasers != nullptr && lasers->maps == members)
+      return placed_by_lasers(*lasers);
     std::vector<const PairJoin*> branches;
     Placement placement{members, along_tree(members.size(), strongest, local, branches)};
     bool revoked = false;
@@ -156,13 +158,46 @@ class Fusing {
         terms.push_back(join_of(*join, maps_, seen_, placement.team_from_map, local(join->a), local(join->b)));
       const JointTransforms solution = solve_joint_transforms(members.size(), terms, start);
       for (std::size_t i = 0; i < joins.size(); ++i)
-        if (solution.switches[i] < 0.5) {
+        if (solution.switches[i] < 0.5 && !joins[i]->is_matched_by_lasers) {
           revoke(*joins[i]);
           revoked = true;
         }
       for (std::size_t i = 0; i < members.size(); ++i) placement.team_from_map[i].pose = spatial(solution.team_from_map[i]);
     }
     return revoked ? std::nullopt : std::optional(placement);
+  }
+
+  Placement placed_by_lasers(const LaserTeam& team) const {
+    Placement placement{team.maps, {}};
+    for (const std::size_t m : team.maps) {
+      const Pose2& first = team.solved.pose_of(judging_.lasers().graph().number(m, 0));
+      placement.team_from_map.push_back({spatial(compose(first, inverse(maps_[m].map_from_submap.front()))), 1.0});
+    }
+    return placement;
+  }
+
+  // Where the team's graph of submaps puts each node of a map that lasers matched to others, by the submap that it is in or comes after;
+  // the team lies as the placement has its first map. Empty for a map that was matched to none.
+  std::vector<Pose2> as_bent(std::size_t number, const Placement& placement) const {
+    const LaserTeam* lasers = judging_.lasers().team_of(number);
+    if (lasers == nullptr || lasers->maps.size() < 2) return {};
+    const SubmapGraph& graph = judging_.lasers().graph();
+    const PreparedMap &map = maps_[number], &first = maps_[lasers->maps.front()];
+    const auto place = std::lower_bound(placement.members.begin(), placement.members.end(), lasers->maps.front());
+    const Pose2 there = planar(placement.team_from_map[static_cast<std::size_t>(place - placement.members.begin())].pose);
+    const Pose2& first_submap = lasers->solved.pose_of(graph.number(lasers->maps.front(), 0));
+    const Pose2 team_from_lasers = compose(there, compose(first.map_from_submap.front(), inverse(first_submap)));
+    std::vector<Pose2> team_from_map;  // by each submap
+    for (std::size_t s = 0; s < map.submaps.size(); ++s)
+      team_from_map.push_back(
+          compose(team_from_lasers, compose(lasers->solved.pose_of(graph.number(number, s)), inverse(map.map_from_submap[s]))));
+    std::vector<Pose2> result;
+    std::size_t current = 0;
+    for (const auto& [id, node] : map.map->nodes) {
+      while (current + 1 < map.submaps.size() && !(id < map.submaps[current + 1]->anchor())) ++current;
+      result.push_back(compose(team_from_map[current], planar(node.map_from_node)));
+    }
+    return result;
   }
 
   bool knows_lengths(std::size_t member) const { return !maps_[member].map->submaps.empty() || seen_[member].is_metric(); }
@@ -260,9 +295,14 @@ class Fusing {
       const double scale = placement.team_from_map[i].scale;
       const Map grown = scale != 1.0 ? in_lengths(own, scale) : Map();
       const Map& map = scale != 1.0 ? grown : own;
+      const std::vector<Pose2> bent = members.size() > 1 ? as_bent(members[i], placement) : std::vector<Pose2>();
+      std::size_t k = 0;
       for (const auto& [id, node] : map.nodes) {
         Node moved = node;
-        moved.map_from_node = compose(placement.team_from_map[i].pose, node.map_from_node);
+        if (bent.empty())
+          moved.map_from_node = compose(placement.team_from_map[i].pose, node.map_from_node);
+        else
+          moved.map_from_node = compose(compose(spatial(bent[k++]), inverse(spatial(planar(node.map_from_node)))), node.map_from_node);
         nodes.emplace_back(id, std::move(moved));
       }
       for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
@@ -278,19 +318,30 @@ class Fusing {
       add_all(team, std::move(constraints));
       return;
     }
+    for (const LaserTeam& lasers : judging_.lasers().teams())
+      if (std::binary_search(members.begin(), members.end(), lasers.maps.front()))
+        for (const SubmapMatch& match : lasers.matches) constraints.push_back(constraint_of(match));
     for (const PairJoin& pair : pairs_) {
       if (!pair.is_accepted() || !std::binary_search(members.begin(), members.end(), pair.a)) continue;
-      for (const auto& w : pair.result.witnesses) constraints.push_back(tie_of(w, maps_[pair.a], maps_[pair.b]));
       for (const auto& w : pair.seen)
         constraints.push_back(tie_of(w, seen_[pair.a], seen_[pair.b], scale_of(placement, pair.a), scale_of(placement, pair.b)));
     }
     add_all(team, std::move(constraints));
     graph::optimise(team, options_.solve);
-    add_all(team, neighbours(members, team));
-    graph::optimise(team, options_.solve);
     add_all(team, matching::rematch(team, options_.rematch, pool_));
     graph::optimise(team, options_.solve);
     back_to_lowest(*maps_[members.front()].map, team);
+  }
+
+  Constraint constraint_of(const SubmapMatch& match) const {
+    const SubmapGraph& graph = judging_.lasers().graph();
+    Witness witness;
+    witness.judgement.id = match.judgement;
+    witness.submap_a = graph.submap_of(match.from);
+    witness.submap_b = graph.submap_of(match.to);
+    witness.submap_a_from_submap_b = match.from_from_to;
+    witness.submap_information = match.information;
+    return tie_of(witness, maps_[graph.map_of(match.from)], maps_[graph.map_of(match.to)]);
   }
 
   static double scale_of(const Placement& placement, std::size_t member) {
@@ -311,45 +362,6 @@ class Fusing {
     const auto& [first, node] = first_within(lowest, team);
     const Pose3 shift = compose(node.map_from_node, inverse(team.nodes.find(first)->map_from_node));
     for (auto& entry : team.nodes) entry.second.map_from_node = compose(shift, entry.second.map_from_node);
-  }
-
-  // Submaps of different maps that lie near each other now say so too.
-  std::vector<Constraint> neighbours(const std::vector<std::size_t>& members, const Map& team) {
-    std::vector<Constraint> ties;
-    for (std::size_t m = 0; m < members.size(); ++m)
-      for (std::size_t n = m + 1; n < members.size(); ++n) {
-        const PreparedMap &a = maps_[members[m]], &b = maps_[members[n]];
-        const auto pose = [&](const PreparedMap& map, std::size_t i) {
-          return planar(team.nodes.find(map.submaps[i]->anchor())->map_from_node);
-        };
-        const auto centre = [&](const PreparedMap& map, std::size_t i) {
-          const Pose2 moved = compose(pose(map, i), inverse(map.map_from_submap[i]));
-          const double c = std::cos(moved.phi), s = std::sin(moved.phi);
-          return std::make_pair(moved.x + c * map.centres[i].x - s * map.centres[i].y,
-                                moved.y + s * map.centres[i].x + c * map.centres[i].y);
-        };
-        std::vector<Question> questions;
-        for (const auto j : b.representatives) {
-          const auto [bx, by] = centre(b, j);
-          std::vector<std::pair<double, std::size_t>> near;
-          for (const auto i : a.representatives) {
-            const auto [ax, ay] = centre(a, i);
-            const double apart = std::hypot(ax - bx, ay - by);
-            if (apart < 8.0) near.emplace_back(apart, i);
-          }
-          std::sort(near.begin(), near.end());
-          if (near.size() > static_cast<std::size_t>(options_.neighbours_per_submap))
-            near.resize(static_cast<std::size_t>(options_.neighbours_per_submap));
-          for (const auto& candidate : near)
-            questions.push_back({candidate.second, j, {between(pose(a, candidate.second), pose(b, j)), 0.6, 0.06}});
-        }
-        for (const auto& w : judging_.ask(members[m], members[n], questions)) {
-          if (!w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options_.min_probability &&
-              input_.vetoed.count(w.judgement.id) == 0)
-            ties.push_back(tie_of(w, a, b));
-        }
-      }
-    return ties;
   }
 
   const FusionInput& input_;

@@ -1,5 +1,5 @@
 #pragma once
-// Stages 1 to 3 of fuse() for one pair of maps: which submaps look alike, what the judge says of them, and whether that is enough to join.
+// A map made ready for matching, and what is known of a pair of maps.
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/fuse.h>
@@ -15,10 +15,12 @@ struct PreparedMap {
   std::vector<const Submap*> submaps;  // frozen ones, in id order
   std::vector<Pose2> map_from_submap;
   std::vector<matching::Point2f> centres;  // of walls, in the map's frame
-  std::vector<std::vector<matching::RingKey>> keys;
+  std::vector<std::vector<matching::RingKey>> keys, far_keys;
   std::vector<float> radii_m;
+  std::vector<Hash> fingerprints;  // of the walls: names play no part
   std::vector<std::size_t> representatives;  // numbers of submaps: what the first search compares
   bool is_grid = false;
+  double walls_m = 0.0;  // length of all walls, each place counted once (cells of 0.1 m, by the side that they face)
 };
 
 PreparedMap prepare(const Map&, matching::ModelCache&, double stride_m, WorkerPool&);
@@ -32,32 +34,10 @@ struct Witness {
   Pose2 submap_a_from_submap_b;
 };
 
-// What to judge next; answered from the memo where it was judged before.
-struct Question {
-  std::size_t submap_a, submap_b;
-  matching::WideWindow a_from_b;  // of submap a and b, whatever their ids
-};
-
-class Judge {
- public:
-  Judge(const FusionOptions& options, matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
-      : options_(options), cache_(cache), memo_(memo), pool_(pool) {}
-  // In the order of the questions. Not thread-safe; works in parallel within.
-  std::vector<Witness> ask(const PreparedMap& a, const PreparedMap& b, const std::vector<Question>& questions);
-
- private:
-  const FusionOptions& options_;
-  matching::ModelCache& cache_;
-  Memo& memo_;
-  WorkerPool& pool_;
-};
-
 struct PairResult {
   Verdict verdict;
   std::vector<Witness> witnesses;  // that hold, where the verdict accepts
   std::vector<Hash> judged;
 };
-
-PairResult decide(const PreparedMap& a, const PreparedMap& b, const FusionInput& input, const FusionOptions& options, Judge& judge);
 
 }  // namespace mapweave::fusion

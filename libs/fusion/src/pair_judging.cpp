@@ -35,7 +35,6 @@ PairJudging::PairJudging(const FusionInput& input, const FusionOptions& options,
       options_(options),
       pool_(pool),
       cache_(static_cast<std::size_t>(options.cache_mb) << 20),
-      judge_(options_, cache_, memo, pool),
       visual_judge_(options_.visual, input, memo, pool),
       memo_(memo) {}
 
@@ -57,10 +56,30 @@ std::vector<Judgement> PairJudging::judgements() {
 }
 
 std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
+  std::set<std::pair<std::size_t, std::size_t>> refused;
+  std::map<std::pair<std::size_t, std::size_t>, Verdict> why;
+  for (;;) {
+    lasers_.emplace(maps_, input_, options_, refused, cache_, memo_, pool_);
+    lasers_->run(progress);
+    judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
+    std::vector<PairJoin> pairs = compare_all(progress);
+    // What lasers believe and cameras contradict is taken back, and the lasers decide again without it.
+    const std::size_t before = refused.size();
+    for (const PairJoin& pair : pairs)
+      if (!pair.is_accepted() && pair.is_matched_by_lasers && refused.emplace(pair.a, pair.b).second)
+        why[{pair.a, pair.b}] = pair.result.verdict;
+    if (refused.size() > before) continue;
+    for (PairJoin& pair : pairs)
+      if (const auto verdict = why.find({pair.a, pair.b}); verdict != why.end() && !pair.is_accepted()) pair.result.verdict = verdict->second;
+    return pairs;
+  }
+}
+
+std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
   std::vector<PairJoin> pairs;
   const std::size_t count = maps_.size() * (maps_.size() - (maps_.empty() ? 0 : 1)) / 2;
   if (count == 0) return pairs;
-  const int task = progress.begin("comparing maps", count, "pairs of maps");
+  const int task = progress.begin("deciding", count, "pairs of maps");
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b) {
       Stopwatch watch;
@@ -93,14 +112,19 @@ void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
   }
 }
 
+VisualPairResult PairJudging::seen_by_cameras(std::size_t a, std::size_t b) {
+  auto questions = growth_->questions(a, b);
+  if (!questions) questions.emplace().first = hearsay_->pairs(a, b);
+  return decide(seen_[a], seen_[b], *questions, input_, options_, visual_judge_);
+}
+
 PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
   PairJoin join{a, b, {}, {}, {}};
   const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
-  if (lasers || !cameras) join.result = decide(maps_[a], maps_[b], input_, options_, judge_);
+  if (lasers || !cameras) join.result = lasers_->result_of(a, b);
+  join.is_matched_by_lasers = !join.result.witnesses.empty();
   if (!cameras) return join;
-  auto questions = growth_->questions(a, b);
-  if (!questions) questions.emplace().first = hearsay_->pairs(a, b);
-  VisualPairResult seen = decide(seen_[a], seen_[b], *questions, input_, options_, visual_judge_);
+  VisualPairResult seen = seen_by_cameras(a, b);
   join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
   join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
   join.repetition = std::move(seen.repetition);
@@ -162,20 +186,23 @@ void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
     return static_cast<std::size_t>(map - maps_.begin());
   };
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const std::size_t one = index_of(pairs[i].first), other = index_of(pairs[i].second);
-    MAPWEAVE_EXPECT(one != other, "a pair has two maps");
-    const auto ids = compared(std::min(one, other), std::max(one, other)).result.judged;
-    judged_.insert(judged_.end(), ids.begin(), ids.end());
+  std::vector<std::pair<std::size_t, std::size_t>> numbers;
+  for (const auto& [one, other] : pairs) {
+    numbers.push_back(std::minmax(index_of(one), index_of(other)));
+    MAPWEAVE_EXPECT(numbers.back().first != numbers.back().second, "a pair has two maps");
+  }
+  lasers_.emplace(maps_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);
+  lasers_->judge_first(numbers);
+  judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    const auto [a, b] = numbers[i];
+    if (!seen_[a].empty() && !seen_[b].empty()) {
+      const auto ids = seen_by_cameras(a, b).judged;
+      judged_.insert(judged_.end(), ids.begin(), ids.end());
+    }
     progress.advance(task, i + 1);
   }
   progress.end(task);
-}
-
-std::vector<Witness> PairJudging::ask(std::size_t a, std::size_t b, const std::vector<Question>& questions) {
-  std::vector<Witness> answers = judge_.ask(maps_[a], maps_[b], questions);
-  for (const Witness& answer : answers) judged_.push_back(answer.judgement.id);
-  return answers;
 }
 
 bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {

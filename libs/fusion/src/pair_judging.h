@@ -2,6 +2,7 @@
 // The first half of fuse(): maps made ready, and each two of them judged by all senses that both have.
 
 #include "growth.h"
+#include "laser/laser_team.h"
 #include "map_pair.h"
 #include "repetition.h"
 
@@ -15,6 +16,7 @@ struct PairJoin {
   PairResult result;
   std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
   Repetition repetition;
+  bool is_matched_by_lasers = false;  // whatever cameras say
   bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
   std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
 };
@@ -31,13 +33,15 @@ class PairJudging {
   const Hearsay& hearsay() const { return *hearsay_; }
 
   std::vector<PairJoin> all_pairs(Progress& progress);
+  const LaserMerger& lasers() const { return *lasers_; }  // after all_pairs()
   void judge(const std::vector<MapPair>& pairs, Progress& progress);
-  std::vector<Witness> ask(std::size_t a, std::size_t b, const std::vector<Question>& questions);
   std::vector<Judgement> judgements();  // that were asked for, sorted by id
 
  private:
   void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
+  std::vector<PairJoin> compare_all(Progress& progress);
   PairJoin compared(std::size_t a, std::size_t b);
+  VisualPairResult seen_by_cameras(std::size_t a, std::size_t b);
   Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
   double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b);
 
@@ -45,13 +49,13 @@ class PairJudging {
   const FusionOptions options_;
   WorkerPool& pool_;
   matching::ModelCache cache_;
-  Judge judge_;
   VisualJudge visual_judge_;
   Memo& memo_;
   std::vector<PreparedMap> maps_;
   std::deque<VisualMap> seen_;
   std::optional<Hearsay> hearsay_;
   std::optional<Growth> growth_;
+  std::optional<LaserMerger> lasers_;
   std::vector<Hash> judged_;
 };
 

@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/maps/alignment.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/scan_matcher.h>
 
@@ -162,7 +163,8 @@ Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b
   return evidence;
 }
 
-Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow& window, const JudgeOptions& options) {
+Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow& window, const JudgeOptions& options,
+                  Field field) {
   Hasher hasher;
   hasher.add("submap judge 1").add(content_a).add(content_b);
   for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad, options.min_score,
@@ -170,13 +172,14 @@ Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow
                    options.max_second_best, options.min_observability, options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers,
                    options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
     hasher.add(v);
+  if (field == Field::b) hasher.add("field b");
   return hasher.finish();
 }
 
-Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options) {
-  MAPWEAVE_EXPECT(a.id < b.id, "a judgement names the lower submap first");
+namespace {
+
+Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options) {
   Judgement judgement;
-  judgement.id = judgement_id(a.content, b.content, window, options);
   judgement.a = a.id, judgement.b = b.id;
   judgement.content_a = a.content, judgement.content_b = b.content;
   judgement.doubt = Reason::little_overlap;
@@ -237,6 +240,27 @@ Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& wind
   judgement.doubt = doubt_of(best, options);
   judgement.probability = probability_of(best);
   if (judgement.doubt != Reason::none) judgement.probability *= 0.1;
+  return judgement;
+}
+
+// The same, seen from the other side.
+Judgement inverse(Judgement judgement) {
+  std::swap(judgement.a, judgement.b);
+  std::swap(judgement.content_a, judgement.content_b);
+  std::swap(judgement.evidence.longest_contradiction_m[0], judgement.evidence.longest_contradiction_m[1]);
+  for (Alignment& alignment : judgement.hypotheses) alignment = mapweave::inverse(alignment);
+  return judgement;
+}
+
+}  // namespace
+
+Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options, Field field) {
+  MAPWEAVE_EXPECT(a.id < b.id, "a judgement names the lower submap first");
+  WideWindow turned = window;
+  turned.a_from_b = mapweave::inverse(window.a_from_b);
+  Judgement judgement =
+      field == Field::a ? judge_in_field_of_a(a, b, window, options) : inverse(judge_in_field_of_a(b, a, turned, options));
+  judgement.id = judgement_id(a.content, b.content, window, options, field);
   return judgement;
 }
 

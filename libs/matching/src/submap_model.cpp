@@ -233,29 +233,34 @@ void SubmapModel::build_pyramid() {
   }
 }
 
+RingKey SubmapModel::key_at(const Pose2& pose, double ring_m) const {
+  RingKey key;
+  key.centre = {static_cast<float>(pose.x), static_cast<float>(pose.y)};
+  for (const auto& wall : walls_) {
+    const int ring = static_cast<int>(std::hypot(wall.x - pose.x, wall.y - pose.y) / ring_m);
+    if (ring < RingKey::kRings) key.walls[static_cast<std::size_t>(ring)] += 1.0F;
+  }
+  // Share of the ring's circumference that is wall, compressed: many rings see few walls, and those tell most.
+  for (int ring = 0; ring < RingKey::kRings; ++ring) {
+    auto& value = key.walls[static_cast<std::size_t>(ring)];
+    value = std::sqrt(value * static_cast<float>(WallField::kCellSide / (2.0 * M_PI * (ring + 0.5) * ring_m)));
+  }
+  return key;
+}
+
 void SubmapModel::describe() {
   std::optional<Pose2> last;
   for (const auto& pose : path_) {
     if (last && std::hypot(pose.x - last->x, pose.y - last->y) < kViewpointStep_m) continue;
     last = pose;
-    RingKey key;
-    key.centre = {static_cast<float>(pose.x), static_cast<float>(pose.y)};
-    for (const auto& wall : walls_) {
-      const int ring = static_cast<int>(std::hypot(wall.x - pose.x, wall.y - pose.y) / RingKey::kRing_m);
-      if (ring < RingKey::kRings) key.walls[static_cast<std::size_t>(ring)] += 1.0F;
-    }
-    // Share of the ring's circumference that is wall, compressed: many rings see few walls, and those tell most.
-    for (int ring = 0; ring < RingKey::kRings; ++ring) {
-      auto& value = key.walls[static_cast<std::size_t>(ring)];
-      value = std::sqrt(value * static_cast<float>(WallField::kCellSide / (2.0 * M_PI * (ring + 0.5) * RingKey::kRing_m)));
-    }
-    ring_keys_.push_back(key);
+    ring_keys_.push_back(key_at(pose, RingKey::kRing_m));
+    far_keys_.push_back(key_at(pose, RingKey::kFarRing_m));
   }
 }
 
 std::size_t SubmapModel::bytes() const {
   std::size_t sum = field_.bytes() + sight_.bytes() + walls_.capacity() * sizeof(WallPoint) + query_.capacity() * sizeof(Point2f) +
-                    ring_keys_.capacity() * sizeof(RingKey) + path_.capacity() * sizeof(Pose2);
+                    (ring_keys_.capacity() + far_keys_.capacity()) * sizeof(RingKey) + path_.capacity() * sizeof(Pose2);
   for (const auto& level : pyramid_) sum += level.bytes();
   return sum;
 }

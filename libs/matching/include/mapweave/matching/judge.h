@@ -51,11 +51,15 @@ struct SubmapView {
 // What speaks for and against an alignment: rays of each against walls of the other. Scores and verifier are left at zero.
 Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b);
 
+// Whose walls make the likelihood field; the walls of the other are laid into it. A judgement depends on it a little, so whoever wants
+// judgements that do not depend on names chooses by content.
+enum class Field : std::uint8_t { a, b };
+
 // Identity of a judgement before it is made.
-Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow&, const JudgeOptions&);
+Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow&, const JudgeOptions&, Field = Field::a);
 
 // a.id < b.id. Always returns a judgement; one that found nothing has no hypotheses and probability 0.
-Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow&, const JudgeOptions& = {});
+Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow&, const JudgeOptions& = {}, Field = Field::a);
 
 // The independent second verifier (PCL): iterative closest point of wall points whose normals agree, started at the alignment. nullopt
 // where there are too few points.

@@ -17,6 +17,7 @@ enum class Sight : std::uint8_t { unknown = 0, free = 1, wall = 2 };
 struct RingKey {
   static constexpr int kRings = 24;
   static constexpr double kRing_m = 0.5;
+  static constexpr double kFarRing_m = 1.5;  // of SubmapModel::far_keys()
   std::array<float, kRings> walls{};
   Point2f centre{};
 };
@@ -38,6 +39,7 @@ class SubmapModel {
   // less than 4^k cells. Level 0 is the likelihood itself, at 10 cm.
   const std::array<Raster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
   const std::vector<RingKey>& ring_keys() const { return ring_keys_; }
+  const std::vector<RingKey>& far_keys() const { return far_keys_; }  // the same with wider rings: halls, and outdoors
   const std::vector<Point2f>& query() const { return query_; }  // at most 200 wall points, spread evenly, for searching
   // Of the walls: middle, and distance of the farthest from it.
   Point2f centre() const { return centre_; }
@@ -51,13 +53,14 @@ class SubmapModel {
   void find_walls();
   void build_pyramid();
   void describe();
+  RingKey key_at(const Pose2& submap_from_viewpoint, double ring_m) const;
 
   WallField field_;
   Raster<Sight> sight_;
   std::vector<WallPoint> walls_;
   std::vector<Point2f> query_;
   std::array<Raster<std::uint8_t>, kLevels> pyramid_;
-  std::vector<RingKey> ring_keys_;
+  std::vector<RingKey> ring_keys_, far_keys_;
   std::vector<Pose2> path_;
   std::size_t known_cells_ = 0;
   Point2f centre_{};

@@ -1,0 +1,202 @@
+#include "constraint_search.h"
+
+#include <mapweave/maps/alignment.h>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace mapweave::fusion {
+namespace {
+
+constexpr double kNear_m = 6.0;         // between the middles of submaps that should show the same, at least
+constexpr double kFarthest_m = 14.0;    // the same, where both see far
+constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
+constexpr double kSure_m = 0.7;         // standard deviation up to which a window is narrow
+constexpr double kWidest_m = 6.0, kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
+constexpr double kFarthestReach_m = 50.0;
+constexpr double kWindowSigmas = 3.0;
+constexpr std::size_t kNearest = 3, kNearestWide = 2, kAlikeWide = 3;  // candidates of a submap
+constexpr std::size_t kBeside = 6;      // submaps from a match along both trajectories where another may confirm it
+constexpr std::size_t kFewestLooks = 6;
+
+double position_sigma(const Eigen::Matrix3d& covariance) {
+  const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)), difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
+  return std::sqrt(std::max(0.0, half + std::sqrt(difference * difference + covariance(0, 1) * covariance(0, 1))));
+}
+
+std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
+
+}  // namespace
+
+double inconsistency(const SubmapMatch& one, const SubmapMatch& other, const SolvedSubmaps& from_side,
+                     graph::RelativeCovariance& from_covariance, const SolvedSubmaps& to_side, graph::RelativeCovariance& to_covariance) {
+  // Around the cycle: from -> other.from -> other.to -> to.
+  const auto from = static_cast<std::uint32_t>(from_side.place_of(one.from)), other_from = static_cast<std::uint32_t>(from_side.place_of(other.from));
+  const auto to = static_cast<std::uint32_t>(to_side.place_of(one.to)), other_to = static_cast<std::uint32_t>(to_side.place_of(other.to));
+  const Pose2 there = between(from_side.team_from_submap[from], from_side.team_from_submap[other_from]);
+  const Pose2 back = between(to_side.team_from_submap[other_to], to_side.team_from_submap[to]);
+  const Pose2 rest = compose(other.from_from_to, back);
+  const Pose2 error = between(one.from_from_to, compose(there, rest));
+  const Eigen::Matrix3d carry_there = adjoint(inverse(rest)), carry_other = adjoint(inverse(back));
+  const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal();
+  const Eigen::Matrix3d covariance = one.information.inverse() + floor +
+                                     carry_other * (other.information.inverse() + floor) * carry_other.transpose() +
+                                     carry_there * from_covariance.between(from, other_from) * carry_there.transpose() +
+                                     to_covariance.between(other_to, to);
+  const Eigen::Vector3d e(error.x, error.y, error.phi);
+  return e.dot(covariance.ldlt().solve(e));
+}
+
+std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const SolvedSubmaps& solved, graph::RelativeCovariance& covariance,
+                                                                      const std::function<bool(std::size_t, std::size_t)>& in_scope,
+                                                                      double widest_m, const ExaminedPairs& examined) const {
+  const bool is_wide = widest_m > 0.0;
+  std::vector<Eigen::Vector2d> middles;
+  for (std::size_t k = 0; k < solved.submaps.size(); ++k) {
+    const std::size_t s = solved.submaps[k];
+    middles.push_back(middle_of(maps_[graph_.map_of(s)], graph_.submap_of(s), solved.team_from_submap[k]));
+  }
+  const double reach = is_wide ? kFarthest_m + kFarthestReach_m : kFarthest_m;
+  // Blocks, so that only what may be near is compared.
+  std::map<std::pair<int, int>, std::vector<std::size_t>> blocks;
+  const auto block_of = [&](const Eigen::Vector2d& p) {
+    return std::make_pair(matching::cell_of(p.x(), 1.0 / reach), matching::cell_of(p.y(), 1.0 / reach));
+  };
+  for (std::size_t k = 0; k < middles.size(); ++k) blocks[block_of(middles[k])].push_back(k);
+  std::vector<Candidate> result;
+  for (std::size_t kj = 0; kj < middles.size(); ++kj) {
+    const std::size_t j = solved.submaps[kj];
+    const PreparedMap& map_j = maps_[graph_.map_of(j)];
+    std::vector<std::tuple<double, double, std::size_t, double, double>> near;  // distance, likeness, place, sigma_m, sigma_rad
+    const auto block = block_of(middles[kj]);
+    for (int y = -1; y <= 1; ++y)
+      for (int x = -1; x <= 1; ++x) {
+        const auto found = blocks.find({block.first + x, block.second + y});
+        if (found == blocks.end()) continue;
+        for (const std::size_t ki : found->second) {
+          if (ki >= kj) continue;
+          const std::size_t i = solved.submaps[ki];
+          const double distance = (middles[ki] - middles[kj]).norm();
+          const PreparedMap& map_i = maps_[graph_.map_of(i)];
+          const double extent = 0.6 * (std::min(12.0, static_cast<double>(map_i.radii_m[graph_.submap_of(i)])) +
+                                       std::min(12.0, static_cast<double>(map_j.radii_m[graph_.submap_of(j)])));
+          const double near_m = std::clamp(extent, kNear_m, kFarthest_m);
+          if (distance > (is_wide ? reach : near_m) || !in_scope(i, j) || graph_.is_tied(i, j)) continue;
+          const Eigen::Matrix3d apart_by = covariance.between(static_cast<std::uint32_t>(ki), static_cast<std::uint32_t>(kj));
+          const double sigma_m = position_sigma(apart_by), sigma_rad = std::sqrt(apart_by(2, 2));
+          if (is_wide ? (sigma_m <= kSure_m || sigma_m > widest_m || distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m))
+                      : (sigma_m > kSure_m || (sigma_m < kKnown_m && sigma_rad < kKnown_rad)))
+            continue;
+          const auto before = examined.find({i, j});
+          if (before != examined.end()) {
+            const Pose2 moved = between(before->second.expected, between(solved.team_from_submap[ki], solved.team_from_submap[kj]));
+            if (std::hypot(moved.x, moved.y) < 0.5 * before->second.radius_m && std::abs(moved.phi) < 0.1) continue;
+          }
+          const double likeness =
+              is_wide ? matching::ring_distance(map_i.keys[graph_.submap_of(i)], map_j.keys[graph_.submap_of(j)]) +
+                            matching::ring_distance(map_i.far_keys[graph_.submap_of(i)], map_j.far_keys[graph_.submap_of(j)])
+                      : 0.0;
+          near.emplace_back(distance, likeness, ki, sigma_m, sigma_rad);
+        }
+      }
+    std::sort(near.begin(), near.end());
+    std::vector<std::size_t> chosen;
+    // Where hardly anything is known, the nearest are no better than others.
+    const std::size_t nearest = is_wide ? (widest_m > kWidest_m ? 0 : kNearestWide) : kNearest;
+    for (std::size_t k = 0; k < std::min(nearest, near.size()); ++k) chosen.push_back(k);
+    if (is_wide) {
+      std::vector<std::pair<double, std::size_t>> alike;
+      for (std::size_t k = chosen.size(); k < near.size(); ++k) alike.emplace_back(std::get<1>(near[k]), k);
+      std::sort(alike.begin(), alike.end());
+      for (std::size_t k = 0; k < std::min(kAlikeWide, alike.size()); ++k) chosen.push_back(alike[k].second);
+    }
+    for (const std::size_t k : chosen) {
+      const auto& [distance, likeness, ki, sigma_m, sigma_rad] = near[k];
+      matching::WideWindow window;
+      window.a_from_b = between(solved.team_from_submap[ki], solved.team_from_submap[kj]);
+      window.radius_m = std::clamp(kWindowSigmas * sigma_m, 0.5, kFarthestReach_m);
+      window.yaw_rad = std::min(M_PI, 0.04 + kWindowSigmas * sigma_rad);
+      result.push_back({{solved.submaps[ki], j, window}, !is_wide});
+    }
+  }
+  return result;
+}
+
+ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
+                                             const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds, bool is_final) {
+  ConstraintSearchResult result;
+  ExaminedPairs examined;
+  std::vector<SubmapMatch> waiting;  // of wide windows, that nothing confirmed yet
+  const auto settle = [&] {
+    result.solved = graph_.solve(members, matches);
+    std::vector<SubmapMatch> kept;
+    std::vector<double> weights;
+    for (std::size_t k = 0; k < matches.size(); ++k)
+      if (result.solved.match_weight[k] > 0.5) kept.push_back(matches[k]);
+    matches = std::move(kept);
+    result.solved.match_weight.assign(matches.size(), 1.0);
+  };
+  settle();
+  for (int round = 0; round < most_rounds; ++round) {
+    graph::RelativeCovariance covariance = result.solved.covariance();
+    bool is_wide = false;
+    std::vector<Candidate> found = candidates(result.solved, covariance, in_scope, 0.0, examined);
+    if (found.empty()) {
+      is_wide = true;
+      found = candidates(result.solved, covariance, in_scope, kWidest_m, examined);
+      if (found.empty() && is_final) found = candidates(result.solved, covariance, in_scope, kWidestFinal_m, examined);
+    }
+    if (found.empty()) break;
+    std::vector<SubmapQuestion> questions;
+    for (const Candidate& candidate : found) {
+      questions.push_back(candidate.question);
+      examined[{candidate.question.from, candidate.question.to}] = {candidate.question.from_from_to.a_from_b,
+                                                                    candidate.question.from_from_to.radius_m};
+    }
+    bool any = false;
+    for (SubmapAnswer& answer : judge_.ask(questions)) {
+      if (!is_wide) {
+        if (answer.holds)
+          ++result.supporting;
+        else if (answer.judgement.doubt == Reason::contradiction || answer.judgement.doubt == Reason::inconsistent)
+          ++result.contradicting;
+      }
+      if (!answer.holds) continue;
+      if (is_wide)
+        waiting.push_back(answer.hypotheses.front());
+      else
+        matches.push_back(answer.hypotheses.front()), any = true;
+    }
+    // A match of a wide window is believed once another one beside it says the same.
+    std::vector<SubmapMatch> still_waiting;
+    std::vector<char> confirmed(waiting.size(), false);
+    for (std::size_t a = 0; a < waiting.size(); ++a) {
+      const auto agrees = [&](const SubmapMatch& other) {
+        return (other.from != waiting[a].from || other.to != waiting[a].to) && apart(other.from, waiting[a].from) <= kBeside &&
+               apart(other.to, waiting[a].to) <= kBeside && graph_.map_of(other.from) == graph_.map_of(waiting[a].from) &&
+               graph_.map_of(other.to) == graph_.map_of(waiting[a].to) &&
+               inconsistency(waiting[a], other, result.solved, covariance, result.solved, covariance) < kConsistent;
+      };
+      confirmed[a] = std::any_of(waiting.begin(), waiting.end(), agrees) || std::any_of(matches.begin(), matches.end(), agrees);
+    }
+    for (std::size_t a = 0; a < waiting.size(); ++a) {
+      if (confirmed[a])
+        matches.push_back(waiting[a]), any = true;
+      else
+        still_waiting.push_back(waiting[a]);
+    }
+    waiting = std::move(still_waiting);
+    if (any) settle();
+    if (!is_wide && result.supporting + result.contradicting >= kFewestLooks && result.contradicting > 2 * result.supporting + 2) {
+      result.is_hopeless = true;
+      break;
+    }
+  }
+  result.matches = std::move(matches);
+  return result;
+}
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,595 @@
+#include "laser_team.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/graph/consistent_set.h>
+#include <mapweave/maps/alignment.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace mapweave::fusion {
+namespace {
+
+constexpr double kWideRadius_m = 12.0;
+constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
+constexpr std::size_t kFirstRound = 16;     // questions of a pair of maps, then four times as many
+constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
+// Walls are compared where the graph knows to this how the two lie to each other.
+constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
+constexpr int kMostRounds = 12;
+constexpr double kAsGoodAFit = 0.9;
+constexpr double kSureEnough = 0.95;  // probability of a merge
+
+// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through against it. The
+// weights are from hypotheses of four public buildings with known poses, right and wrong; others were held out.
+constexpr double kPerMetre = 0.35, kContradictionWeight = 4.0, kSurest = 20.0;
+// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so.
+constexpr double kByChance_m = 2.0, kByChanceBeside_m = 9.0, kWholeOverlap = 0.7;
+
+double log_odds_of(const WallAgreement& walls) {
+  const double by_chance_m = kByChance_m + kByChanceBeside_m * (1.0 - std::min(1.0, walls.overlap / kWholeOverlap));
+  const double net_m = walls.distinctive_m - kContradictionWeight * walls.contradicted_m - by_chance_m;
+  return std::clamp(kPerMetre * net_m, -kSurest, kSurest);
+}
+
+// Metres of wall that two hypotheses are compared by.
+double fit_of(const WallAgreement& walls) { return walls.coinciding_m - walls.unclear_m - kContradictionWeight * walls.contradicted_m; }
+
+double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
+
+bool contains(const std::vector<std::size_t>& sorted, std::size_t value) { return std::binary_search(sorted.begin(), sorted.end(), value); }
+
+std::vector<std::size_t> united(const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) {
+  std::vector<std::size_t> all;
+  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all));
+  return all;
+}
+
+// The same, from the other side.
+SubmapMatch turned(SubmapMatch match) {
+  std::swap(match.from, match.to);
+  const Eigen::Matrix3d carry = adjoint(inverse(match.from_from_to));
+  match.information = (carry.transpose() * match.information * carry).eval();
+  match.from_from_to = inverse(match.from_from_to);
+  return match;
+}
+
+// Of b's frame in a's, by the matches, at the middle of their places in b.
+Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_from_b_at) {
+  double sine = 0, cosine = 0;
+  Eigen::Vector2d in_a = Eigen::Vector2d::Zero(), in_b = Eigen::Vector2d::Zero();
+  for (const auto& [pose, place] : a_from_b_at) {
+    sine += std::sin(pose.phi), cosine += std::cos(pose.phi);
+    in_b += place;
+    in_a += Eigen::Vector2d(pose.x + std::cos(pose.phi) * place.x() - std::sin(pose.phi) * place.y(),
+                            pose.y + std::sin(pose.phi) * place.x() + std::cos(pose.phi) * place.y());
+  }
+  in_a /= static_cast<double>(a_from_b_at.size()), in_b /= static_cast<double>(a_from_b_at.size());
+  const double phi = std::atan2(sine, cosine), c = std::cos(phi), s = std::sin(phi);
+  return {in_a.x() - (c * in_b.x() - s * in_b.y()), in_a.y() - (s * in_b.x() + c * in_b.y()), phi};
+}
+
+}  // namespace
+
+LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const FusionInput& input, const FusionOptions& options,
+                         const std::set<std::pair<std::size_t, std::size_t>>& refused, matching::ModelCache& cache, Memo& memo,
+                         WorkerPool& pool)
+    : maps_(maps),
+      input_(input),
+      options_(options),
+      refused_(refused),
+      memo_(memo),
+      graph_(maps, options.solve),
+      judge_(maps, graph_, options, input.vetoed, cache, memo, pool),
+      search_(maps, graph_, judge_) {}
+
+const LaserTeam* LaserMerger::team_of(std::size_t map) const {
+  const auto team = std::find_if(teams_.begin(), teams_.end(), [&](const LaserTeam& t) { return contains(t.maps, map); });
+  return team == teams_.end() ? nullptr : &*team;
+}
+
+// All around, with the middles of the walls on each other.
+matching::WideWindow LaserMerger::window_for(std::size_t map_a, std::size_t a, std::size_t map_b, std::size_t b) const {
+  const auto in_submap = [](const PreparedMap& map, std::size_t s) {
+    return compose(inverse(map.map_from_submap[s]), Pose2{map.centres[s].x, map.centres[s].y, 0.0});
+  };
+  const Pose2 centre_a = in_submap(maps_[map_a], a), centre_b = in_submap(maps_[map_b], b);
+  matching::WideWindow window;
+  window.a_from_b = {centre_a.x - centre_b.x, centre_a.y - centre_b.y, 0.0};
+  window.radius_m = std::min(kWideRadius_m, std::max(4.0, 0.7 * static_cast<double>(maps_[map_a].radii_m[a] + maps_[map_b].radii_m[b])));
+  window.yaw_rad = M_PI;
+  return window;
+}
+
+std::vector<SubmapQuestion> LaserMerger::first_questions(std::size_t a, std::size_t b) const {
+  const PreparedMap &one = maps_[a], &other = maps_[b];
+  std::vector<std::tuple<double, Hash, Hash, std::size_t, std::size_t>> ranked;
+  const auto best_of = [&](const PreparedMap& from, const PreparedMap& to, bool swapped) {
+    for (const auto i : from.representatives) {
+      std::vector<std::tuple<double, Hash, std::size_t>> alike;
+      for (const auto j : to.representatives)
+        alike.emplace_back(matching::ring_distance(from.keys[i], to.keys[j]) + matching::ring_distance(from.far_keys[i], to.far_keys[j]),
+                           to.fingerprints[j], j);
+      std::sort(alike.begin(), alike.end());
+      if (alike.size() > static_cast<std::size_t>(options_.candidates_per_submap))
+        alike.resize(static_cast<std::size_t>(options_.candidates_per_submap));
+      for (const auto& [value, print, j] : alike) {
+        const auto prints = std::minmax(from.fingerprints[i], print);
+        ranked.emplace_back(value, prints.first, prints.second, swapped ? j : i, swapped ? i : j);
+      }
+    }
+  };
+  best_of(one, other, false);
+  best_of(other, one, true);
+  std::sort(ranked.begin(), ranked.end());
+  ranked.erase(std::unique(ranked.begin(), ranked.end()), ranked.end());
+  if (ranked.size() > static_cast<std::size_t>(options_.most_pairs)) ranked.resize(static_cast<std::size_t>(options_.most_pairs));
+  std::vector<SubmapQuestion> questions;
+  for (const auto& entry : ranked) {
+    const std::size_t i = std::get<3>(entry), j = std::get<4>(entry);
+    questions.push_back({graph_.number(a, i), graph_.number(b, j), window_for(a, i, b, j)});
+  }
+  return questions;
+}
+
+// The next questions of each pair of maps that are not in one team; false when none is left.
+bool LaserMerger::ask_more(std::size_t count) {
+  std::vector<SubmapQuestion> questions;
+  std::vector<PairState*> whose;
+  for (auto& [pair, state] : pairs_) {
+    if (state.open.empty() || refused_.count(pair) != 0) continue;
+    if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
+    const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(count, state.open.size()));
+    for (auto question = state.open.begin(); question != end; ++question) {
+      questions.push_back(*question);
+      whose.push_back(&state);
+    }
+    state.open.erase(state.open.begin(), end);
+  }
+  if (questions.empty()) return false;
+  std::vector<SubmapAnswer> answers = judge_.ask(questions);
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    // Who forbids a judgement of two maps forbids that they are matched: what it found, others would find again.
+    if (input_.vetoed.count(answers[i].judgement.id) != 0) {
+      const MapPair pair = std::minmax(graph_.map_of(answers[i].from), graph_.map_of(answers[i].to));
+      refused_.insert(pair);
+      vetoed_.insert(pair);
+    }
+    whose[i]->answers.push_back(std::move(answers[i]));
+  }
+  for (const MapPair& pair : vetoed_) pairs_[pair].answers.clear();
+  return true;
+}
+
+std::vector<const SubmapAnswer*> LaserMerger::answers_between(const LaserTeam& x, const LaserTeam& z) const {
+  std::vector<const SubmapAnswer*> result;
+  for (const auto& [pair, state] : pairs_)
+    if ((contains(x.maps, pair.first) && contains(z.maps, pair.second)) || (contains(z.maps, pair.first) && contains(x.maps, pair.second)))
+      for (const SubmapAnswer& answer : state.answers) result.push_back(&answer);
+  return result;
+}
+
+// Sets of matches that agree with each other, the heaviest first; what contradicts a set begins another.
+std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserTeam& z) const {
+  struct Entry {
+    SubmapMatch match;  // from x to z
+    const SubmapAnswer* answer;
+  };
+  std::vector<Entry> entries;
+  for (const SubmapAnswer* answer : answers_between(x, z))
+    for (const SubmapMatch& match : answer->hypotheses)
+      entries.push_back({contains(x.maps, graph_.map_of(match.from)) ? match : turned(match), answer});
+  std::vector<MergeHypothesis> result;
+  if (entries.empty()) return result;
+  graph::RelativeCovariance in_x = x.solved.covariance(), in_z = z.solved.covariance();
+  const std::size_t count = entries.size();
+  std::vector<char> agree(count * count, false);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t j = i + 1; j < count; ++j)
+      if (entries[i].answer != entries[j].answer)
+        agree[i * count + j] = agree[j * count + i] =
+            inconsistency(entries[i].match, entries[j].match, x.solved, in_x, z.solved, in_z) < kConsistent;
+  std::vector<std::size_t> left(count);
+  for (std::size_t i = 0; i < count; ++i) left[i] = i;
+  while (!left.empty() && result.size() < kMostHypotheses) {
+    std::vector<bool> consistent(left.size() * left.size());
+    std::vector<double> weights;
+    for (std::size_t i = 0; i < left.size(); ++i) {
+      const SubmapMatch& match = entries[left[i]].match;
+      weights.push_back(std::max(0.05, log_odds(match.probability)) * (match.is_observable ? 1.0 : 0.3));
+      for (std::size_t j = 0; j < left.size(); ++j) consistent[i * left.size() + j] = agree[left[i] * count + left[j]] != 0;
+    }
+    MergeHypothesis hypothesis;
+    double weight = 0.0;
+    const auto clique = graph::consistent_set(consistent, weights, 20000);
+    for (const std::size_t i : clique) {
+      hypothesis.matches.push_back(entries[left[i]].match);
+      weight += weights[i];
+    }
+    if (weight < kLeastSeed) break;
+    std::vector<std::size_t> others;
+    for (std::size_t i = 0; i < left.size(); ++i)
+      if (std::none_of(clique.begin(), clique.end(), [&](std::size_t c) { return c == i || consistent[i * left.size() + c]; }))
+        others.push_back(left[i]);
+    left = std::move(others);
+    result.push_back(std::move(hypothesis));
+  }
+  return result;
+}
+
+WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const {
+  std::vector<PlacedSubmap> placed[2];
+  for (int side = 0; side < 2; ++side)
+    for (const std::size_t m : side == 0 ? a : b)
+      for (const std::size_t s : maps_[m].representatives) {
+        const std::size_t number = graph_.number(m, s);
+        const Pose2& pose = solved.pose_of(number);
+        const Eigen::Vector2d middle = middle_of(maps_[m], s, pose);
+        placed[side].push_back({number, pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s])});
+      }
+  // Elsewhere nothing is expected to coincide.
+  graph::RelativeCovariance covariance = solved.covariance();
+  std::vector<char> is_known[2] = {std::vector<char>(placed[0].size()), std::vector<char>(placed[1].size())};
+  for (std::size_t i = 0; i < placed[0].size(); ++i)
+    for (std::size_t j = 0; j < placed[1].size(); ++j) {
+      const PlacedSubmap &one = placed[0][i], &other = placed[1][j];
+      if ((is_known[0][i] != 0 && is_known[1][j] != 0) || std::hypot(one.x_m - other.x_m, one.y_m - other.y_m) > kCompared_m) continue;
+      const Eigen::Matrix3d apart = covariance.between(static_cast<std::uint32_t>(solved.place_of(one.number)),
+                                                       static_cast<std::uint32_t>(solved.place_of(other.number)));
+      if (std::sqrt(std::max(apart(0, 0), apart(1, 1))) < kCompared_sigma_m) is_known[0][i] = is_known[1][j] = true;
+    }
+  std::vector<PlacedSubmap> sides[2];
+  for (int side = 0; side < 2; ++side)
+    for (std::size_t i = 0; i < placed[side].size(); ++i)
+      if (is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
+  double walls_m[2] = {0.0, 0.0};
+  for (const std::size_t m : a) walls_m[0] += maps_[m].walls_m;
+  for (const std::size_t m : b) walls_m[1] += maps_[m].walls_m;
+  return wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], [this](std::size_t number) { return judge_.model(number); });
+}
+
+void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) {
+  std::vector<SubmapMatch> matches = x.matches;
+  matches.insert(matches.end(), z.matches.begin(), z.matches.end());
+  matches.insert(matches.end(), hypothesis.matches.begin(), hypothesis.matches.end());
+  const auto between_groups = [&](std::size_t i, std::size_t j) {
+    const std::size_t a = graph_.map_of(i), b = graph_.map_of(j);
+    return contains(x.maps, a) != contains(x.maps, b) && refused_.count(std::minmax(a, b)) == 0;
+  };
+  ConstraintSearchResult found = search_.run(united(x.maps, z.maps), std::move(matches), between_groups, kMostRounds, false);
+  hypothesis.matches.clear();
+  for (const SubmapMatch& match : found.matches)
+    if (contains(x.maps, graph_.map_of(match.from)) != contains(x.maps, graph_.map_of(match.to))) hypothesis.matches.push_back(match);
+  hypothesis.solved = std::move(found.solved);
+  hypothesis.log_odds = -kSurest;
+  if (hypothesis.matches.empty() || found.is_hopeless) return;
+  hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
+  hypothesis.log_odds = log_odds_of(hypothesis.walls);
+}
+
+const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const LaserTeam& z) {
+  Evaluation& evaluation = evaluations_[{x.maps, z.maps}];
+  const std::size_t answers = answers_between(x, z).size();
+  if (evaluation.answers == answers) return evaluation;
+  evaluation = {answers, seeds(x, z), 0.0, false, 0.0};
+  for (MergeHypothesis& hypothesis : evaluation.hypotheses) grow(hypothesis, x, z);
+  std::stable_sort(evaluation.hypotheses.begin(), evaluation.hypotheses.end(),
+                   [](const MergeHypothesis& l, const MergeHypothesis& r) { return l.log_odds > r.log_odds; });
+  double sum = 1.0;
+  for (const MergeHypothesis& hypothesis : evaluation.hypotheses) {
+    const MergeHypothesis& best = evaluation.hypotheses.front();
+    const double odds = std::exp(hypothesis.log_odds);
+    if (&hypothesis == &best) {
+      sum += odds;
+      continue;
+    }
+    if (is_same(hypothesis, best)) continue;
+    // Who lays as much wall on wall is a rival, however much of it would fit elsewhere too.
+    const bool fits_as_well = fit_of(hypothesis.walls) >= kAsGoodAFit * fit_of(best.walls) && fit_of(best.walls) > 0.0;
+    sum += fits_as_well ? std::max(odds, std::exp(best.log_odds)) : odds;
+    evaluation.rival = fits_as_well ? 1.0 : std::max(evaluation.rival, odds / std::exp(best.log_odds));
+  }
+  if (evaluation.hypotheses.empty()) return evaluation;
+  evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
+  if (evaluation.probability < kSureEnough) return evaluation;
+  evaluation.repeats = looks_like_elsewhere(evaluation.hypotheses.front());
+  if (evaluation.repeats) evaluation.probability *= 0.5;
+  return evaluation;
+}
+
+// Whether most of the places that fit look, to the judge, like other places of the same map: then they would fit there as well.
+bool LaserMerger::looks_like_elsewhere(const MergeHypothesis& hypothesis) {
+  constexpr std::size_t kMostPlaces = 6;
+  constexpr double kElsewhere_m = 4.0;
+  constexpr double kAsSure = 0.9, kAlike = 0.85;
+  std::vector<std::size_t> places;
+  for (const SubmapMatch& match : hypothesis.matches) {
+    places.push_back(match.from);
+    places.push_back(match.to);
+  }
+  std::sort(places.begin(), places.end());
+  places.erase(std::unique(places.begin(), places.end()), places.end());
+  std::vector<SubmapQuestion> questions;
+  const std::size_t count = std::min(kMostPlaces, places.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t here = places[k * places.size() / count], map = graph_.map_of(here);
+    const PreparedMap& own = maps_[map];
+    const std::size_t s = graph_.submap_of(here);
+    std::vector<std::tuple<double, Hash, std::size_t>> alike;
+    for (const std::size_t other : own.representatives)
+      if (std::hypot(own.centres[other].x - own.centres[s].x, own.centres[other].y - own.centres[s].y) > kElsewhere_m &&
+          !graph_.is_tied(here, graph_.number(map, other)))
+        alike.emplace_back(matching::ring_distance(own.keys[s], own.keys[other]) + matching::ring_distance(own.far_keys[s], own.far_keys[other]),
+                           own.fingerprints[other], other);
+    if (alike.empty()) continue;
+    const std::size_t other = std::get<2>(*std::min_element(alike.begin(), alike.end()));
+    questions.push_back({here, graph_.number(map, other), window_for(map, s, map, other)});
+  }
+  std::size_t repeated = 0;
+  for (const SubmapAnswer& answer : judge_.ask(questions)) {
+    if (answer.hypotheses.empty()) continue;
+    if (answer.judgement.doubt == Reason::ambiguous) {
+      ++repeated;  // it fits there even in two ways
+      continue;
+    }
+    const PreparedMap& own = maps_[graph_.map_of(answer.from)];
+    const Pose2 as_mapped = between(own.map_from_submap[graph_.submap_of(answer.from)], own.map_from_submap[graph_.submap_of(answer.to)]);
+    const auto is_elsewhere = [&](const SubmapMatch& match) {
+      const Pose2 apart = between(as_mapped, match.from_from_to);
+      return std::hypot(apart.x, apart.y) > 1.0 || std::abs(apart.phi) > 0.3;
+    };
+    const SubmapMatch& best = answer.hypotheses.front();
+    if (!answer.holds || best.probability < kAsSure || !best.is_observable) continue;
+    repeated += is_elsewhere(best) || (answer.judgement.evidence.second_best_ratio > kAlike && answer.hypotheses.size() > 1 &&
+                                       is_elsewhere(answer.hypotheses[1]));
+  }
+  return questions.size() >= 2 && 2 * repeated >= questions.size();
+}
+
+// Whether two hypotheses came to the same: a submap of the one lies where the other has it.
+bool LaserMerger::is_same(const MergeHypothesis& one, const MergeHypothesis& other) const {
+  if (one.matches.empty() || other.matches.empty()) return false;
+  const SubmapMatch& match = one.matches.front();
+  const Pose2 apart = between(between(one.solved.pose_of(match.from), one.solved.pose_of(match.to)),
+                              between(other.solved.pose_of(match.from), other.solved.pose_of(match.to)));
+  return std::hypot(apart.x, apart.y) < 0.5 && std::abs(apart.phi) < 0.1;
+}
+
+bool LaserMerger::merge_surest() {
+  double surest = kSureEnough;
+  std::size_t best_x = 0, best_z = 0;
+  const Evaluation* best = nullptr;
+  for (std::size_t x = 0; x < teams_.size(); ++x)
+    for (std::size_t z = x + 1; z < teams_.size(); ++z) {
+      const Evaluation& evaluation = evaluated(teams_[x], teams_[z]);
+      if (evaluation.hypotheses.empty() || evaluation.probability < surest || (best != nullptr && evaluation.probability == surest &&
+          evaluation.hypotheses.front().walls.distinctive_m <= best->hypotheses.front().walls.distinctive_m))
+        continue;
+      surest = evaluation.probability;
+      best_x = x;
+      best_z = z;
+      best = &evaluation;
+    }
+  if (best == nullptr) return false;
+  const MergeHypothesis& chosen = best->hypotheses.front();
+  LaserTeam& x = teams_[best_x];
+  const LaserTeam& z = teams_[best_z];
+  x.maps = united(x.maps, z.maps);
+  x.matches.insert(x.matches.end(), z.matches.begin(), z.matches.end());
+  x.matches.insert(x.matches.end(), chosen.matches.begin(), chosen.matches.end());
+  x.solved = chosen.solved;
+  teams_.erase(teams_.begin() + static_cast<std::ptrdiff_t>(best_z));
+  return true;
+}
+
+void LaserMerger::close_loops(LaserTeam& team) {
+  if (team.maps.size() < 2) return;
+  const auto in_scope = [&](std::size_t i, std::size_t j) {
+    return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0;
+  };
+  ConstraintSearchResult found = search_.run(team.maps, team.matches, in_scope, kMostRounds, true);
+  team.matches = std::move(found.matches);
+  team.solved = std::move(found.solved);
+}
+
+// The audit: a robot whose walls the others saw through is taken out of its team, and may join it elsewhere.
+bool LaserMerger::take_back() {
+  for (const LaserTeam& team : teams_) {
+    if (team.maps.size() < 2) continue;
+    double worst = 0.0;
+    std::size_t who = 0;
+    for (const std::size_t map : team.maps) {
+      std::vector<std::size_t> others = team.maps;
+      others.erase(std::find(others.begin(), others.end(), map));
+      const double value = log_odds_of(agreement(team.solved, {map}, others));
+      if (value < worst) {
+        worst = value;
+        who = map;
+      }
+    }
+    if (worst >= 0.0) continue;
+    for (const std::size_t other : team.maps)
+      if (other != who) {
+        refused_.insert(std::minmax(who, other));
+        contradicted_.insert(std::minmax(who, other));
+      }
+    return true;
+  }
+  return false;
+}
+
+void LaserMerger::merge_all() {
+  teams_.clear();
+  evaluations_.clear();
+  for (std::size_t m = 0; m < maps_.size(); ++m)
+    if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});
+  for (std::size_t count = kFirstRound;; count *= 4) {
+    while (merge_surest()) throw_if_interrupted();
+    if (!ask_more(count)) break;
+  }
+  for (LaserTeam& team : teams_) close_loops(team);
+  split_unconnected();
+}
+
+// The last solution may have rejected all matches of a map with the others.
+void LaserMerger::split_unconnected() {
+  std::vector<LaserTeam> parts;
+  for (LaserTeam& team : teams_) {
+    std::vector<std::size_t> left = team.maps;
+    while (!left.empty()) {
+      std::vector<std::size_t> part{left.front()};
+      for (bool any = true; any;) {
+        any = false;
+        for (const SubmapMatch& match : team.matches) {
+          const std::size_t a = graph_.map_of(match.from), b = graph_.map_of(match.to);
+          if (contains(part, a) == contains(part, b)) continue;
+          part = united(part, {std::min(a, b), std::max(a, b)});
+          any = true;
+        }
+      }
+      if (part.size() == team.maps.size()) {
+        parts.push_back(std::move(team));
+        break;
+      }
+      LaserTeam own{part, {}, {}};
+      for (const SubmapMatch& match : team.matches)
+        if (contains(part, graph_.map_of(match.from))) own.matches.push_back(match);
+      own.solved = graph_.solve(part, own.matches);
+      parts.push_back(std::move(own));
+      std::vector<std::size_t> others;
+      std::set_difference(left.begin(), left.end(), part.begin(), part.end(), std::back_inserter(others));
+      left = std::move(others);
+    }
+  }
+  teams_ = std::move(parts);
+}
+
+void LaserMerger::run(Progress& progress) {
+  for (std::size_t a = 0; a < maps_.size(); ++a)
+    for (std::size_t b = a + 1; b < maps_.size(); ++b)
+      if (!maps_[a].submaps.empty() && !maps_[b].submaps.empty()) pairs_[{a, b}].open = first_questions(a, b);
+  if (pairs_.empty()) {
+    merge_all();
+    return;
+  }
+  const int task = progress.begin("comparing maps", pairs_.size(), "pairs of maps");
+  do merge_all();
+  while (take_back());
+  progress.advance(task, pairs_.size());
+  progress.end(task);
+}
+
+void LaserMerger::judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs) {
+  std::vector<SubmapQuestion> questions;
+  for (const auto& [a, b] : pairs) {
+    if (maps_[a].submaps.empty() || maps_[b].submaps.empty()) continue;
+    const auto first = first_questions(a, b);
+    questions.insert(questions.end(), first.begin(), first.begin() + static_cast<std::ptrdiff_t>(std::min(kFirstRound, first.size())));
+  }
+  judge_.ask(questions);
+}
+
+PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
+  PairResult result;
+  Verdict& verdict = result.verdict;
+  verdict.a = maps_[a].map->id;
+  verdict.b = maps_[b].map->id;
+  verdict.by = input_.by;
+  verdict.kind = maps_[a].is_grid || maps_[b].is_grid ? "grid" : "laser";
+  verdict.proposer = "ring keys";
+  verdict.decision = Decision::refused;
+  verdict.reason = Reason::little_overlap;
+  const LaserTeam* team = team_of(a);
+  std::vector<SubmapMatch> matches;
+  if (team != nullptr && team == team_of(b))
+    for (const SubmapMatch& match : team->matches)
+      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
+  if (!matches.empty()) {
+    verdict.decision = Decision::accepted;
+    verdict.reason = Reason::none;
+    const WallAgreement walls = agreement(team->solved, {a}, {b});
+    verdict.conflict = walls.conflict();
+    verdict.overlap = walls.overlap;
+    verdict.probability = 1.0 / (1.0 + std::exp(-log_odds_of(walls)));
+  } else if (vetoed_.count({a, b}) != 0) {
+    verdict.reason = Reason::vetoed;
+  } else if (contradicted_.count({a, b}) != 0) {
+    verdict.reason = Reason::contradiction;
+  } else {
+    matches = doubted(a, b, verdict);
+  }
+  for (const SubmapMatch& match : matches) verdict.witnesses.push_back(match.judgement);
+  std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
+  verdict.witnesses.erase(std::unique(verdict.witnesses.begin(), verdict.witnesses.end()), verdict.witnesses.end());
+  if (matches.empty()) return result;
+  std::vector<std::pair<Pose2, Eigen::Vector2d>> transforms;
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  for (SubmapMatch match : matches) {
+    if (graph_.map_of(match.from) != a) match = turned(match);
+    Witness witness;
+    witness.judgement = memo_.at(match.judgement);
+    witness.submap_a = graph_.submap_of(match.from);
+    witness.submap_b = graph_.submap_of(match.to);
+    witness.submap_a_from_submap_b = match.from_from_to;
+    witness.submap_information = match.information;
+    witness.a_from_b = compose(compose(maps_[a].map_from_submap[witness.submap_a], match.from_from_to),
+                               inverse(maps_[b].map_from_submap[witness.submap_b]));
+    const auto& centre = maps_[b].centres[witness.submap_b];
+    transforms.emplace_back(witness.a_from_b, Eigen::Vector2d(centre.x, centre.y));
+    const Eigen::Matrix3d carry = adjoint(inverse(maps_[b].map_from_submap[witness.submap_b]));
+    information += carry.transpose() * match.information * carry;
+    if (verdict.decision == Decision::accepted) result.witnesses.push_back(std::move(witness));
+  }
+  Alignment alignment;
+  alignment.a_from_b.pose = spatial(mean_transform(transforms));
+  // Matches share the errors of the maps: however many agree, they tell no more than four do.
+  information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
+  alignment.covariance =
+      spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
+  verdict.alignment = alignment;
+  return result;
+}
+
+// What kept two maps apart, and the matches of the best hypothesis.
+std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
+  const auto evaluation = evaluations_.find({{a}, {b}});
+  if (evaluation != evaluations_.end() && !evaluation->second.hypotheses.empty()) {
+    const MergeHypothesis& best = evaluation->second.hypotheses.front();
+    verdict.probability = evaluation->second.probability;
+    verdict.second_best = evaluation->second.rival;
+    verdict.conflict = best.walls.conflict();
+    verdict.overlap = best.walls.overlap;
+    if (best.log_odds > 0.0) {
+      verdict.decision = Decision::deferred;
+      verdict.reason = evaluation->second.repeats || evaluation->second.rival > options_.max_rival ? Reason::ambiguous : Reason::too_few_witnesses;
+    } else if (best.walls.contradicted_m * kContradictionWeight < best.walls.distinctive_m) {
+      verdict.decision = Decision::deferred;
+      verdict.reason = Reason::too_few_witnesses;
+    } else {
+      verdict.reason = Reason::contradiction;
+    }
+    return best.matches;
+  }
+  const auto state = pairs_.find({a, b});
+  if (state == pairs_.end()) return {};
+  // Only answers that were themselves in doubt: say which doubt was the least bad.
+  const SubmapAnswer* likeliest = nullptr;
+  for (const SubmapAnswer& answer : state->second.answers)
+    if (!answer.judgement.hypotheses.empty() &&
+        (likeliest == nullptr || answer.judgement.probability > likeliest->judgement.probability))
+      likeliest = &answer;
+  if (likeliest != nullptr) {
+    const Judgement& judgement = likeliest->judgement;
+    verdict.probability = judgement.probability;
+    verdict.overlap = judgement.evidence.overlap;
+    verdict.conflict = judgement.evidence.conflict;
+    verdict.second_best = judgement.evidence.second_best_ratio;
+    verdict.reason = judgement.doubt == Reason::none ? Reason::too_few_witnesses : judgement.doubt;
+    if (verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable) verdict.decision = Decision::deferred;
+  }
+  return {};
+}
+
+}  // namespace mapweave::fusion

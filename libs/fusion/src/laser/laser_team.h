@@ -1,0 +1,89 @@
+#pragma once
+// Which robots' laser maps belong together, and how: hypotheses of all pairs are decided together, the surest merge first, and every merge
+// is judged by the whole maps as the joint graph bends them.
+
+#include "constraint_search.h"
+#include "wall_agreement.h"
+
+#include <mapweave/core/progress.h>
+
+#include <map>
+#include <optional>
+
+namespace mapweave::fusion {
+
+// One way in which two groups of maps may lie to each other.
+struct MergeHypothesis {
+  std::vector<SubmapMatch> matches;  // between the groups, with those that the search found
+  SolvedSubmaps solved;              // both groups, with all their matches
+  WallAgreement walls;               // of the two groups
+  double log_odds = 0.0;             // that it is right, by itself
+};
+
+struct LaserTeam {
+  std::vector<std::size_t> maps;     // numbers, rising
+  std::vector<SubmapMatch> matches;  // between any two of its submaps
+  SolvedSubmaps solved;
+};
+
+// Maps that have no submaps are left out.
+class LaserMerger {
+ public:
+  // Everything must outlive it. `refused`: pairs of maps (numbers, the lower first) that must not be matched to each other.
+  LaserMerger(const std::vector<PreparedMap>& maps, const FusionInput& input, const FusionOptions& options,
+              const std::set<std::pair<std::size_t, std::size_t>>& refused, matching::ModelCache& cache, Memo& memo, WorkerPool& pool);
+
+  void run(Progress& progress);
+  const std::vector<LaserTeam>& teams() const { return teams_; }
+  const LaserTeam* team_of(std::size_t map) const;
+  const SubmapGraph& graph() const { return graph_; }
+  // Of two maps, a < b.
+  PairResult result_of(std::size_t a, std::size_t b) const;
+  const std::vector<Hash>& judged() const { return judge_.asked(); }
+  // The wide searches that run() begins with, of these pairs alone.
+  void judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs);
+
+ private:
+  using MapPair = std::pair<std::size_t, std::size_t>;
+  struct PairState {
+    std::vector<SubmapQuestion> open;  // most alike first
+    std::vector<SubmapAnswer> answers;
+  };
+  struct Evaluation {
+    std::size_t answers = 0;                  // that it rests on
+    std::vector<MergeHypothesis> hypotheses;  // best first
+    double probability = 0.0;                 // of the best, against the others and against none
+    bool repeats = false;                     // what fits looks like other places of the same maps
+    double rival = 0.0;                       // probability of the second best, as a share of the best one's
+  };
+  std::vector<SubmapQuestion> first_questions(std::size_t a, std::size_t b) const;
+  matching::WideWindow window_for(std::size_t map_a, std::size_t a, std::size_t map_b, std::size_t b) const;
+  bool ask_more(std::size_t count);
+  std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
+  std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
+  void grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
+  const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
+  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
+  bool looks_like_elsewhere(const MergeHypothesis& hypothesis);
+  bool merge_surest();
+  void merge_all();
+  void close_loops(LaserTeam& team);
+  void split_unconnected();
+  bool take_back();
+  bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
+  std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
+
+  const std::vector<PreparedMap>& maps_;
+  const FusionInput& input_;
+  const FusionOptions& options_;
+  std::set<MapPair> refused_, contradicted_, vetoed_;
+  Memo& memo_;
+  SubmapGraph graph_;
+  SubmapJudge judge_;
+  ConstraintSearch search_;
+  std::map<MapPair, PairState> pairs_;
+  std::vector<LaserTeam> teams_;
+  std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;
+};
+
+}  // namespace mapweave::fusion

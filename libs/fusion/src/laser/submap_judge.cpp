@@ -1,0 +1,90 @@
+#include "submap_judge.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/maps/alignment.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace mapweave::fusion {
+namespace {
+
+constexpr double kProbabilityOfDoubt = 0.1;  // what matching::judge leaves of the probability of a doubted judgement
+
+// Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in opposite directions see
+// little of the same.
+constexpr double kNarrow_m = 2.5, kNarrowScore = 0.5;
+
+matching::JudgeOptions options_for(const matching::WideWindow& window, matching::JudgeOptions options) {
+  if (window.radius_m <= kNarrow_m) options.min_score *= kNarrowScore;
+  return options;
+}
+
+const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *map.submaps[submap]; }
+
+}  // namespace
+
+std::shared_ptr<const matching::SubmapModel> SubmapJudge::model(std::size_t submap) const {
+  const PreparedMap& map = maps_[graph_.map_of(submap)];
+  return cache_.get(submap_of(map, graph_.submap_of(submap)), map.map->nodes);
+}
+
+SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgement& judgement) const {
+  SubmapAnswer answer{question.from, question.to, judgement, {}, false};
+  if (vetoed_.count(judgement.id) != 0) return answer;
+  const bool is_sure = judgement.doubt == Reason::none;
+  if (!is_sure && judgement.doubt != Reason::ambiguous && judgement.doubt != Reason::unobservable) return answer;
+  const PreparedMap &from = maps_[graph_.map_of(question.from)], &to = maps_[graph_.map_of(question.to)];
+  const bool swapped = submap_of(to, graph_.submap_of(question.to)).id < submap_of(from, graph_.submap_of(question.from)).id;
+  const double probability = is_sure ? judgement.probability : judgement.probability / kProbabilityOfDoubt;
+  for (std::size_t k = 0; k < judgement.hypotheses.size(); ++k) {
+    const Alignment alignment = swapped ? inverse(judgement.hypotheses[k]) : judgement.hypotheses[k];
+    SubmapMatch match;
+    match.from = question.from, match.to = question.to;
+    match.from_from_to = planar(alignment.a_from_b.pose);
+    // The judge's covariance is of a small motion of b in its own axes, as the graph's.
+    match.information = planar(alignment.covariance).inverse();
+    match.probability = k == 0 && judgement.doubt != Reason::ambiguous ? probability : 0.5 * probability;
+    match.judgement = judgement.id;
+    match.is_observable = judgement.doubt != Reason::unobservable;
+    answer.hypotheses.push_back(match);
+    if (judgement.doubt != Reason::ambiguous && judgement.evidence.second_best_ratio < 0.8) break;
+  }
+  answer.holds = !answer.hypotheses.empty() && judgement.doubt != Reason::ambiguous && probability >= options_.min_probability;
+  return answer;
+}
+
+std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& questions) {
+  const auto judgements = pool_.map(questions.size(), [&](std::size_t i) {
+    throw_if_interrupted();
+    const SubmapQuestion& question = questions[i];
+    const std::size_t map_a = graph_.map_of(question.from), map_b = graph_.map_of(question.to);
+    const std::size_t sa = graph_.submap_of(question.from), sb = graph_.submap_of(question.to);
+    const Submap &a = submap_of(maps_[map_a], sa), &b = submap_of(maps_[map_b], sb);
+    matching::WideWindow window = question.from_from_to;
+    const bool swapped = b.id < a.id;
+    if (swapped) window.a_from_b = inverse(window.a_from_b);
+    const Submap &first = swapped ? b : a, &second = swapped ? a : b;
+    const Hash &print_a = maps_[map_a].fingerprints[sa], &print_b = maps_[map_b].fingerprints[sb];
+    const bool is_first_lower = swapped ? print_b < print_a : print_a < print_b;
+    const auto field = is_first_lower ? matching::Field::a : matching::Field::b;
+    const matching::JudgeOptions judge_options = options_for(window, options_.judge);
+    const Hash id = matching::judgement_id(first.content, second.content, window, judge_options, field);
+    const auto known = memo_.find(id);
+    if (known != memo_.end()) return known->second;
+    const auto& of_first = maps_[swapped ? map_b : map_a].map->nodes;
+    const auto& of_second = maps_[swapped ? map_a : map_b].map->nodes;
+    return matching::judge({first.id, first.content, cache_.get(first, of_first)},
+                           {second.id, second.content, cache_.get(second, of_second)}, window, judge_options, field);
+  });
+  std::vector<SubmapAnswer> answers;
+  answers.reserve(questions.size());
+  for (std::size_t i = 0; i < questions.size(); ++i) {
+    const Judgement& judgement = memo_.emplace(judgements[i].id, judgements[i]).first->second;
+    asked_.push_back(judgement.id);
+    answers.push_back(answer_of(questions[i], judgement));
+  }
+  return answers;
+}
+
+}  // namespace mapweave::fusion

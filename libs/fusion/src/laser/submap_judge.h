@@ -1,0 +1,52 @@
+#pragma once
+// Judgements of submap pairs: answered from the memo where they were made before, else in parallel. Who is laid into whom depends on the
+// content of the submaps, not on the names of their robots.
+
+#include "submap_graph.h"
+
+#include <mapweave/core/worker_pool.h>
+#include <mapweave/matching/model_cache.h>
+
+#include <deque>
+#include <set>
+
+namespace mapweave::fusion {
+
+struct SubmapQuestion {
+  std::size_t from = 0, to = 0;     // numbers of submaps
+  matching::WideWindow from_from_to;  // where to search
+};
+
+struct SubmapAnswer {
+  std::size_t from = 0, to = 0;
+  Judgement judgement;
+  std::vector<SubmapMatch> hypotheses;  // best first; none where the judge saw walls that contradict
+  // Whether the best one may be a constraint of the graph: it is probable, and at most open along a corridor.
+  bool holds = false;
+};
+
+class SubmapJudge {
+ public:
+  SubmapJudge(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const FusionOptions& options, const std::set<Hash>& vetoed,
+              matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
+      : maps_(maps), graph_(graph), options_(options), vetoed_(vetoed), cache_(cache), memo_(memo), pool_(pool) {}
+
+  // In the order of the questions. Not thread-safe; works in parallel within.
+  std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);
+  std::shared_ptr<const matching::SubmapModel> model(std::size_t submap) const;
+  const std::vector<Hash>& asked() const { return asked_; }  // judgements, in the order of the questions, with repetitions
+
+ private:
+  SubmapAnswer answer_of(const SubmapQuestion& question, const Judgement& judgement) const;
+
+  const std::vector<PreparedMap>& maps_;
+  const SubmapGraph& graph_;
+  const FusionOptions& options_;
+  const std::set<Hash>& vetoed_;
+  matching::ModelCache& cache_;
+  Memo& memo_;
+  WorkerPool& pool_;
+  std::vector<Hash> asked_;
+};
+
+}  // namespace mapweave::fusion

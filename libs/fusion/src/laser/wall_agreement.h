@@ -1,0 +1,46 @@
+#pragma once
+// Two sets of submaps laid on each other: which walls both saw, which of one the other saw through, and where. Whole maps are compared,
+// each wall counted once, at the poses of the joint graph: what decides between hypotheses, and the audit of a finished map.
+
+#include <mapweave/matching/submap_model.h>
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace mapweave::fusion {
+
+struct PlacedSubmap {
+  std::size_t number = 0;  // for whom the model is asked
+  Pose2 team_from_submap;
+  double x_m = 0.0, y_m = 0.0, radius_m = 0.0;  // around its walls, team frame
+};
+using ModelOf = std::function<std::shared_ptr<const matching::SubmapModel>(std::size_t number)>;
+
+// Walls of one side that the other saw through, connected.
+struct Contradiction {
+  double x_m = 0.0, y_m = 0.0;  // middle, team frame
+  double length_m = 0.0;
+};
+
+// Lengths of wall, of both sides together, each place counted once a side.
+struct WallAgreement {
+  double coinciding_m = 0.0;
+  double contradicted_m = 0.0;               // the other saw through it
+  double unclear_m = 0.0;                    // the other looked there, and saw neither a wall nor clearly through
+  double overlap = 0.0;                      // share of the smaller side's walls that lie where the other looked
+  // Coinciding here, above the most that would where one side is shifted by 0.75 to 4 m; of the fullest regions. Where the overlap is small,
+  // also above the most that would if one side were its mirror image: a place that is its own mirror image is told by what lies around it.
+  double distinctive_m = 0.0;
+  double observability = 0.0;                // of the worse direction, 0 to 0.5: share of coinciding walls that face along it
+  std::vector<Contradiction> contradictions;  // longest first; those over 0.6 m
+  double share() const { return coinciding_m / std::max(1e-9, coinciding_m + contradicted_m + unclear_m); }
+  double conflict() const { return contradicted_m / std::max(1e-9, coinciding_m + contradicted_m + unclear_m); }
+};
+
+// Symmetric in its arguments. Works region by region, and holds the models of one region at a time.
+// `a_walls_m`: length of all walls of that side.
+WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
+                             const ModelOf& model_of);
+
+}  // namespace mapweave::fusion
