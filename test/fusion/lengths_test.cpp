@@ -166,7 +166,7 @@ TEST(Lengths, carry_nodes_as_they_are_where_they_do_not_change) {
   const Pose3 node{{0.3, 1.7, 0.2}, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.1, 0.3, 1.0).normalized()))},
       there{{-2.1, 0.4, 0.9}, Eigen::Quaterniond(Eigen::AngleAxisd(-1.1, Eigen::Vector3d(0.2, 0.1, 1.0).normalized()))},
       camera{kOff, Eigen::Quaterniond::Identity()};
-  const Pose3 placed = carried({there, 1.0}, node, camera), known = carried({there, 1.0}, node);
+  const Pose3 placed = carried({there, 1.0}, node, camera), known = transformed(node, Sim3{there, 1.0});
   EXPECT_EQ(placed.t, known.t);
   EXPECT_EQ(placed.q.coeffs(), known.q.coeffs());
   EXPECT_EQ(in_lengths(node.t, camera, 1.0), node.t);

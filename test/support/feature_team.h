@@ -69,7 +69,7 @@ class FeatureTeam {
 
   struct Robot {
     visual::ClientPlace place;
-    visual::PinholeCamera camera;
+    Pinhole camera;
     visual::ClientOptions options;
     std::size_t count = 0;  // of frames, 12 a second
     std::function<Shot(std::size_t)> shoot;
@@ -91,7 +91,7 @@ class FeatureTeam {
     }
   };
 
-  Robot& add(visual::ClientPlace place, const visual::PinholeCamera& camera, std::size_t count, std::function<Shot(std::size_t)> shoot,
+  Robot& add(visual::ClientPlace place, const Pinhole& camera, std::size_t count, std::function<Shot(std::size_t)> shoot,
              const visual::ClientOptions& options = {}) {
     Robot& robot = robots.emplace_back();
     robot.place = std::move(place), robot.camera = camera, robot.options = options, robot.count = count, robot.shoot = std::move(shoot);

@@ -4,6 +4,7 @@
 #include "ties.h"
 #include "warm_start.h"
 
+#include <mapweave/core/disjoint_sets.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/stopwatch.h>
@@ -12,21 +13,9 @@
 #include <algorithm>
 #include <deque>
 #include <functional>
-#include <numeric>
 
 namespace mapweave::fusion {
 namespace {
-
-struct Groups {
-  std::vector<std::size_t> parent;
-  explicit Groups(std::size_t count) : parent(count) { std::iota(parent.begin(), parent.end(), std::size_t{0}); }
-  std::size_t find(std::size_t i) { return parent[i] == i ? i : parent[i] = find(parent[i]); }
-  bool join(std::size_t i, std::size_t j) {
-    i = find(i), j = find(j);
-    parent[std::max(i, j)] = std::min(i, j);
-    return i != j;
-  }
-};
 
 struct Placement {
   std::vector<std::size_t> members;  // numbers of maps
@@ -63,7 +52,7 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
 // Where the members lie along a tree of the strongest joins, and which joins are its branches.
 std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& strongest,
                              const std::function<std::size_t(std::size_t)>& local, std::vector<const PairJoin*>& branches) {
-  Groups groups(members);
+  DisjointSets groups(members);
   std::vector<std::vector<std::pair<std::size_t, Sim3>>> tree(members);
   for (const PairJoin* join : strongest) {
     const std::size_t a = local(join->a), b = local(join->b);
@@ -71,7 +60,7 @@ std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& 
     branches.push_back(join);
     const Sim3& a_from_b = join->result.verdict.alignment->a_from_b;
     tree[a].emplace_back(b, a_from_b);
-    tree[b].emplace_back(a, matching::inverse(a_from_b));
+    tree[b].emplace_back(a, inverse(a_from_b));
   }
   std::vector<Sim3> team_from_map(members);
   std::vector<bool> placed(members, false);
@@ -83,7 +72,7 @@ std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& 
     for (const auto& [next, here_from_next] : tree[here]) {
       if (placed[next]) continue;
       placed[next] = true;
-      team_from_map[next] = composed(team_from_map[here], here_from_next);
+      team_from_map[next] = compose(team_from_map[here], here_from_next);
       open.push_back(next);
     }
   }
@@ -141,7 +130,7 @@ class Fusing {
     if (in_space(members)) {
       for (PairJoin* join : strongest) {
         if (std::find(branches.begin(), branches.end(), join) != branches.end()) continue;
-        const Sim3 a_from_b = composed(matching::inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
+        const Sim3 a_from_b = compose(inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
         if (lie_alike(seen_[join->b], a_from_b, join->result.verdict.alignment->a_from_b)) continue;
         revoke(*join);
         revoked = true;
@@ -183,7 +172,7 @@ class Fusing {
 
   std::vector<Placement> connect() {
     for (;;) {
-      Groups groups(maps_.size());
+      DisjointSets groups(maps_.size());
       for (const auto& pair : pairs_)
         if (pair.is_accepted()) groups.join(pair.a, pair.b);
       std::vector<std::vector<std::size_t>> members(maps_.size());

@@ -46,13 +46,13 @@ Eigen::Vector3d in_lengths(const Eigen::Vector3d& point_in_anchor, const Pose3& 
 }
 
 Pose3 carried(const Sim3& there_from_map, const Pose3& map_from_node, const Pose3& robot_from_camera) {
-  if (there_from_map.scale == 1.0) return carried(there_from_map, map_from_node);
-  return compose(carried(there_from_map, compose(map_from_node, robot_from_camera)), inverse(robot_from_camera));
+  if (there_from_map.scale == 1.0) return transformed(map_from_node, there_from_map);
+  return compose(transformed(compose(map_from_node, robot_from_camera), there_from_map), inverse(robot_from_camera));
 }
 
 Pose3 frame_there(const Pose3& there_from_node, const Pose3& map_from_node, const Pose3& robot_from_camera, double scale) {
-  if (scale == 1.0) return carried({there_from_node, scale}, inverse(map_from_node));
-  return carried({compose(there_from_node, robot_from_camera), scale}, inverse(compose(map_from_node, robot_from_camera)));
+  if (scale == 1.0) return transformed(inverse(map_from_node), Sim3{there_from_node, scale});
+  return transformed(inverse(compose(map_from_node, robot_from_camera)), Sim3{compose(there_from_node, robot_from_camera), scale});
 }
 
 MetricWitness in_lengths(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
@@ -60,7 +60,7 @@ MetricWitness in_lengths(const VisualWitness& w, const VisualMap& a, const Visua
   const Pose3& here = w.node_a_from_node_b.pose;
   const Eigen::Vector3d &camera_a = mounting(a, w.keyframe_a).t, &camera_b = mounting(b, w.keyframe_b).t;
   if (scale_a != 1.0 || w.node_a_from_node_b.scale != 1.0) {
-    const Eigen::Vector3d b_in_a = matching::transformed(camera_b, w.node_a_from_node_b);  // b's camera, in a's lengths
+    const Eigen::Vector3d b_in_a = transformed(camera_b, w.node_a_from_node_b);  // b's camera, in a's lengths
     result.node_a_from_node_b.t = camera_a + scale_a * (b_in_a - camera_a) - here.q * camera_b;
   }
   // Of a small motion of b, in b's lengths.

@@ -20,7 +20,7 @@ Constraint in_lengths(Constraint constraint, const Map& map, double scale);
 Eigen::Vector3d in_lengths(const Eigen::Vector3d& point_in_anchor, const Pose3& robot_from_camera, double scale);
 
 // Where a node is in the frame into which `there_from_map` takes the map's cameras and landmarks. With lengths as they are the same as
-// carried(there_from_map, map_from_node), to the bit.
+// transformed(map_from_node, there_from_map), to the bit.
 Pose3 carried(const Sim3& there_from_map, const Pose3& map_from_node, const Pose3& robot_from_camera);
 // The way back: what of there_from_map is no scale, of which one node of the map and its place there tell.
 Pose3 frame_there(const Pose3& there_from_node, const Pose3& map_from_node, const Pose3& robot_from_camera, double scale);

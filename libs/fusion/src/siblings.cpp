@@ -129,7 +129,7 @@ void tell_apart(FusionResult& result, const std::vector<SiblingMaps::Tied>& all,
         if (const double own_m = spread_m(cameras, &PlacedCamera::in_map); own_m > 0.0 && !is_metric(map))
           scale = spread_m(cameras, &PlacedCamera::in_team) / own_m;
         component.members.push_back(member);
-        component.team_from_map.set(member, carried({cameras.front().in_team, scale}, inverse(cameras.front().in_map)));
+        component.team_from_map.set(member, transformed(inverse(cameras.front().in_map), Sim3{cameras.front().in_team, scale}));
         if (scale != 1.0) component.scales.set(member, scale);
       }
     }

@@ -18,7 +18,7 @@ MappedKeyframe mapped(const Node& node) {
   MappedKeyframe result;
   result.id = node.id, result.map_from_node = node.map_from_node, result.content = &content;
   result.map_from_camera = compose(node.map_from_node, geometry.robot_from_camera);
-  result.camera = {geometry.width, geometry.height, geometry.fx, geometry.fy, geometry.cx, geometry.cy};
+  result.camera = geometry.pinhole();
   for (const KeyframePoint& point : content.points)
     result.points.push_back({static_cast<float>(pixels_of(point.u)), static_cast<float>(pixels_of(point.v)),
                              static_cast<float>(angle_deg_of(point.angle)), point.level});

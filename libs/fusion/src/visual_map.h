@@ -21,7 +21,7 @@ struct MappedKeyframe {
   NodeId id;
   Pose3 map_from_node, map_from_camera;
   const KeyframeFeatures* content = nullptr;
-  matching::Pinhole camera;
+  Pinhole camera;
   std::vector<matching::FeaturePoint> points;
   std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
   std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first

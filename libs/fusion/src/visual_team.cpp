@@ -3,6 +3,7 @@
 #include "shared_landmarks.h"
 #include "warm_start.h"
 
+#include <mapweave/core/disjoint_sets.h>
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/graph/spatial_graph.h>
@@ -265,7 +266,7 @@ class Team {
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
       if (!by.empty() && !std::binary_search(by.begin(), by.end(), keyframes_[number].member)) continue;
       const Pose3 camera_from_team = inverse(keyframes_[number].team_from_camera());
-      const matching::Pinhole& camera = keyframes_[number].content->camera;
+      const Pinhole& camera = keyframes_[number].content->camera;
       const Eigen::Matrix3d rotation = camera_from_team.q.toRotationMatrix();
       std::vector<SoughtLandmark> sought;
       for (const std::size_t other : neighbours(number, looks)) {
@@ -287,8 +288,8 @@ class Team {
     }
   }
 
-  Classes classes() const {
-    Classes result(landmark_ids_.size());
+  DisjointSets classes() const {
+    DisjointSets result(landmark_ids_.size());
     for (const Found& found : found_) {
       const TeamKeyframe& keyframe = keyframes_[found.keyframe];
       const std::int32_t own = keyframe.content->landmark_of_feature[found.feature];
@@ -301,8 +302,8 @@ class Team {
   }
 
   // Of what was told, the new: by keyframes whose features were found to see the same, and where it is expected.
-  std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle, const Classes& same,
-                                                                                       double radius_px) const {
+  std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle,
+                                                                                       const DisjointSets& same, double radius_px) const {
     std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
     if (told_.empty()) return result;
     std::set<std::size_t> known;
@@ -347,15 +348,14 @@ class Team {
   // stay at their keyframes. free: with those that free keyframes see.
   enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
-    const Classes same = classes();
+    const DisjointSets same = classes();
     std::vector<char> counts(landmark_ids_.size(), extent == Extent::all);
     for (const Found& found : found_)
       if (extent != Extent::free || is_free_[found.keyframe]) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
     const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-      const matching::Pinhole& camera = keyframes_[i].content->camera;
-      bundle.cameras.push_back({camera.fx, camera.fy, camera.cx, camera.cy});
+      bundle.cameras.push_back(keyframes_[i].content->camera);
       bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
@@ -434,7 +434,7 @@ class Team {
       team.constraints.set(id, std::move(constraint));
     }
 
-    const Classes same = classes();
+    const DisjointSets same = classes();
     std::map<LandmarkId, Landmark> landmarks;
     std::size_t number = 0;
     for (std::size_t m = 0; m < members_.size(); ++m)

@@ -20,16 +20,6 @@ Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covaria
   return carry * covariance * carry.transpose();
 }
 
-Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
-  Sim3 result;
-  result.scale = a_from_b.scale * b_from_c.scale;
-  result.pose.q = (a_from_b.pose.q * b_from_c.pose.q).normalized();
-  result.pose.t = matching::transformed(b_from_c.pose.t, a_from_b);
-  return result;
-}
-
-Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
-
 VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& input, Memo& memo, WorkerPool& pool)
     : options_(options), memo_(memo), pool_(pool) {
   for (const Judgement& judgement : input.judged) {
@@ -113,12 +103,12 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
     witness.judgement = old[i] != nullptr ? *old[i] : judged(questions[i], swapped);
     if (witness.judgement.hypotheses.empty()) return witness;
     const Alignment& best = witness.judgement.hypotheses.front();
-    witness.node_a_from_node_b = swapped ? matching::inverse(best.a_from_b) : best.a_from_b;
+    witness.node_a_from_node_b = swapped ? inverse(best.a_from_b) : best.a_from_b;
     const Eigen::Matrix<double, 6, 6> covariance = swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
     witness.information = covariance.inverse();
     witness.information = (0.5 * (witness.information + witness.information.transpose())).eval();
-    witness.a_from_b = composed(composed({a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
-                                {inverse(b.keyframes()[in_b].map_from_node), 1.0});
+    witness.a_from_b = compose(compose(Sim3{a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
+                               Sim3{inverse(b.keyframes()[in_b].map_from_node), 1.0});
     return witness;
   });
   for (const VisualWitness& witness : witnesses) memo_.emplace(witness.judgement.id, witness.judgement);

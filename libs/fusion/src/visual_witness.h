@@ -10,10 +10,6 @@
 
 namespace mapweave::fusion {
 
-Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c);
-// Where a pose of b's frame is in a's.
-Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c);
-
 // A small motion of b in its own frame is the opposite motion of a, seen through the transform between them.
 Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b);
 

@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-namespace mapweave::matching {
+namespace mapweave {
 
 struct Pinhole {
   int width = 0, height = 0;
@@ -17,4 +17,4 @@ struct Pinhole {
   }
 };
 
-}  // namespace mapweave::matching
+}  // namespace mapweave
