@@ -48,11 +48,11 @@ class FeatureTeam {
     Pose3 world_from_camera;
   };
 
-  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const fusion::RigOptions& rig = {})
+  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const rig::RigOptions& rig = {})
       : pool(threads), server(TierId("edge"), sharing, {}, rig), sharing_(sharing) {}
   // Each camera of a robot is a client.
   FeatureTeam(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing, const simulation::FeatureOptions& features = {},
-              int threads = 1, const fusion::RigOptions& rig = {})
+              int threads = 1, const rig::RigOptions& rig = {})
       : FeatureTeam(sharing, threads, rig) {
     world_.emplace(options, pool);
     field_.emplace(world_->scene(0), world_->buildings()[0], features);

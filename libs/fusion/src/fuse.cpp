@@ -1,5 +1,4 @@
 #include "joint_transforms.h"
-#include "lengths.h"
 #include "pair_judging.h"
 #include "ties.h"
 #include "warm_start.h"
@@ -8,6 +7,8 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/stopwatch.h>
+#include <mapweave/rig/laser_camera_alignment.h>
+#include <mapweave/rig/scale.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -36,11 +37,11 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
   }
   const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
     const MappedKeyframe& content = map.keyframes()[keyframe];
-    return scale == 1.0 ? content.map_from_node : in_lengths(content.map_from_node, mounting_of(map.map()), scale);
+    return scale == 1.0 ? content.map_from_node : rig::rescaled(content.map_from_node, rig::extrinsics_of(map.map()), scale);
   };
   for (const VisualWitness& w : pair.seen) {
     const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
-    const MetricWitness metric = in_lengths(w, of_a, of_b, placed[a].scale, placed[b].scale);
+    const MetricWitness metric = rescaled(w, of_a, of_b, placed[a].scale, placed[b].scale);
     const Eigen::Vector3d p = node(of_b, w.keyframe_b, placed[b].scale).t,
                           q = transformed(metric.node_a_from_node_b.t, node(of_a, w.keyframe_a, placed[a].scale));
     join.terms.push_back({q.x(), q.y(), p.x(), p.y(), planar(w.a_from_b.pose).phi, kBend_weight * share});
@@ -234,7 +235,8 @@ class Fusing {
       const Map& map = *maps_[members[i]].map;
       const auto& [first, node] = first_within(map, team);
       const double scale = placement.team_from_map[i].scale;
-      component.team_from_map.set(map.id, frame_there(team.nodes.find(first)->map_from_node, node.map_from_node, mounting_of(map), scale));
+      const Pose3& team_from_node = team.nodes.find(first)->map_from_node;
+      component.team_from_map.set(map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;
@@ -247,7 +249,7 @@ class Fusing {
     for (std::size_t i = 0; i < members.size(); ++i) {
       const Map& own = *maps_[members[i]].map;
       const double scale = placement.team_from_map[i].scale;
-      const Map grown = scale != 1.0 ? in_lengths(own, scale) : Map();
+      const Map grown = scale != 1.0 ? rig::rescaled(own, scale) : Map();
       const Map& map = scale != 1.0 ? grown : own;
       for (const auto& [id, node] : map.nodes) {
         Node moved = node;
@@ -258,7 +260,7 @@ class Fusing {
       for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
       for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
       if (members.size() == 1 || !map.submaps.empty()) continue;
-      for (Constraint& step : steps_of(map, BindOptions{})) constraints.push_back(std::move(step));
+      for (Constraint& edge : rig::covisibility_constraints(map, rig::LaserCameraOptions{})) constraints.push_back(std::move(edge));
     }
     std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
     team.nodes.reserve(nodes.size());

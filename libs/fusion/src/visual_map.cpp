@@ -1,6 +1,7 @@
 #include "visual_map.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/rig/scale.h>
 
 #include <algorithm>
 #include <map>
@@ -74,7 +75,7 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 }  // namespace
 
 VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures)
-    : map_(&map), is_metric_(fusion::is_metric(map)), seen_(covisibility(map)) {
+    : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));
     auto& companions = keyframes_.back().companions = seen_.shared[i];

@@ -1,13 +1,12 @@
 #pragma once
 // A map of keyframes with what comparing it with others needs, made once: words, who sees what, and places as the judge wants them.
 
-#include "covisibility.h"
-
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
+#include <mapweave/rig/covisibility.h>
 
 #include <functional>
 #include <memory>
@@ -61,7 +60,7 @@ class VisualMap {
   const Hash& content(std::size_t keyframe) const;
   const Map* map_;
   bool is_metric_;
-  Covisibility seen_;
+  rig::Covisibility seen_;
   std::vector<MappedKeyframe> keyframes_;
   std::vector<MappedLandmark> landmarks_;
   std::unique_ptr<std::once_flag[]> hashed_;

@@ -1,5 +1,4 @@
 #include "visual_team.h"
-#include "lengths.h"
 #include "shared_landmarks.h"
 #include "warm_start.h"
 
@@ -7,6 +6,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/graph/spatial_graph.h>
+#include <mapweave/rig/scale.h>
 
 #include <algorithm>
 #include <cmath>
@@ -63,9 +63,10 @@ class Team {
         landmark_member_.push_back(m);
         landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) + first_keyframe_[m]);
       }
-      const Pose3 robot_from_camera = mounting_of(members[m]->map());
+      const Pose3 robot_from_camera = rig::extrinsics_of(members[m]->map());
       for (const MappedKeyframe& keyframe : members[m]->keyframes())
-        keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
+        keyframes_.push_back(
+            {m, &keyframe, first_landmark, 1.0, rig::moved_with_camera(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
     }
     is_free_.assign(keyframes_.size(), true);
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
@@ -152,7 +153,7 @@ class Team {
 
   double scale_of(std::size_t member) const { return team_from_map_[member].scale; }
   MetricWitness in_team(const VisualJoin& join, const VisualWitness& w) const {
-    return in_lengths(w, *members_[join.a], *members_[join.b], scale_of(join.a), scale_of(join.b));
+    return rescaled(w, *members_[join.a], *members_[join.b], scale_of(join.a), scale_of(join.b));
   }
 
   double middle_depth(const TeamKeyframe& keyframe) const {
@@ -227,8 +228,8 @@ class Team {
     for (std::size_t i = 0; i < landmark_ids_.size(); ++i) {
       const std::size_t member = landmark_member_[i];
       const TeamKeyframe& anchor = keyframes_[landmark_keyframe_[i]];
-      const Vector3d point = in_lengths(members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor(),
-                                        anchor.content->content->geometry->robot_from_camera, scale_of(member));
+      const Vector3d point = rig::rescaled(members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor(),
+                                           anchor.content->content->geometry->robot_from_camera, scale_of(member));
       points_.push_back(transformed(point, anchor.team_from_node));
     }
   }
@@ -416,7 +417,7 @@ class Team {
 
     std::vector<Constraint> constraints;
     for (std::size_t m = 0; m < members_.size(); ++m)
-      for (const Constraint* rigid : rigs_[m]) constraints.push_back(in_lengths(*rigid, members_[m]->map(), scale_of(m)));
+      for (const Constraint* rigid : rigs_[m]) constraints.push_back(rig::rescaled(*rigid, members_[m]->map(), scale_of(m)));
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
         Constraint constraint;

@@ -7,6 +7,13 @@
 #include <set>
 
 namespace mapweave::fusion {
+namespace {
+
+const Pose3& extrinsics(const VisualMap& map, std::size_t keyframe) {
+  return map.keyframes()[keyframe].content->geometry->robot_from_camera;
+}
+
+}  // namespace
 
 Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b) {
   const Eigen::Matrix3d rotation = a_from_b.pose.q.toRotationMatrix();
@@ -18,6 +25,20 @@ Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covaria
   carry.bottomRightCorner<3, 3>() = rotation;
   carry.topRightCorner<3, 3>() = cross * rotation;
   return carry * covariance * carry.transpose();
+}
+
+MetricWitness rescaled(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
+  MetricWitness result{w.node_a_from_node_b.pose, w.information};
+  const Pose3& here = w.node_a_from_node_b.pose;
+  const Eigen::Vector3d &camera_a = extrinsics(a, w.keyframe_a).t, &camera_b = extrinsics(b, w.keyframe_b).t;
+  if (scale_a != 1.0 || w.node_a_from_node_b.scale != 1.0) {
+    const Eigen::Vector3d b_in_a = transformed(camera_b, w.node_a_from_node_b);  // b's camera, in a's scale
+    result.node_a_from_node_b.t = camera_a + scale_a * (b_in_a - camera_a) - here.q * camera_b;
+  }
+  // Of a small motion of b, in b's scale.
+  result.information.topRows<3>() /= scale_b;
+  result.information.leftCols<3>() /= scale_b;
+  return result;
 }
 
 VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& input, Memo& memo, WorkerPool& pool)

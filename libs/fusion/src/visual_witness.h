@@ -21,6 +21,14 @@ struct VisualWitness {
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  // of node_a_from_node_b, as a constraint's
 };
 
+// node_a_from_node_b in metres.
+struct MetricWitness {
+  Pose3 node_a_from_node_b;
+  Eigen::Matrix<double, 6, 6> information;
+};
+// scale_a, scale_b: by which the two maps are rescaled to metres.
+MetricWitness rescaled(const VisualWitness&, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b);
+
 struct VisualQuestion {
   std::size_t keyframe_a, keyframe_b;
 };
