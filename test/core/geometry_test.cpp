@@ -50,6 +50,18 @@ TEST(Pose3, is_planar_seen_from_above) {
   EXPECT_THAT(planar(lifted_and_pitched), IsNear(Pose2(1, 2, 0.8), 1e-12, 1e-12));
 }
 
+TEST(Sim3, compose_and_inverse_move_points_and_poses_alike) {
+  const Sim3 a_from_b{{{1, 2, 3}, Eigen::Quaterniond(0.5, 0.1, -0.7, 0.2).normalized()}, 1.7},
+      b_from_c{{{-3, 0.5, 1}, Eigen::Quaterniond(-0.2, 0.9, 0.3, 0.1).normalized()}, 0.4};
+  const Eigen::Vector3d in_c(0.3, -0.4, 0.5);
+  const Eigen::Vector3d in_a = transformed(transformed(in_c, b_from_c), a_from_b);
+  EXPECT_NEAR((transformed(in_c, compose(a_from_b, b_from_c)) - in_a).norm(), 0.0, 1e-12);
+  EXPECT_NEAR((transformed(in_a, inverse(compose(a_from_b, b_from_c))) - in_c).norm(), 0.0, 1e-12);
+  const Pose3 pose_in_a = transformed(Pose3{in_c, Eigen::Quaterniond::Identity()}, a_from_b);
+  EXPECT_NEAR((pose_in_a.t - transformed(in_c, a_from_b)).norm(), 0.0, 1e-12);
+  EXPECT_NEAR(pose_in_a.q.angularDistance(a_from_b.pose.q), 0.0, 1e-7);
+}
+
 TEST(Pose, knows_whether_it_is_finite) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(is_finite(Pose2{1, 2, 3}));

@@ -20,7 +20,7 @@ std::vector<PosePair> pairs_under(const Sim3& reference_from_estimate, double no
     PosePair pair;
     pair.stamp.ns = i;
     pair.estimate.t = Eigen::Vector3d(5.0 * scattered(seed), 3.0 * scattered(seed), flat ? 0.0 : 2.0 * scattered(seed));
-    pair.reference = aligned(pair.estimate, reference_from_estimate);
+    pair.reference = transformed(pair.estimate, reference_from_estimate);
     const Eigen::Vector3d noise(scattered(seed), scattered(seed), flat ? 0.0 : scattered(seed));
     pair.reference.t += noise_m * noise;
     pairs.push_back(pair);
@@ -30,7 +30,7 @@ std::vector<PosePair> pairs_under(const Sim3& reference_from_estimate, double no
 
 double squared_distances(const std::vector<PosePair>& pairs, const Sim3& motion) {
   double sum = 0.0;
-  for (const auto& pair : pairs) sum += (pair.reference.t - aligned(pair.estimate, motion).t).squaredNorm();
+  for (const auto& pair : pairs) sum += (pair.reference.t - transformed(pair.estimate, motion).t).squaredNorm();
   return sum;
 }
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/fusion/rig.h>
+#include <mapweave/rig/rig.h>
 #include <mapweave/maps/map_update.h>
 #include <support/starry_maps.h>
 
@@ -342,7 +342,7 @@ TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_straig
   test::StarryOptions bent;
   bent.drift_rad_per_keyframe = 0.002;
   const Map straight = building.keyframe_map("alpha", way), ahead = building.keyframe_map("beta", way, bent);
-  TiedRig rig = tied({{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
+  rig::RigMerge rig = rig::merge_rig({{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
   ASSERT_EQ(rig.maps.size(), 1U);
   const auto result = fused({straight, rig.maps[0].map});
   ASSERT_EQ(result.components.size(), 1U);

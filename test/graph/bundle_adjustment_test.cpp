@@ -13,7 +13,7 @@ struct Ring {
   explicit Ring(int views = 24, int points = 300, bool depth = true, double noise_px = 0.0) {
     std::mt19937_64 random(3);
     const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
-    truth.cameras = {{500, 500, 320, 240}};
+    truth.cameras = {{640, 480, 500, 500, 320, 240}};
     for (int i = 0; i < views; ++i) {
       const double angle = 2.0 * M_PI * i / views;
       const Eigen::Quaterniond inwards = Eigen::Quaterniond(Eigen::AngleAxisd(-angle - M_PI / 2, Eigen::Vector3d::UnitY()));

@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> even(0.0, 1.0);
   graph::Bundle bundle;
-  bundle.cameras.push_back({520.0, 520.0, 320.0, 240.0});
+  bundle.cameras.push_back({640, 480, 520.0, 520.0, 320.0, 240.0});
   std::vector<Pose3> truth;
   const double kRounds = 2.0, kRadius_m = 12.0;
   for (int i = 0; i < keyframes; ++i) {

@@ -44,7 +44,7 @@ class Building {
     return {{RobotId(options_.robots[robot].id), SensorId("camera")},
             compose(inverse(world_.world_from_robot(robot, 0.0)), recordings_[robot].frame(0).world_from_camera)};
   }
-  visual::PinholeCamera camera() const {
+  Pinhole camera() const {
     const auto& model = options_.cameras[0].intrinsics();
     return {model.width, model.height, model.fx, model.fy, model.cx, model.cy};
   }

@@ -48,11 +48,11 @@ class FeatureTeam {
     Pose3 world_from_camera;
   };
 
-  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const fusion::RigOptions& rig = {})
+  explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const rig::RigOptions& rig = {})
       : pool(threads), server(TierId("edge"), sharing, {}, rig), sharing_(sharing) {}
   // Each camera of a robot is a client.
   FeatureTeam(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing, const simulation::FeatureOptions& features = {},
-              int threads = 1, const fusion::RigOptions& rig = {})
+              int threads = 1, const rig::RigOptions& rig = {})
       : FeatureTeam(sharing, threads, rig) {
     world_.emplace(options, pool);
     field_.emplace(world_->scene(0), world_->buildings()[0], features);
@@ -69,7 +69,7 @@ class FeatureTeam {
 
   struct Robot {
     visual::ClientPlace place;
-    visual::PinholeCamera camera;
+    Pinhole camera;
     visual::ClientOptions options;
     std::size_t count = 0;  // of frames, 12 a second
     std::function<Shot(std::size_t)> shoot;
@@ -91,7 +91,7 @@ class FeatureTeam {
     }
   };
 
-  Robot& add(visual::ClientPlace place, const visual::PinholeCamera& camera, std::size_t count, std::function<Shot(std::size_t)> shoot,
+  Robot& add(visual::ClientPlace place, const Pinhole& camera, std::size_t count, std::function<Shot(std::size_t)> shoot,
              const visual::ClientOptions& options = {}) {
     Robot& robot = robots.emplace_back();
     robot.place = std::move(place), robot.camera = camera, robot.options = options, robot.count = count, robot.shoot = std::move(shoot);

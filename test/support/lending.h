@@ -19,7 +19,7 @@ class StarryCorridor {
  public:
   static constexpr double kLength_m = 28.0;
   static constexpr double kRadius_m = 5.5;  // of a ring's middle
-  visual::PinholeCamera camera{320, 240, 260.0, 260.0, 159.5, 119.5};
+  Pinhole camera{320, 240, 260.0, 260.0, 159.5, 119.5};
 
   explicit StarryCorridor(std::uint64_t noise_seed, bool ring = false) {
     std::mt19937_64 world(5);
@@ -79,9 +79,9 @@ class LendingServer {
       if (const auto known = describer.described(landmark)) index.set(*known);
   }
   // In the world's frame, under a camera there.
-  std::vector<DescribedLandmark> under(const visual::PinholeCamera& camera, const Pose3& world_from_camera) const {
+  std::vector<DescribedLandmark> under(const Pinhole& camera, const Pose3& world_from_camera) const {
     matching::Frustum frustum;
-    frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+    frustum.pinhole = camera;
     frustum.map_from_camera = compose(inverse(world_from_map), world_from_camera);
     matching::RetrievalOptions options;
     options.margin_px = 40.0;

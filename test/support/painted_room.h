@@ -31,7 +31,7 @@ inline double painted(double u, double v, unsigned wall) {
 
 struct PaintedRoom {
   Eigen::Vector3d half{4.0, 1.5, 4.0};  // the room's walls are so far from its middle
-  visual::PinholeCamera camera{320, 240, 260.0, 260.0, 159.5, 119.5};
+  Pinhole camera{320, 240, 260.0, 260.0, 159.5, 119.5};
 
   // Distance along the ray to the wall, and its grey value.
   std::pair<double, double> look(const Eigen::Vector3d& from, const Eigen::Vector3d& ray) const {

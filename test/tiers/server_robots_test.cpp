@@ -62,7 +62,7 @@ struct Replay {
   WorkerPool pool{1};
   std::map<SensorId, SessionId> sessions;
 
-  explicit Replay(const fusion::RigOptions& rig = {}, const std::function<bool(MapUpdate&)>& changed = {})
+  explicit Replay(const rig::RigOptions& rig = {}, const std::function<bool(MapUpdate&)>& changed = {})
       : server(TierId("edge"), sharing(Sharing::none), {}, rig) {
     for (const auto& [from, bytes] : three_cameras().server.snapshot()) {
       MapUpdate update = decode_map_update(bytes, "test");
@@ -187,7 +187,7 @@ TEST(ServerRobots, does_not_follow_one_of_three_that_errs) {
 }
 
 TEST(ServerRobots, hears_cameras_of_one_map_alone) {
-  fusion::RigOptions without_ties;
+  rig::RigOptions without_ties;
   without_ties.enabled = false;
   // By another light: nobody knows again what it sees.
   Replay replay(without_ties, [](MapUpdate& update) {

@@ -20,8 +20,8 @@ simulation::WorldOptions two_cameras(double yaw_deg, double length_m) {
   return options;
 }
 
-fusion::RigOptions without_ties() {
-  fusion::RigOptions rig;
+rig::RigOptions without_ties() {
+  rig::RigOptions rig;
   rig.enabled = false;
   return rig;
 }
@@ -32,7 +32,7 @@ std::size_t count_of(const fusion::Component& component, ConstraintKind kind) {
 }
 
 // What a server makes of what another one was told.
-fusion::FusionResult sealed_again(const VisualServer& told, const fusion::RigOptions& rig, int threads = 1, bool reversed = false) {
+fusion::FusionResult sealed_again(const VisualServer& told, const rig::RigOptions& rig, int threads = 1, bool reversed = false) {
   VisualServer server(TierId("edge"), {}, {}, rig);
   VisualServer::Snapshot snapshot = told.snapshot();
   if (reversed) std::reverse(snapshot.begin(), snapshot.end());
@@ -189,7 +189,7 @@ void make_strange(PlaceRequest& request) {
 TEST(SiblingServer, tells_a_lost_camera_where_its_sibling_is) {
   std::map<bool, int> lost;
   for (const bool tied : {false, true}) {
-    FeatureTeam team(two_cameras(60.0, 20.0), sharing(Sharing::view), {}, 1, tied ? fusion::RigOptions() : without_ties());
+    FeatureTeam team(two_cameras(60.0, 20.0), sharing(Sharing::view), {}, 1, tied ? rig::RigOptions() : without_ties());
     team.garbled = make_strange;
     auto& camera = team.robots[1];
     blind(camera, 15.0, 30.0);

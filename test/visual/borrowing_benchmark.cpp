@@ -27,7 +27,7 @@ namespace {
 const ClientPlace kAlpha{{RobotId("alpha"), SensorId("front")}, {}}, kBeta{{RobotId("beta"), SensorId("front")}, {}};
 
 struct Drive {
-  PinholeCamera camera;
+  Pinhole camera;
   std::vector<Stamp> stamps;
   std::vector<Pose3> truth;  // world_from_camera
   std::function<Tracked(VisualClient&, std::size_t, bool alone)> add;
@@ -51,9 +51,9 @@ struct Server {
   double spent_ms = 0.0;
   int asked = 0;
 
-  std::vector<DescribedLandmark> under(const PinholeCamera& camera, const Pose3& map_from_camera) {
+  std::vector<DescribedLandmark> under(const Pinhole& camera, const Pose3& map_from_camera) {
     matching::Frustum frustum;
-    frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+    frustum.pinhole = camera;
     frustum.map_from_camera = map_from_camera;
     matching::RetrievalOptions options;
     options.margin_px = 40.0;

@@ -6,7 +6,7 @@
 namespace mapweave::visual {
 namespace {
 
-const PinholeCamera camera{640, 480, 500.0, 500.0, 319.5, 239.5};
+const Pinhole camera{640, 480, 500.0, 500.0, 319.5, 239.5};
 constexpr double kReadout = 0.02;
 
 // Views along a line that look at points ahead; exact sightings.

@@ -88,7 +88,7 @@ tiers::Receipt decoded(const std::string& bytes) {
 
 class Robot {
  public:
-  Robot(const visual::ClientPlace& place, const visual::PinholeCamera& camera, const simulation::FeatureRecording& recording,
+  Robot(const visual::ClientPlace& place, const Pinhole& camera, const simulation::FeatureRecording& recording,
         double rate_hz, double share_rate_hz)
       : place_(place),
         recording_(recording),

@@ -10,7 +10,7 @@
 namespace mapweave::visual {
 namespace {
 
-const PinholeCamera camera{320, 240, 260.0, 260.0, 159.5, 119.5};
+const Pinhole camera{320, 240, 260.0, 260.0, 159.5, 119.5};
 
 // A room whose walls carry landmarks.
 class StarryRoom {

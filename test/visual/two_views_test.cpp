@@ -7,7 +7,7 @@
 namespace mapweave::visual {
 namespace {
 
-const PinholeCamera camera{640, 480, 500.0, 500.0, 319.5, 239.5};
+const Pinhole camera{640, 480, 500.0, 500.0, 319.5, 239.5};
 
 View motion_of(double x, double y, double z, double turn) {
   Eigen::Matrix<double, 6, 1> motion;

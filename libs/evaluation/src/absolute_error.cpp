@@ -23,7 +23,7 @@ AlignedPairs aligned_pairs(const Trajectory& estimate, const Trajectory& referen
                     " poses)",
                 {}, "give trajectories of the same log with stamps of the same clock");
   result.reference_from_estimate = reference_from_estimate(result.pairs, options.align);
-  for (auto& pair : result.pairs) pair.estimate = aligned(pair.estimate, result.reference_from_estimate);
+  for (auto& pair : result.pairs) pair.estimate = transformed(pair.estimate, result.reference_from_estimate);
   return result;
 }
 

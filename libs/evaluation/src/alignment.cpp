@@ -72,9 +72,4 @@ Sim3 reference_from_estimate(const std::vector<PosePair>& pairs, AlignmentKind k
   return result;
 }
 
-Pose3 aligned(const Pose3& pose, const Sim3& target_from_source) {
-  return {target_from_source.scale * (target_from_source.pose.q * pose.t) + target_from_source.pose.t,
-          (target_from_source.pose.q * pose.q).normalized()};
-}
-
 }  // namespace mapweave::evaluation

@@ -1,32 +1,22 @@
 #include "joint_transforms.h"
-#include "lengths.h"
 #include "pair_judging.h"
 #include "ties.h"
 #include "warm_start.h"
 
+#include <mapweave/core/disjoint_sets.h>
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/stopwatch.h>
+#include <mapweave/rig/laser_camera_alignment.h>
+#include <mapweave/rig/scale.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <deque>
 #include <functional>
-#include <numeric>
 
 namespace mapweave::fusion {
 namespace {
-
-struct Groups {
-  std::vector<std::size_t> parent;
-  explicit Groups(std::size_t count) : parent(count) { std::iota(parent.begin(), parent.end(), std::size_t{0}); }
-  std::size_t find(std::size_t i) { return parent[i] == i ? i : parent[i] = find(parent[i]); }
-  bool join(std::size_t i, std::size_t j) {
-    i = find(i), j = find(j);
-    parent[std::max(i, j)] = std::min(i, j);
-    return i != j;
-  }
-};
 
 struct Placement {
   std::vector<std::size_t> members;  // numbers of maps
@@ -47,11 +37,11 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
   }
   const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
     const MappedKeyframe& content = map.keyframes()[keyframe];
-    return scale == 1.0 ? content.map_from_node : in_lengths(content.map_from_node, mounting_of(map.map()), scale);
+    return scale == 1.0 ? content.map_from_node : rig::rescaled(content.map_from_node, rig::extrinsics_of(map.map()), scale);
   };
   for (const VisualWitness& w : pair.seen) {
     const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
-    const MetricWitness metric = in_lengths(w, of_a, of_b, placed[a].scale, placed[b].scale);
+    const MetricWitness metric = rescaled(w, of_a, of_b, placed[a].scale, placed[b].scale);
     const Eigen::Vector3d p = node(of_b, w.keyframe_b, placed[b].scale).t,
                           q = transformed(metric.node_a_from_node_b.t, node(of_a, w.keyframe_a, placed[a].scale));
     join.terms.push_back({q.x(), q.y(), p.x(), p.y(), planar(w.a_from_b.pose).phi, kBend_weight * share});
@@ -63,7 +53,7 @@ Join join_of(const PairJoin& pair, const std::vector<PreparedMap>& maps, const s
 // Where the members lie along a tree of the strongest joins, and which joins are its branches.
 std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& strongest,
                              const std::function<std::size_t(std::size_t)>& local, std::vector<const PairJoin*>& branches) {
-  Groups groups(members);
+  DisjointSets groups(members);
   std::vector<std::vector<std::pair<std::size_t, Sim3>>> tree(members);
   for (const PairJoin* join : strongest) {
     const std::size_t a = local(join->a), b = local(join->b);
@@ -71,7 +61,7 @@ std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& 
     branches.push_back(join);
     const Sim3& a_from_b = join->result.verdict.alignment->a_from_b;
     tree[a].emplace_back(b, a_from_b);
-    tree[b].emplace_back(a, matching::inverse(a_from_b));
+    tree[b].emplace_back(a, inverse(a_from_b));
   }
   std::vector<Sim3> team_from_map(members);
   std::vector<bool> placed(members, false);
@@ -83,7 +73,7 @@ std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& 
     for (const auto& [next, here_from_next] : tree[here]) {
       if (placed[next]) continue;
       placed[next] = true;
-      team_from_map[next] = composed(team_from_map[here], here_from_next);
+      team_from_map[next] = compose(team_from_map[here], here_from_next);
       open.push_back(next);
     }
   }
@@ -143,7 +133,7 @@ class Fusing {
     if (in_space(members)) {
       for (PairJoin* join : strongest) {
         if (std::find(branches.begin(), branches.end(), join) != branches.end()) continue;
-        const Sim3 a_from_b = composed(matching::inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
+        const Sim3 a_from_b = compose(inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
         if (lie_alike(seen_[join->b], a_from_b, join->result.verdict.alignment->a_from_b)) continue;
         revoke(*join);
         revoked = true;
@@ -218,7 +208,7 @@ class Fusing {
 
   std::vector<Placement> connect() {
     for (;;) {
-      Groups groups(maps_.size());
+      DisjointSets groups(maps_.size());
       for (const auto& pair : pairs_)
         if (pair.is_accepted()) groups.join(pair.a, pair.b);
       std::vector<std::vector<std::size_t>> members(maps_.size());
@@ -280,7 +270,8 @@ class Fusing {
       const Map& map = *maps_[members[i]].map;
       const auto& [first, node] = first_within(map, team);
       const double scale = placement.team_from_map[i].scale;
-      component.team_from_map.set(map.id, frame_there(team.nodes.find(first)->map_from_node, node.map_from_node, mounting_of(map), scale));
+      const Pose3& team_from_node = team.nodes.find(first)->map_from_node;
+      component.team_from_map.set(map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;
@@ -293,7 +284,7 @@ class Fusing {
     for (std::size_t i = 0; i < members.size(); ++i) {
       const Map& own = *maps_[members[i]].map;
       const double scale = placement.team_from_map[i].scale;
-      const Map grown = scale != 1.0 ? in_lengths(own, scale) : Map();
+      const Map grown = scale != 1.0 ? rig::rescaled(own, scale) : Map();
       const Map& map = scale != 1.0 ? grown : own;
       const std::vector<Pose2> bent = members.size() > 1 ? as_bent(members[i], placement) : std::vector<Pose2>();
       std::size_t k = 0;
@@ -309,7 +300,7 @@ class Fusing {
       for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
       for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
       if (members.size() == 1 || !map.submaps.empty()) continue;
-      for (Constraint& step : steps_of(map, BindOptions{})) constraints.push_back(std::move(step));
+      for (Constraint& edge : rig::covisibility_constraints(map, rig::LaserCameraOptions{})) constraints.push_back(std::move(edge));
     }
     std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
     team.nodes.reserve(nodes.size());

@@ -209,7 +209,7 @@ bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const MappedKeyframe& keyframe : b.keyframes()) middle += keyframe.map_from_node.t / static_cast<double>(b.keyframes().size());
   constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;
-  const Eigen::Vector3d apart = matching::transformed(middle, one) - matching::transformed(middle, other);
+  const Eigen::Vector3d apart = transformed(middle, one) - transformed(middle, other);
   return apart.head<2>().norm() < kAlike_m && std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
 }
 

@@ -44,7 +44,7 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
     const Judgement judgement = matching::judge_places(place.view, there.view, options.visual.judge).judgement;
     if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options.min_probability)
       return std::nullopt;
-    const Pose3 there_from_asked = matching::inverse(judgement.hypotheses.front().a_from_b).pose;
+    const Pose3 there_from_asked = inverse(judgement.hypotheses.front().a_from_b).pose;
     return FoundPlace{alike[i].id, compose(map.keyframes()[keyframe].map_from_node, there_from_asked), judgement.probability};
   });
   std::optional<FoundPlace> best;

@@ -44,7 +44,7 @@ Repetition repetition_within(const VisualMap& a, const VisualMap& b, std::vector
     for (const VisualWitness& w : judge.ask(map, map, elsewhere(map, keyframe, options.visual))) {
       judged.push_back(w.judgement.id);
       const Eigen::Vector3d& there = map.keyframes()[w.keyframe_b].map_from_node.t;
-      if (!holds(w, {}, options) || (matching::transformed(there, w.a_from_b) - there).norm() < kMoved_m) continue;
+      if (!holds(w, {}, options) || (transformed(there, w.a_from_b) - there).norm() < kMoved_m) continue;
       found.because.push_back(w.judgement.id);
       return true;
     }

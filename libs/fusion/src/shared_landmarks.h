@@ -43,23 +43,4 @@ class FeaturesByPlace {
   std::vector<Feature> features_;
 };
 
-// Landmarks that are the same, and the one that stands for each.
-class Classes {
- public:
-  explicit Classes(std::size_t count) : parent_(count) {
-    for (std::size_t i = 0; i < count; ++i) parent_[i] = i;
-  }
-  std::size_t find(std::size_t i) const {
-    while (parent_[i] != i) i = parent_[i];
-    return i;
-  }
-  void join(std::size_t i, std::size_t j) {
-    i = find(i), j = find(j);
-    parent_[std::max(i, j)] = std::min(i, j);
-  }
-
- private:
-  std::vector<std::size_t> parent_;
-};
-
 }  // namespace mapweave::fusion

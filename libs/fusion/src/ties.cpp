@@ -1,30 +1,12 @@
 #include "ties.h"
-#include "covisibility.h"
-#include "lengths.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 
 namespace mapweave::fusion {
 
-Constraint constraint_of(ConstraintKind kind, const NodeId& from, const NodeId& to, const Pose3& from_from_to, double sigma_m,
-                         double sigma_rad) {
-  const double m = 1.0 / (sigma_m * sigma_m), rad = 1.0 / (sigma_rad * sigma_rad);
-  return planar_constraint({kind, from, to, 0}, planar(from_from_to), Eigen::Vector3d(m, m, rad).asDiagonal());
-}
-
-std::vector<Constraint> steps_of(const Map& map, const BindOptions& options) {
-  std::vector<Constraint> result;
-  for (const Step& step : steps(covisibility(map), options.least_shared)) {
-    const Pose3 moved_by = between(step.from->map_from_node, step.to->map_from_node);
-    result.push_back(constraint_of(ConstraintKind::scan_match, step.from->id, step.to->id, moved_by,
-                                   options.step_m + options.step_share * moved_by.t.norm(), options.step_rad));
-  }
-  return result;
-}
-
 Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
-  const MetricWitness metric = in_lengths(w, a, b, scale_a, scale_b);
+  const MetricWitness metric = rescaled(w, a, b, scale_a, scale_b);
   Constraint constraint;
   constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
   constraint.from_from_to.pose = metric.node_a_from_node_b;

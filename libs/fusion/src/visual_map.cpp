@@ -1,6 +1,7 @@
 #include "visual_map.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/rig/scale.h>
 
 #include <algorithm>
 #include <map>
@@ -18,7 +19,7 @@ MappedKeyframe mapped(const Node& node) {
   MappedKeyframe result;
   result.id = node.id, result.map_from_node = node.map_from_node, result.content = &content;
   result.map_from_camera = compose(node.map_from_node, geometry.robot_from_camera);
-  result.camera = {geometry.width, geometry.height, geometry.fx, geometry.fy, geometry.cx, geometry.cy};
+  result.camera = geometry.pinhole();
   for (const KeyframePoint& point : content.points)
     result.points.push_back({static_cast<float>(pixels_of(point.u)), static_cast<float>(pixels_of(point.v)),
                              static_cast<float>(angle_deg_of(point.angle)), point.level});
@@ -74,7 +75,7 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 }  // namespace
 
 VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures)
-    : map_(&map), is_metric_(fusion::is_metric(map)), seen_(covisibility(map)) {
+    : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));
     auto& companions = keyframes_.back().companions = seen_.shared[i];

@@ -1,13 +1,12 @@
 #pragma once
 // A map of keyframes with what comparing it with others needs, made once: words, who sees what, and places as the judge wants them.
 
-#include "covisibility.h"
-
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
+#include <mapweave/rig/covisibility.h>
 
 #include <functional>
 #include <memory>
@@ -21,7 +20,7 @@ struct MappedKeyframe {
   NodeId id;
   Pose3 map_from_node, map_from_camera;
   const KeyframeFeatures* content = nullptr;
-  matching::Pinhole camera;
+  Pinhole camera;
   std::vector<matching::FeaturePoint> points;
   std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
   std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first
@@ -61,7 +60,7 @@ class VisualMap {
   const Hash& content(std::size_t keyframe) const;
   const Map* map_;
   bool is_metric_;
-  Covisibility seen_;
+  rig::Covisibility seen_;
   std::vector<MappedKeyframe> keyframes_;
   std::vector<MappedLandmark> landmarks_;
   std::unique_ptr<std::once_flag[]> hashed_;

@@ -20,7 +20,7 @@ bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap
   const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t, &q = b.keyframes()[other.keyframe_b].map_from_node.t;
   const Vector3d middle = 0.5 * (p + q);
   const double scale = std::sqrt(one.a_from_b.scale * other.a_from_b.scale), far = scale * (p - q).norm();
-  const double apart = (matching::transformed(middle, one.a_from_b) - matching::transformed(middle, other.a_from_b)).norm();
+  const double apart = (transformed(middle, one.a_from_b) - transformed(middle, other.a_from_b)).norm();
   return apart < options.consistency_m + options.consistency_per_m * far &&
          one.a_from_b.pose.q.angularDistance(other.a_from_b.pose.q) < options.consistency_yaw_rad + 0.002 * far &&
          std::abs(std::log(one.a_from_b.scale / other.a_from_b.scale)) < kSameScale;
@@ -48,7 +48,7 @@ Sim3 mean_transform(const std::vector<const VisualWitness*>& witnesses, const Vi
   const auto share = 1.0 / static_cast<double>(witnesses.size());
   for (const VisualWitness* w : witnesses) {
     const Vector3d& p = b.keyframes()[w->keyframe_b].map_from_node.t;
-    in_b += share * p, in_a += share * matching::transformed(p, w->a_from_b);
+    in_b += share * p, in_a += share * transformed(p, w->a_from_b);
     const Eigen::Vector4d q = w->a_from_b.pose.q.coeffs();
     turn += q.dot(witnesses.front()->a_from_b.pose.q.coeffs()) < 0.0 ? Eigen::Vector4d(-q) : q;
     log_scale += share * std::log(w->a_from_b.scale);
@@ -85,7 +85,7 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
   for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
     if (b.keyframes()[j].points.size() < kLeastFeatures) continue;
-    const Pose3 there = carried(a_from_b, b.keyframes()[j].map_from_camera);
+    const Pose3 there = transformed(b.keyframes()[j].map_from_camera, a_from_b);
     std::pair<double, std::size_t> nearest{1e300, 0};
     for (std::size_t i = 0; i < a.keyframes().size(); ++i) {
       const Pose3& here = a.keyframes()[i].map_from_camera;
@@ -105,7 +105,7 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
     judged.push_back(w.judgement.id);
     if (w.judgement.hypotheses.empty() || w.judgement.doubt != Reason::none) continue;
     const Vector3d& p = b.keyframes()[w.keyframe_b].map_from_node.t;
-    known += (matching::transformed(p, w.a_from_b) - matching::transformed(p, a_from_b)).norm() < kNear_m;
+    known += (transformed(p, w.a_from_b) - transformed(p, a_from_b)).norm() < kNear_m;
   }
   constexpr std::size_t kOneIn = 5;
   return kOneIn * known < near.size();
@@ -150,7 +150,7 @@ Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMa
 bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQuestion& question, const Sim3& a_from_b) {
   constexpr double kNear_m = 3.0, kAlike_rad = 0.9;
   const Pose3 &here = a.keyframes()[question.keyframe_a].map_from_camera,
-              there = carried(a_from_b, b.keyframes()[question.keyframe_b].map_from_camera);
+              there = transformed(b.keyframes()[question.keyframe_b].map_from_camera, a_from_b);
   const bool is_near = !a.is_metric() || (here.t - there.t).norm() < kNear_m;
   return is_near && std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0)) < kAlike_rad;
 }
@@ -304,7 +304,7 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   std::vector<const VisualWitness*> far;
   for (const VisualWitness* w : others) {
     const Vector3d& there = b.keyframes()[w->keyframe_b].map_from_node.t;
-    if ((matching::transformed(there, w->a_from_b) - matching::transformed(there, alignment.a_from_b)).norm() > kFar_m) far.push_back(w);
+    if ((transformed(there, w->a_from_b) - transformed(there, alignment.a_from_b)).norm() > kFar_m) far.push_back(w);
   }
   const std::size_t rivals = disjoint(far);
   if (verdict.second_best > options.max_rival || (rivals >= kFew && kOneIn * rivals >= disjoint(clique))) {

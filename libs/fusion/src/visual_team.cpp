@@ -1,11 +1,12 @@
 #include "visual_team.h"
-#include "lengths.h"
 #include "shared_landmarks.h"
 #include "warm_start.h"
 
+#include <mapweave/core/disjoint_sets.h>
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/graph/spatial_graph.h>
+#include <mapweave/rig/scale.h>
 
 #include <algorithm>
 #include <cmath>
@@ -62,9 +63,10 @@ class Team {
         landmark_member_.push_back(m);
         landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) + first_keyframe_[m]);
       }
-      const Pose3 robot_from_camera = mounting_of(members[m]->map());
+      const Pose3 robot_from_camera = rig::extrinsics_of(members[m]->map());
       for (const MappedKeyframe& keyframe : members[m]->keyframes())
-        keyframes_.push_back({m, &keyframe, first_landmark, 1.0, carried(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
+        keyframes_.push_back(
+            {m, &keyframe, first_landmark, 1.0, rig::moved_with_camera(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
     }
     is_free_.assign(keyframes_.size(), true);
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
@@ -151,7 +153,7 @@ class Team {
 
   double scale_of(std::size_t member) const { return team_from_map_[member].scale; }
   MetricWitness in_team(const VisualJoin& join, const VisualWitness& w) const {
-    return in_lengths(w, *members_[join.a], *members_[join.b], scale_of(join.a), scale_of(join.b));
+    return rescaled(w, *members_[join.a], *members_[join.b], scale_of(join.a), scale_of(join.b));
   }
 
   double middle_depth(const TeamKeyframe& keyframe) const {
@@ -226,8 +228,8 @@ class Team {
     for (std::size_t i = 0; i < landmark_ids_.size(); ++i) {
       const std::size_t member = landmark_member_[i];
       const TeamKeyframe& anchor = keyframes_[landmark_keyframe_[i]];
-      const Vector3d point = in_lengths(members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor(),
-                                        anchor.content->content->geometry->robot_from_camera, scale_of(member));
+      const Vector3d point = rig::rescaled(members_[member]->map().landmarks.find(landmark_ids_[i])->point_in_anchor(),
+                                           anchor.content->content->geometry->robot_from_camera, scale_of(member));
       points_.push_back(transformed(point, anchor.team_from_node));
     }
   }
@@ -265,7 +267,7 @@ class Team {
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
       if (!by.empty() && !std::binary_search(by.begin(), by.end(), keyframes_[number].member)) continue;
       const Pose3 camera_from_team = inverse(keyframes_[number].team_from_camera());
-      const matching::Pinhole& camera = keyframes_[number].content->camera;
+      const Pinhole& camera = keyframes_[number].content->camera;
       const Eigen::Matrix3d rotation = camera_from_team.q.toRotationMatrix();
       std::vector<SoughtLandmark> sought;
       for (const std::size_t other : neighbours(number, looks)) {
@@ -287,8 +289,8 @@ class Team {
     }
   }
 
-  Classes classes() const {
-    Classes result(landmark_ids_.size());
+  DisjointSets classes() const {
+    DisjointSets result(landmark_ids_.size());
     for (const Found& found : found_) {
       const TeamKeyframe& keyframe = keyframes_[found.keyframe];
       const std::int32_t own = keyframe.content->landmark_of_feature[found.feature];
@@ -301,8 +303,8 @@ class Team {
   }
 
   // Of what was told, the new: by keyframes whose features were found to see the same, and where it is expected.
-  std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle, const Classes& same,
-                                                                                       double radius_px) const {
+  std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle,
+                                                                                       const DisjointSets& same, double radius_px) const {
     std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
     if (told_.empty()) return result;
     std::set<std::size_t> known;
@@ -347,15 +349,14 @@ class Team {
   // stay at their keyframes. free: with those that free keyframes see.
   enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
-    const Classes same = classes();
+    const DisjointSets same = classes();
     std::vector<char> counts(landmark_ids_.size(), extent == Extent::all);
     for (const Found& found : found_)
       if (extent != Extent::free || is_free_[found.keyframe]) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
     const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
-      const matching::Pinhole& camera = keyframes_[i].content->camera;
-      bundle.cameras.push_back({camera.fx, camera.fy, camera.cx, camera.cy});
+      bundle.cameras.push_back(keyframes_[i].content->camera);
       bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
@@ -416,7 +417,7 @@ class Team {
 
     std::vector<Constraint> constraints;
     for (std::size_t m = 0; m < members_.size(); ++m)
-      for (const Constraint* rigid : rigs_[m]) constraints.push_back(in_lengths(*rigid, members_[m]->map(), scale_of(m)));
+      for (const Constraint* rigid : rigs_[m]) constraints.push_back(rig::rescaled(*rigid, members_[m]->map(), scale_of(m)));
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
         Constraint constraint;
@@ -434,7 +435,7 @@ class Team {
       team.constraints.set(id, std::move(constraint));
     }
 
-    const Classes same = classes();
+    const DisjointSets same = classes();
     std::map<LandmarkId, Landmark> landmarks;
     std::size_t number = 0;
     for (std::size_t m = 0; m < members_.size(); ++m)

@@ -7,6 +7,13 @@
 #include <set>
 
 namespace mapweave::fusion {
+namespace {
+
+const Pose3& extrinsics(const VisualMap& map, std::size_t keyframe) {
+  return map.keyframes()[keyframe].content->geometry->robot_from_camera;
+}
+
+}  // namespace
 
 Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b) {
   const Eigen::Matrix3d rotation = a_from_b.pose.q.toRotationMatrix();
@@ -20,15 +27,19 @@ Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covaria
   return carry * covariance * carry.transpose();
 }
 
-Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c) {
-  Sim3 result;
-  result.scale = a_from_b.scale * b_from_c.scale;
-  result.pose.q = (a_from_b.pose.q * b_from_c.pose.q).normalized();
-  result.pose.t = matching::transformed(b_from_c.pose.t, a_from_b);
+MetricWitness rescaled(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
+  MetricWitness result{w.node_a_from_node_b.pose, w.information};
+  const Pose3& here = w.node_a_from_node_b.pose;
+  const Eigen::Vector3d &camera_a = extrinsics(a, w.keyframe_a).t, &camera_b = extrinsics(b, w.keyframe_b).t;
+  if (scale_a != 1.0 || w.node_a_from_node_b.scale != 1.0) {
+    const Eigen::Vector3d b_in_a = transformed(camera_b, w.node_a_from_node_b);  // b's camera, in a's scale
+    result.node_a_from_node_b.t = camera_a + scale_a * (b_in_a - camera_a) - here.q * camera_b;
+  }
+  // Of a small motion of b, in b's scale.
+  result.information.topRows<3>() /= scale_b;
+  result.information.leftCols<3>() /= scale_b;
   return result;
 }
-
-Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c) { return composed(a_from_b, {b_from_c, 1.0}).pose; }
 
 VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& input, Memo& memo, WorkerPool& pool)
     : options_(options), memo_(memo), pool_(pool) {
@@ -113,12 +124,12 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
     witness.judgement = old[i] != nullptr ? *old[i] : judged(questions[i], swapped);
     if (witness.judgement.hypotheses.empty()) return witness;
     const Alignment& best = witness.judgement.hypotheses.front();
-    witness.node_a_from_node_b = swapped ? matching::inverse(best.a_from_b) : best.a_from_b;
+    witness.node_a_from_node_b = swapped ? inverse(best.a_from_b) : best.a_from_b;
     const Eigen::Matrix<double, 6, 6> covariance = swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
     witness.information = covariance.inverse();
     witness.information = (0.5 * (witness.information + witness.information.transpose())).eval();
-    witness.a_from_b = composed(composed({a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
-                                {inverse(b.keyframes()[in_b].map_from_node), 1.0});
+    witness.a_from_b = compose(compose(Sim3{a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
+                               Sim3{inverse(b.keyframes()[in_b].map_from_node), 1.0});
     return witness;
   });
   for (const VisualWitness& witness : witnesses) memo_.emplace(witness.judgement.id, witness.judgement);

@@ -10,10 +10,6 @@
 
 namespace mapweave::fusion {
 
-Sim3 composed(const Sim3& a_from_b, const Sim3& b_from_c);
-// Where a pose of b's frame is in a's.
-Pose3 carried(const Sim3& a_from_b, const Pose3& b_from_c);
-
 // A small motion of b in its own frame is the opposite motion of a, seen through the transform between them.
 Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covariance, const Sim3& a_from_b);
 
@@ -24,6 +20,14 @@ struct VisualWitness {
   Sim3 node_a_from_node_b, a_from_b;                                              // of the keyframes' nodes; of the map frames
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  // of node_a_from_node_b, as a constraint's
 };
+
+// node_a_from_node_b in metres.
+struct MetricWitness {
+  Pose3 node_a_from_node_b;
+  Eigen::Matrix<double, 6, 6> information;
+};
+// scale_a, scale_b: by which the two maps are rescaled to metres.
+MetricWitness rescaled(const VisualWitness&, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b);
 
 struct VisualQuestion {
   std::size_t keyframe_a, keyframe_b;

@@ -42,7 +42,7 @@ View moved(const View& view, const Vector6& motion) {
 double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
 
 // In sigmas: two of the pixel, one of the inverse depth. False behind the camera.
-bool residual_of(const BundleSighting& seen, const BundleCamera& camera, const Vector3d& p, Vector3d& value, Matrix3d* by_point) {
+bool residual_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d& p, Vector3d& value, Matrix3d* by_point) {
   if (!(p.z() > kNearest_m)) return false;
   const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
   value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x()), weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y()),

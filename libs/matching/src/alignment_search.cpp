@@ -138,11 +138,7 @@ Sim3 moved(const Sim3& a_from_b, const Vector7& motion) {
   Pose3 b_from_moved;
   b_from_moved.t = motion.head<3>();
   if (angle > 0.0) b_from_moved.q = Eigen::AngleAxisd(angle, motion.segment<3>(3) / angle);
-  Sim3 result;
-  result.scale = a_from_b.scale * std::exp(motion(6));
-  result.pose.q = (a_from_b.pose.q * b_from_moved.q).normalized();
-  result.pose.t = transformed(b_from_moved.t, a_from_b);
-  return result;
+  return compose(a_from_b, Sim3{b_from_moved, std::exp(motion(6))});
 }
 
 Search::Sampling Search::sampling() const {
@@ -334,14 +330,6 @@ std::optional<AlignmentFit> Search::refined(const Sim3& guess) const {
 }
 
 }  // namespace
-
-Sim3 inverse(const Sim3& a_from_b) {
-  Sim3 b_from_a;
-  b_from_a.scale = 1.0 / a_from_b.scale;
-  b_from_a.pose.q = a_from_b.pose.q.conjugate();
-  b_from_a.pose.t = -b_from_a.scale * (b_from_a.pose.q * a_from_b.pose.t);
-  return b_from_a;
-}
 
 std::optional<AlignmentFit> search_alignment(const AlignmentProblem& problem, const AlignmentOptions& options) {
   return Search(problem, options).by_sampling();

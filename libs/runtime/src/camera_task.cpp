@@ -130,28 +130,28 @@ class Camera {
 };
 
 // Cameras of one robot see one world.
-std::vector<CameraMap> tied_together(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
-                                     const fusion::RigOptions& options, std::vector<std::string>& notes) {
-  std::vector<fusion::RigMember> members;
+std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
+                                     const rig::RigOptions& options, std::vector<std::string>& notes) {
+  std::vector<rig::RigMember> members;
   for (CameraMap& part : parts) members.push_back({part.ways.front().label, std::move(part.map), std::move(part.ways.front().frames)});
-  fusion::TiedRig rig = fusion::tied(members, odometry, options);
+  rig::RigMerge rig = rig::merge_rig(members, odometry, options);
   notes = std::move(rig.notes);
   std::vector<CameraMap> result;
-  for (fusion::TiedMap& tied : rig.maps) {
+  for (rig::RigMap& merged : rig.maps) {
     CameraMap& map = result.emplace_back();
-    map.map = std::move(tied.map);
+    map.map = std::move(merged.map);
     map.map.id = MapId(result.size() == 1 ? robot.str() : robot.str() + "." + std::to_string(result.size() - 1));
-    for (std::size_t i = 0; i < tied.members.size(); ++i) {
-      const std::string& label = members[tied.members[i]].camera;
+    for (std::size_t i = 0; i < merged.members.size(); ++i) {
+      const std::string& label = members[merged.members[i]].camera;
       auto way = std::find_if(map.ways.begin(), map.ways.end(), [&](const CameraWay& known) { return known.label == label; });
       if (way == map.ways.end()) way = map.ways.insert(way, {label, {}});
-      way->frames.insert(way->frames.end(), tied.frames[i].begin(), tied.frames[i].end());
+      way->frames.insert(way->frames.end(), merged.frames[i].begin(), merged.frames[i].end());
       std::stable_sort(way->frames.begin(), way->frames.end(),
                        [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
     }
     map.way = robot_way(map.map, map.ways, odometry, options.way);
     if (map.ways.size() == 1) continue;
-    map.rig = {{}, tied.ties, tied.apart_before_m, tied.apart_after_m, tied.solved};
+    map.rig = {{}, merged.extrinsic_constraints, merged.apart_before_m, merged.apart_after_m, merged.solved};
     for (const CameraWay& way : map.ways) map.rig.cameras.push_back(way.label);
   }
   return result;
@@ -178,7 +178,7 @@ std::string sensor_name(const std::string& label) {
 }
 
 std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
-                                   const fusion::RobotWayOptions& options) {
+                                   const rig::RobotTrajectoryOptions& options) {
   // A camera is heard by how much its keyframes see, above all of depth.
   constexpr double kDepth = 3.0;
   std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
@@ -186,18 +186,18 @@ std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>&
   for (const auto& [id, landmark] : map.landmarks)
     for (const LandmarkSighting& sighting : landmark.seen)
       seen[sighting.node.session.client.sensor.str()].first += sighting.inverse_depth != 0 ? 1.0 + kDepth : 1.0;
-  std::vector<fusion::SeenWay> cameras;
+  std::vector<rig::CameraTrajectory> cameras;
   for (const CameraWay& way : ways) {
     const auto [sightings, keyframes] = seen[sensor_name(way.label)];
     cameras.push_back({way.frames, (1.0 + sightings) / (1.0 + keyframes)});
   }
-  return fusion::robot_way(cameras, odometry, options);
+  return rig::robot_trajectory(cameras, odometry, options);
 }
 
 struct CameraTask::State {
   PlannedRobot robot;
   rawlog::ReadOptions reading;
-  fusion::RigOptions rig;
+  rig::RigOptions rig;
   bool keep_going = false;
   std::deque<Camera> cameras;
   std::unique_ptr<rawlog::ObservationStream> log;
@@ -285,7 +285,7 @@ CamerasOutcome CameraTask::finish() {
   outcome.odometry.erase(std::unique(outcome.odometry.begin(), outcome.odometry.end(),
                                      [](const StampedPose& a, const StampedPose& b) { return a.stamp == b.stamp; }),
                          outcome.odometry.end());
-  outcome.maps = tied_together(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
+  outcome.maps = merged_rig(std::move(maps), state.robot.id, outcome.odometry, state.rig, outcome.notes);
   if (outcome.maps.empty() && !outcome.trouble) outcome.trouble = nothing_tracked(state.robot, state.cameras);
   outcome.cpu_seconds = state.cpu_seconds + thread_cpu_seconds() - before_s;
   return outcome;

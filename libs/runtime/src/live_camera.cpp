@@ -9,7 +9,7 @@ namespace mapweave::runtime {
 
 using Kind = ClientMessage::Kind;
 
-LiveCamera::LiveCamera(visual::ClientPlace place, const visual::PinholeCamera& camera, double baseline_m, LiveCameraOptions options,
+LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double baseline_m, LiveCameraOptions options,
                        std::shared_ptr<LiveMapServer::Link> link)
     : place_(std::move(place)),
       link_(std::move(link)),

@@ -76,7 +76,7 @@ struct LiveMapServer::State {
   };
 
   State(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions live,
-        const std::optional<std::filesystem::path>& path, fusion::RigOptions rig)
+        const std::optional<std::filesystem::path>& path, rig::RigOptions rig)
       : options(live), maps(edge, immediate(std::move(server)), std::move(fusion), rig) {
     saver.emplace(path ? std::optional(restored(*path)) : std::nullopt, std::uint64_t{1024} * static_cast<std::uint64_t>(live.journal_kb),
                   [this] {
@@ -400,7 +400,7 @@ struct LiveMapServer::State {
 };
 
 LiveMapServer::LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
-                             const std::optional<std::filesystem::path>& journal, fusion::RigOptions rig)
+                             const std::optional<std::filesystem::path>& journal, rig::RigOptions rig)
     : state_(std::make_shared<State>(edge, std::move(server), std::move(fusion), options, journal, rig)) {}
 
 LiveMapServer::~LiveMapServer() { state_->finish(); }

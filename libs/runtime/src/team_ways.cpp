@@ -5,7 +5,7 @@
 namespace mapweave::runtime {
 
 std::vector<StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale) {
-  std::vector<fusion::MovedKeyframe> keyframes;
+  std::vector<rig::MovedKeyframe> keyframes;
   for (const auto& [id, node] : part.map.nodes) {
     const Node* moved = team.nodes.find(id);
     if (moved == nullptr || id.session.client.sensor.str() != sensor_name(way.label)) continue;
@@ -14,7 +14,7 @@ std::vector<StampedPose> carried_along(const CameraMap& part, const CameraWay& w
                          keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3()});
   }
   std::stable_sort(keyframes.begin(), keyframes.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
-  return fusion::carried_along(way.frames, keyframes);
+  return rig::moved_with_keyframes(way.frames, keyframes);
 }
 
 bool has_keyframes(const Map& map) {
@@ -22,7 +22,7 @@ bool has_keyframes(const Map& map) {
 }
 
 std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
-                                                    const fusion::RobotWayOptions& options) {
+                                                    const rig::RobotTrajectoryOptions& options) {
   std::vector<exporters::SessionTrajectory> ways;
   std::size_t members = 0;
   for (const CamerasOutcome& outcome : cameras)

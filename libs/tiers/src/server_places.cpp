@@ -102,7 +102,7 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
                          : state.place_by_sibling(from, request.stamp, view);
   if (!place) return std::nullopt;
   const auto answer_in = [&](const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
-    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
+    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
     PlaceAnswer answer;
     answer.stamp = request.stamp, answer.map = told;
     answer.map_from_robot = carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);

@@ -2,7 +2,7 @@
 #include "server_state.h"
 
 #include <mapweave/core/stamped_pose.h>
-#include <mapweave/fusion/robot_pose.h>
+#include <mapweave/rig/robot_pose.h>
 
 #include <algorithm>
 
@@ -24,10 +24,10 @@ struct Cameras {
 
 // At a moment up to which all who speak have come. Each told its poses at times of its own, and a robot turns in between: they are compared
 // as if they had spoken together, and often.
-std::optional<fusion::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, double period_s) {
-  fusion::RobotWayOptions policy;
+std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, double period_s) {
+  rig::RobotTrajectoryOptions policy;
   policy.longest_gap_s = 0.5 * period_s, policy.hand_over_s = kSilentAfter * period_s;
-  fusion::RobotPose robot(policy);
+  rig::RobotPose robot(policy);
   const auto step_ns = static_cast<std::int64_t>(1e9 * period_s) / kStepsBetween;
   for (std::int64_t step = kRemembered * kStepsBetween; step >= 0; --step) {
     const Stamp stamp{end.ns - step * step_ns};
@@ -39,7 +39,7 @@ std::optional<fusion::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, 
 
 // On from there as a camera moved that is believed there and has come farther.
 StampedPose gone_on(const StampedPose& from, const Cameras& cameras, double period_s) {
-  const fusion::RobotWayOptions policy;
+  const rig::RobotTrajectoryOptions policy;
   StampedPose best = from;
   for (const auto& [camera, way] : cameras.ways) {
     const StampedPose& newest = way.back();

@@ -41,7 +41,7 @@ const Node* VisualServer::State::nearest(const Client::Part& part, const TeamVie
 
 matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const {
   matching::Frustum frustum;
-  frustum.pinhole = {camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy};
+  frustum.pinhole = camera.pinhole();
   frustum.map_from_camera = compose(team_from_robot, camera.robot_from_camera);
   frustum.far_m = options.far_m;
   return frustum;
@@ -76,7 +76,7 @@ void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, 
 
 void VisualServer::State::lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
                                const Node& near, std::size_t most, Share& share) const {
-  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = matching::inverse(team_from_map);
+  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
@@ -90,7 +90,7 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
     if (part.lender_of_session[seen.session] == kNobody) continue;
     if (LentTable::Lent* const held = part.lent.find(key_of(seen))) {
       held->wanted = part.shares;
-      if ((held->point_in_map - matching::transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))
+      if ((held->point_in_map - transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))
         continue;
     }
     DescribedLandmark here = matching::transformed(landmarks.landmark(seen), map_from_team);

@@ -89,7 +89,7 @@ struct VisualServer::State {
   TierId edge;
   ServerOptions options;
   fusion::FusionOptions fusion_options;
-  fusion::RigOptions rig;
+  rig::RigOptions rig;
   std::map<SessionId, Client> clients;
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known

@@ -22,8 +22,9 @@ void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptio
                       WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
   maps.clear();  // while somebody holds them, updates copy them
-  fusion::SiblingMaps siblings = fusion::tied_siblings(own, rig, pool);
-  input.maps = std::move(siblings.maps), notes = std::move(siblings.notes);
+  rig::RobotRigs rigs = rig::merge_rigs(own, rig, pool);
+  input.maps = std::move(rigs.maps);
+  notes = std::move(rigs.notes);
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
   if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {
@@ -37,7 +38,7 @@ void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptio
   fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();
   auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
   leave_to_the_next(result);
-  fusion::tell_apart(result, siblings.tied, own);
+  fusion::split_rigs(result, rigs.rigs, own);
   view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, input.pictures, pool);
   input.pictures->forget();
   input = {};

@@ -3,7 +3,7 @@
 
 #include "team_view.h"
 
-#include <mapweave/fusion/siblings.h>
+#include <mapweave/fusion/split_rigs.h>
 #include <mapweave/tiers/visual_server.h>
 
 namespace mapweave::tiers {
@@ -15,7 +15,7 @@ struct TeamJoining {
   static std::vector<Map> copies(const Snapshots& snapshots);
 
   fusion::FusionInput input;  // without maps
-  fusion::RigOptions rig;
+  rig::RigOptions rig;
   Stamp due;
   fusion::Memo memo;  // of what was judged
   // To the next one: judgements that stand, and where the maps lie.

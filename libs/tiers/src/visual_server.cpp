@@ -53,7 +53,7 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
                                            &pool]() mutable { joining->run(last.get(), std::move(maps), options, fusion_options, pool); });
 }
 
-VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, fusion::RigOptions rig) : state_(new State) {
+VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig) : state_(new State) {
   state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion), state_->rig = rig;
 }
 VisualServer::~VisualServer() = default;
@@ -177,11 +177,11 @@ const fusion::FusionResult& VisualServer::joined() const {
 fusion::FusionResult VisualServer::seal(WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input = state_->input();
   const std::vector<Map> own = maps();
-  fusion::SiblingMaps siblings = fusion::tied_siblings(own, state_->rig, pool);
-  input.maps = std::move(siblings.maps);
+  rig::RobotRigs rigs = rig::merge_rigs(own, state_->rig, pool);
+  input.maps = std::move(rigs.maps);
   fusion::Memo known = state_->last ? state_->last->memo : fusion::Memo();
   fusion::FusionResult result = fusion::fuse(input, state_->fusion_options, known, pool, progress);
-  fusion::tell_apart(result, siblings.tied, own);
+  fusion::split_rigs(result, rigs.rigs, own);
   return result;
 }
 

@@ -24,7 +24,7 @@ Vector2 information_of(double readout, double inverse_depth) {
 }
 
 double cost_of(const Bundle& bundle, const SensorFlaws& flaws, const std::vector<View>& views, const std::vector<Eigen::Vector3d>& points,
-               const PinholeCamera& camera, const BundleOptions& options) {
+               const Pinhole& camera, const BundleOptions& options) {
   double sum = 0;
   for (const BundleObservation& o : bundle.observations) {
     if (!o.fits) continue;
@@ -65,7 +65,7 @@ std::vector<std::pair<int, int>> pairs_of(const Bundle& bundle, const std::vecto
 
 }  // namespace
 
-void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& options) {
+void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options) {
   std::vector<int> column(bundle.views.size(), -1);
   int free_views = 0;
   for (std::size_t i = 0; i < bundle.views.size(); ++i)

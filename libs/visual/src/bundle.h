@@ -35,6 +35,6 @@ struct BundleOptions {
 };
 
 // In place. Observations farther off than the gate at the end do not fit.
-void adjust(Bundle& bundle, const PinholeCamera& camera, const BundleOptions& options);
+void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options);
 
 }  // namespace mapweave::visual

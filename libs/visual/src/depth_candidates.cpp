@@ -26,7 +26,7 @@ constexpr double kApart_px = 3.0;  // of the patch's level: another place
 
 struct Line {  // of what lies on a candidate's ray, by inverse depth
   Eigen::Vector3d far, by_inverse_depth;
-  std::optional<Eigen::Vector2d> at(double inverse_depth, const PinholeCamera& camera) const {
+  std::optional<Eigen::Vector2d> at(double inverse_depth, const Pinhole& camera) const {
     const Eigen::Vector3d p = far + inverse_depth * by_inverse_depth;
     if (!(p.z() > 0.05)) return std::nullopt;
     const Eigen::Vector2d pixel = camera.project(p);
@@ -57,7 +57,7 @@ float likeness(const WarpedPatch& patch, const GreyImage& image, const Eigen::Ve
 
 // Where on the line the patch is seen best. nullopt where nowhere, or at two places.
 std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyImage& image, const Line& line, double low, double high,
-                                           const PinholeCamera& camera) {
+                                           const Pinhole& camera) {
   const auto from = line.at(low, camera), to = line.at(high, camera);
   if (!from || !to) return std::nullopt;
   const double length = (*to - *from).norm() / (1 << patch.level);
@@ -79,7 +79,7 @@ bool is_same(const Landmark& landmark, std::uint32_t serial) { return !landmark.
 enum class Look { hidden, missed, found };
 
 Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& picture, const View& view, const TrackingOptions& options) {
-  const PinholeCamera& camera = map.camera;
+  const Pinhole& camera = map.camera;
   const View new_from_old = view * map.keyframe(candidate.keyframe).view.inverse();
   const Eigen::Vector3d ray = camera.ray(candidate.pixel - map.flaws.readout_s * candidate.row_flow);
   const Line line{new_from_old.rotation * ray, new_from_old.translation};

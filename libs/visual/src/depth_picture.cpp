@@ -22,7 +22,7 @@ double reading_at(const DepthPicture& depth, const Eigen::Vector3d& ray_in_depth
 }
 
 // The depth that the picture's ray has must be that which the depth camera sees in the direction of the point: found by iteration.
-InverseDepths of_depth_camera(const DepthPicture& depth, const PinholeCamera& camera, const Pose3& depth_from_picture) {
+InverseDepths of_depth_camera(const DepthPicture& depth, const Pinhole& camera, const Pose3& depth_from_picture) {
   const Pose3 picture_from_depth = inverse(depth_from_picture);
   InverseDepths result(camera.width, camera.height);
   for (int y = 0; y < camera.height; ++y)
@@ -115,7 +115,7 @@ Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const De
   return result;
 }
 
-std::array<std::uint8_t, 3> colour_at(const Frame& frame, const PinholeCamera& camera, const Eigen::Vector2d& pixel) {
+std::array<std::uint8_t, 3> colour_at(const Frame& frame, const Pinhole& camera, const Eigen::Vector2d& pixel) {
   const ColourPicture& colour = frame.colour;
   const Eigen::Vector3d ray = colour.raw_from_rectified * camera.ray(pixel);
   if (colour.blue_green_red && ray.z() > 0.1) {

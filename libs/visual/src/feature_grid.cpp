@@ -10,7 +10,7 @@ constexpr int kCell_px = 16;
 
 }  // namespace
 
-FeatureGrid::FeatureGrid(const FeatureFrame& frame, const PinholeCamera& camera)
+FeatureGrid::FeatureGrid(const FeatureFrame& frame, const Pinhole& camera)
     : level_factor_(frame.level_factor), columns_(camera.width / kCell_px + 1), rows_(camera.height / kCell_px + 1) {
   std::vector<int> cells;
   for (std::size_t i = 0; i < frame.features.points.size(); ++i) {

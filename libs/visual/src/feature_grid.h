@@ -11,7 +11,7 @@ inline constexpr double kClearlyNearest = 0.85;  // the next best may not differ
 class FeatureGrid {
  public:
   // Features outside the picture are left out.
-  FeatureGrid(const FeatureFrame& frame, const PinholeCamera& camera);
+  FeatureGrid(const FeatureFrame& frame, const Pinhole& camera);
   const matching::OrbFeatures& features() const { return features_; }
   int size() const { return static_cast<int>(features_.points.size()); }
   Eigen::Vector2d pixel(int feature) const;

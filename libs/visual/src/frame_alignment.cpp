@@ -18,7 +18,7 @@ struct Kept {
 };
 
 std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eigen::Vector2d>& pixels,
-                       const std::vector<Eigen::Vector3d>& points, const PinholeCamera& camera) {
+                       const std::vector<Eigen::Vector3d>& points, const Pinhole& camera) {
   std::vector<Kept> result;
   result.reserve(points.size());
   const double scale = 1.0 / (1 << level);
@@ -59,7 +59,7 @@ std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eige
 }  // namespace
 
 FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector2d>& pixels,
-                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to, const PinholeCamera& camera,
+                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to, const Pinhole& camera,
                             const View& guess, int coarsest, int finest) {
   FrameAlignment result;
   result.to_from_from = guess;

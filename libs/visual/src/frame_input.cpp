@@ -61,7 +61,7 @@ LensCalibration lens_of(const mrpt::img::TCamera& camera, const std::string& lab
   return lens;
 }
 
-GreyImage grey_of(const mrpt::img::CImage& image, const PinholeCamera& camera, const std::string& label) {
+GreyImage grey_of(const mrpt::img::CImage& image, const Pinhole& camera, const std::string& label) {
   const cv::Mat& raw = image.asCvMatRef();
   if (raw.cols != camera.width || raw.rows != camera.height)
     refuse(label,

@@ -35,7 +35,7 @@ std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark&
 
 }  // namespace
 
-Eigen::Matrix2d warp_to(const PinholeCamera& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth) {
+Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth) {
   const double step = 4.0 * (1 << level);
   const auto carried = [&](double u, double v) {
     return camera.project(new_from_old * (camera.ray(pixel + Eigen::Vector2d(u, v)) * old_depth));
@@ -87,7 +87,7 @@ std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::
   return result;
 }
 
-int cell_of_scene(std::size_t landmarks, const PinholeCamera& camera, const TrackingOptions& options) {
+int cell_of_scene(std::size_t landmarks, const Pinhole& camera, const TrackingOptions& options) {
   constexpr double kFew = 0.15;  // of the cells
   const double cells = camera.width * camera.height / static_cast<double>(options.cell_px * options.cell_px);
   return static_cast<double>(landmarks) < kFew * cells ? std::max(8, options.cell_px / 2) : options.cell_px;
@@ -103,7 +103,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
   };
   ++look_;
   looked_at_.resize(map.landmarks.size(), 0);
-  const PinholeCamera& camera = map.camera;
+  const Pinhole& camera = map.camera;
   const int columns = (camera.width + options.cell_px - 1) / options.cell_px,
             rows = (camera.height + options.cell_px - 1) / options.cell_px;
   // Lent ones in cells of their own: they take nobody's place.

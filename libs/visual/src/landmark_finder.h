@@ -22,10 +22,10 @@ std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmar
                                            const Eigen::Vector2d& start);
 
 // Side of the cells that hold one landmark each: half as long where a frame shows few landmarks.
-int cell_of_scene(std::size_t landmarks, const PinholeCamera& camera, const TrackingOptions& options);
+int cell_of_scene(std::size_t landmarks, const Pinhole& camera, const TrackingOptions& options);
 
 // Derivative of pixels in a new view by pixels of an old one around `pixel`, on a plane that faces the old camera.
-Eigen::Matrix2d warp_to(const PinholeCamera& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth);
+Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth);
 
 class LandmarkFinder {
  public:

@@ -19,7 +19,7 @@ struct Expected {
 };
 
 // Where the camera should see it, and its feature; nothing where it should not.
-std::optional<Expected> expected(const matching::DescribedLandmark& known, const PinholeCamera& camera, const View& view) {
+std::optional<Expected> expected(const matching::DescribedLandmark& known, const Pinhole& camera, const View& view) {
   const Eigen::Vector3d p = view * known.point_in_map, q = view * (known.point_in_map + known.feature_from_point).eval();
   if (!(p.z() > 0.1 && q.z() > 0.1)) return std::nullopt;
   const Expected at{camera.project(p), camera.project(q)};

@@ -12,7 +12,7 @@ ClientOptions live(ClientOptions options) {
 
 }  // namespace
 
-LiveClient::LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options, std::optional<matching::BinaryVocabulary> vocabulary,
+LiveClient::LiveClient(Pinhole camera, double baseline_m, ClientOptions options, std::optional<matching::BinaryVocabulary> vocabulary,
                        Report report)
     : client_(camera, baseline_m, live(std::move(options)), std::move(vocabulary)),
       report_(std::move(report)),

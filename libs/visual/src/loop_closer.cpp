@@ -35,7 +35,7 @@ struct Place {
   matching::PlaceView view;
 
   Place(const LandmarkMap& map, const std::vector<int>& keyframes) {
-    const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
+    const Pinhole& pinhole = map.camera;
     const View side_from_map = map.keyframe(keyframes.front()).view;
     view.id.index = map.keyframe(keyframes.front()).serial;
     view.metric = !map.monocular;
@@ -231,7 +231,7 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   const Judgement judgement = in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
   if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
   const Sim3& first_from_second = judgement.hypotheses.front().a_from_b;
-  const Sim3 earlier_from_newest = in_order ? first_from_second : matching::inverse(first_from_second);
+  const Sim3 earlier_from_newest = in_order ? first_from_second : inverse(first_from_second);
   const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
   FoundLoop loop;
   loop.newest = newest, loop.earlier = earlier;

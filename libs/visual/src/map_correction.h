@@ -23,7 +23,7 @@ class MapCorrection {
     std::uint32_t serial;
   };
   std::vector<double> stretches_of(const LandmarkMap& map) const;
-  PinholeCamera camera_;
+  Pinhole camera_;
   FoundLoop loop_;
   std::vector<Name> keyframes_, landmarks_;  // of the bundle's views and points
   std::vector<int> anchors_;                 // of the points: views

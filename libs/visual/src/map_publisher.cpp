@@ -49,7 +49,7 @@ std::optional<int> session_of(const ClientId& client, MapId map) {
 }
 
 std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const Pose3& robot_from_camera) {
-  const PinholeCamera& camera = map.camera;
+  const Pinhole& camera = map.camera;
   return std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy,
                                                                map.baseline_m, kLevelScale, robot_from_camera});
 }

@@ -47,7 +47,7 @@ void MonoStart::begin(const Frame& frame, const Pyramid& picture, const ClientOp
   motion_ = View();
 }
 
-void MonoStart::follow(const Pyramid& picture, const PinholeCamera& camera, const ClientOptions& options) {
+void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const ClientOptions& options) {
   std::vector<Eigen::Vector2d> pixels;
   std::vector<Eigen::Vector3d> points;
   for (const Track& track : tracks_) pixels.push_back(track.now), points.push_back(camera.ray(track.now));

@@ -23,7 +23,7 @@ class MonoStart {
     Patch patch;  // of the first picture
   };
   void begin(const Frame& frame, const Pyramid& picture, const ClientOptions& options);
-  void follow(const Pyramid& picture, const PinholeCamera& camera, const ClientOptions& options);
+  void follow(const Pyramid& picture, const Pinhole& camera, const ClientOptions& options);
 
   std::vector<Track> tracks_;
   std::size_t began_with_ = 0;

@@ -8,7 +8,7 @@ Motion motion_of(const View& later_from_earlier, double interval_s) {
   return {later_from_earlier.translation / interval_s, turn.angle() * turn.axis() / interval_s};
 }
 
-Eigen::Vector2d row_flow(const PinholeCamera& camera, const Motion& motion, const Eigen::Vector2d& pixel, double depth_m) {
+Eigen::Vector2d row_flow(const Pinhole& camera, const Motion& motion, const Eigen::Vector2d& pixel, double depth_m) {
   const double share = (pixel.y() - 0.5 * camera.height) / camera.height;
   const Eigen::Vector3d point = camera.ray(pixel) * depth_m, speed = motion.speed_of(point);
   return share / depth_m *

@@ -19,6 +19,6 @@ inline constexpr double kLongestInterval_s = 0.15;
 Motion motion_of(const View& later_from_earlier, double interval_s);
 
 // Pixels per second of readout: rows below the middle are exposed later than the frame's stamp, those above earlier.
-Eigen::Vector2d row_flow(const PinholeCamera& camera, const Motion& motion, const Eigen::Vector2d& pixel, double depth_m);
+Eigen::Vector2d row_flow(const Pinhole& camera, const Motion& motion, const Eigen::Vector2d& pixel, double depth_m);
 
 }  // namespace mapweave::visual

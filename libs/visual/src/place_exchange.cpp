@@ -15,7 +15,7 @@ constexpr double kShownShare = 0.6;  // of the landmarks found
 
 }  // namespace
 
-FeatureGrid grid_of(const matching::OrbFeatures& features, const PinholeCamera& camera) {
+FeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
   FeatureFrame frame;
   frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
   return FeatureGrid(frame, camera);

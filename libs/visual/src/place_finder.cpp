@@ -36,7 +36,7 @@ matching::OrbFeatures features_of(const Pyramid& pictures, int most) {
 std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,
                                std::uint64_t seed) {
   matching::AlignmentProblem problem;
-  const matching::Pinhole pinhole{map.camera.width, map.camera.height, map.camera.fx, map.camera.fy, map.camera.cx, map.camera.cy};
+  const Pinhole& pinhole = map.camera;
   problem.cameras_b.push_back({pinhole, Pose3()});
   for (int number : keyframes) {
     const Keyframe& keyframe = map.keyframe(number);

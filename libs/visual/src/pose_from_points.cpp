@@ -5,7 +5,7 @@
 
 namespace mapweave::visual {
 
-bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const PinholeCamera& camera, const SensorFlaws& flaws, Residual& out) {
+bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera, const SensorFlaws& flaws, Residual& out) {
   if (!(p.z() > 0.02)) return false;
   const double z = 1.0 / p.z(), z2 = z * z, weight = 1.0 / sighting.sigma_px;
   out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + flaws.readout_s * sighting.row_flow);
@@ -30,7 +30,7 @@ bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinho
   return true;
 }
 
-PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const PinholeCamera& camera, const View& guess,
+PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pinhole& camera, const View& guess,
                                 const SensorFlaws& flaws, double gate, double first_gate) {
   PoseFromPoints result;
   result.view = guess;

@@ -18,7 +18,7 @@ cv::Mat view_of_pixels(const GreyImage& image) {
 
 // rectified_from_raw: rotation of the raw camera's rays.
 template <class Lookup>
-std::shared_ptr<const Lookup> lookup_of(const LensCalibration& lens, const PinholeCamera& rectified,
+std::shared_ptr<const Lookup> lookup_of(const LensCalibration& lens, const Pinhole& rectified,
                                         const Eigen::Matrix3d& rectified_from_raw) {
   cv::Mat columns(rectified.height, rectified.width, CV_32F), rows(rectified.height, rectified.width, CV_32F);
   const Eigen::Matrix3d raw_from_rectified = rectified_from_raw.transpose();
@@ -66,7 +66,7 @@ Rectifier::Rectifier(const LensCalibration& left, const LensCalibration& right, 
   const Eigen::Matrix3d from_left = rectified_from_middle * half.transpose(), from_right = rectified_from_middle * half;
   left_from_rectified_.q = Eigen::Quaterniond(from_left.transpose()).normalized();
 
-  const auto same = [](const PinholeCamera& a, const PinholeCamera& b) {
+  const auto same = [](const Pinhole& a, const Pinhole& b) {
     return std::abs(a.fx - b.fx) < 1e-6 && std::abs(a.fy - b.fy) < 1e-6 && std::abs(a.cx - b.cx) < 1e-6 && std::abs(a.cy - b.cy) < 1e-6;
   };
   camera_ = left.camera;

@@ -9,7 +9,7 @@
 namespace mapweave::visual {
 
 struct LensCalibration {
-  PinholeCamera camera;
+  Pinhole camera;
   Distortion distortion;
 };
 
@@ -20,7 +20,7 @@ class Rectifier {
   // left_from_right: of the right camera's optical frame. Both pictures of one size (contract).
   Rectifier(const LensCalibration& left, const LensCalibration& right, const Pose3& left_from_right);
 
-  const PinholeCamera& camera() const { return camera_; }  // of the rectified pictures
+  const Pinhole& camera() const { return camera_; }  // of the rectified pictures
   double baseline_m() const { return baseline_m_; }        // 0 of a single camera
   const Pose3& left_from_rectified() const { return left_from_rectified_; }
   GreyImage left(const GreyImage& raw) const { return applied(left_, raw); }
@@ -29,7 +29,7 @@ class Rectifier {
  private:
   struct Lookup;
   static GreyImage applied(const std::shared_ptr<const Lookup>& lookup, const GreyImage& raw);
-  PinholeCamera camera_;
+  Pinhole camera_;
   double baseline_m_ = 0.0;
   Pose3 left_from_rectified_;
   std::shared_ptr<const Lookup> left_, right_;  // null: as it is

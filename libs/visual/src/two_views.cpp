@@ -126,7 +126,7 @@ std::optional<Vector3d> agreed_point(const RayPair& pair, const View& motion, do
 }
 
 // Points from the pairs, then both made better together.
-TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>& rays, const PinholeCamera& camera, View motion,
+TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>& rays, const Pinhole& camera, View motion,
                  const TwoViewOptions& options) {
   TwoViews result;
   for (double wider : {4.0, 1.5}) {
@@ -232,7 +232,7 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   return result;
 }
 
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const PinholeCamera& camera, const TwoViewOptions& options) {
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera, const TwoViewOptions& options) {
   constexpr std::size_t kEssential = 8, kHomography = 4;
   if (pairs.size() < std::max(kEssential, static_cast<std::size_t>(options.least_pairs))) return std::nullopt;
   std::vector<RayPair> rays;

@@ -36,7 +36,7 @@ struct TwoViews {
 // that most pairs agree with; all of them are then refined by bundle adjustment and judged alike, by pairs that fit and lie in front of
 // both cameras. nullopt where parallax is too small or where two of them explain the pairs: a plane may be seen in two ways. The same input
 // gives the same answer, to the bit.
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const PinholeCamera& camera, const TwoViewOptions& options);
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera, const TwoViewOptions& options);
 
 // What two rays (any length; the second's frame is reached by second_from_first) meet in, in the first's frame, by least squares of angles'
 // sines. nullopt where they run apart, or together without parallax.

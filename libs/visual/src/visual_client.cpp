@@ -345,7 +345,7 @@ struct VisualClient::State : Follower {
   }
 };
 
-VisualClient::VisualClient(PinholeCamera camera, double baseline_m, ClientOptions options,
+VisualClient::VisualClient(Pinhole camera, double baseline_m, ClientOptions options,
                            std::optional<matching::BinaryVocabulary> vocabulary)
     : state_(new State) {
   MAPWEAVE_EXPECT(camera.width >= 64 && camera.height >= 64 && camera.fx > 0 && camera.fy > 0, "a camera of at least 64 x 64 pixels");

@@ -2,7 +2,6 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/graph/consistent_set.h>
-#include <mapweave/maps/alignment.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -22,20 +21,6 @@ constexpr int kMostRounds = 12;
 constexpr double kAsGoodAFit = 0.9;
 constexpr double kSureEnough = 0.95;  // probability of a merge
 
-// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through against it. The
-// weights are from hypotheses of four public buildings with known poses, right and wrong; others were held out.
-constexpr double kPerMetre = 0.35, kContradictionWeight = 4.0, kSurest = 20.0;
-// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so.
-constexpr double kByChance_m = 2.0, kByChanceBeside_m = 9.0, kWholeOverlap = 0.7;
-
-double log_odds_of(const WallAgreement& walls) {
-  const double by_chance_m = kByChance_m + kByChanceBeside_m * (1.0 - std::min(1.0, walls.overlap / kWholeOverlap));
-  const double net_m = walls.distinctive_m - kContradictionWeight * walls.contradicted_m - by_chance_m;
-  return std::clamp(kPerMetre * net_m, -kSurest, kSurest);
-}
-
-// Metres of wall that two hypotheses are compared by.
-double fit_of(const WallAgreement& walls) { return walls.coinciding_m - walls.unclear_m - kContradictionWeight * walls.contradicted_m; }
 
 double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
 
@@ -45,30 +30,6 @@ std::vector<std::size_t> united(const std::vector<std::size_t>& a, const std::ve
   std::vector<std::size_t> all;
   std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all));
   return all;
-}
-
-// The same, from the other side.
-SubmapMatch turned(SubmapMatch match) {
-  std::swap(match.from, match.to);
-  const Eigen::Matrix3d carry = adjoint(inverse(match.from_from_to));
-  match.information = (carry.transpose() * match.information * carry).eval();
-  match.from_from_to = inverse(match.from_from_to);
-  return match;
-}
-
-// Of b's frame in a's, by the matches, at the middle of their places in b.
-Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_from_b_at) {
-  double sine = 0, cosine = 0;
-  Eigen::Vector2d in_a = Eigen::Vector2d::Zero(), in_b = Eigen::Vector2d::Zero();
-  for (const auto& [pose, place] : a_from_b_at) {
-    sine += std::sin(pose.phi), cosine += std::cos(pose.phi);
-    in_b += place;
-    in_a += Eigen::Vector2d(pose.x + std::cos(pose.phi) * place.x() - std::sin(pose.phi) * place.y(),
-                            pose.y + std::sin(pose.phi) * place.x() + std::cos(pose.phi) * place.y());
-  }
-  in_a /= static_cast<double>(a_from_b_at.size()), in_b /= static_cast<double>(a_from_b_at.size());
-  const double phi = std::atan2(sine, cosine), c = std::cos(phi), s = std::sin(phi);
-  return {in_a.x() - (c * in_b.x() - s * in_b.y()), in_a.y() - (s * in_b.x() + c * in_b.y()), phi};
 }
 
 }  // namespace
@@ -263,7 +224,7 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
   for (const SubmapMatch& match : found.matches)
     if (contains(x.maps, graph_.map_of(match.from)) != contains(x.maps, graph_.map_of(match.to))) hypothesis.matches.push_back(match);
   hypothesis.solved = std::move(found.solved);
-  hypothesis.log_odds = -kSurest;
+  hypothesis.log_odds = -kSurestLogOdds;
   if (hypothesis.matches.empty() || found.is_hopeless) return;
   hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
   hypothesis.log_odds = log_odds_of(hypothesis.walls);
@@ -489,107 +450,6 @@ void LaserMerger::judge_first(const std::vector<std::pair<std::size_t, std::size
     questions.insert(questions.end(), first.begin(), first.begin() + static_cast<std::ptrdiff_t>(std::min(kFirstRound, first.size())));
   }
   judge_.ask(questions);
-}
-
-PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
-  PairResult result;
-  Verdict& verdict = result.verdict;
-  verdict.a = maps_[a].map->id;
-  verdict.b = maps_[b].map->id;
-  verdict.by = input_.by;
-  verdict.kind = maps_[a].is_grid || maps_[b].is_grid ? "grid" : "laser";
-  verdict.proposer = "ring keys";
-  verdict.decision = Decision::refused;
-  verdict.reason = Reason::little_overlap;
-  const LaserTeam* team = team_of(a);
-  std::vector<SubmapMatch> matches;
-  if (team != nullptr && team == team_of(b))
-    for (const SubmapMatch& match : team->matches)
-      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
-  if (!matches.empty()) {
-    verdict.decision = Decision::accepted;
-    verdict.reason = Reason::none;
-    const WallAgreement walls = agreement(team->solved, {a}, {b});
-    verdict.conflict = walls.conflict();
-    verdict.overlap = walls.overlap;
-    verdict.probability = 1.0 / (1.0 + std::exp(-log_odds_of(walls)));
-  } else if (vetoed_.count({a, b}) != 0) {
-    verdict.reason = Reason::vetoed;
-  } else if (contradicted_.count({a, b}) != 0) {
-    verdict.reason = Reason::contradiction;
-  } else {
-    matches = doubted(a, b, verdict);
-  }
-  for (const SubmapMatch& match : matches) verdict.witnesses.push_back(match.judgement);
-  std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
-  verdict.witnesses.erase(std::unique(verdict.witnesses.begin(), verdict.witnesses.end()), verdict.witnesses.end());
-  if (matches.empty()) return result;
-  std::vector<std::pair<Pose2, Eigen::Vector2d>> transforms;
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  for (SubmapMatch match : matches) {
-    if (graph_.map_of(match.from) != a) match = turned(match);
-    Witness witness;
-    witness.judgement = memo_.at(match.judgement);
-    witness.submap_a = graph_.submap_of(match.from);
-    witness.submap_b = graph_.submap_of(match.to);
-    witness.submap_a_from_submap_b = match.from_from_to;
-    witness.submap_information = match.information;
-    witness.a_from_b = compose(compose(maps_[a].map_from_submap[witness.submap_a], match.from_from_to),
-                               inverse(maps_[b].map_from_submap[witness.submap_b]));
-    const auto& centre = maps_[b].centres[witness.submap_b];
-    transforms.emplace_back(witness.a_from_b, Eigen::Vector2d(centre.x, centre.y));
-    const Eigen::Matrix3d carry = adjoint(inverse(maps_[b].map_from_submap[witness.submap_b]));
-    information += carry.transpose() * match.information * carry;
-    if (verdict.decision == Decision::accepted) result.witnesses.push_back(std::move(witness));
-  }
-  Alignment alignment;
-  alignment.a_from_b.pose = spatial(mean_transform(transforms));
-  // Matches share the errors of the maps: however many agree, they tell no more than four do.
-  information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
-  alignment.covariance =
-      spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
-  verdict.alignment = alignment;
-  return result;
-}
-
-// What kept two maps apart, and the matches of the best hypothesis.
-std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
-  const auto evaluation = evaluations_.find({{a}, {b}});
-  if (evaluation != evaluations_.end() && !evaluation->second.hypotheses.empty()) {
-    const MergeHypothesis& best = evaluation->second.hypotheses.front();
-    verdict.probability = evaluation->second.probability;
-    verdict.second_best = evaluation->second.rival;
-    verdict.conflict = best.walls.conflict();
-    verdict.overlap = best.walls.overlap;
-    if (best.log_odds > 0.0) {
-      verdict.decision = Decision::deferred;
-      verdict.reason = evaluation->second.repeats || evaluation->second.rival > options_.max_rival ? Reason::ambiguous : Reason::too_few_witnesses;
-    } else if (best.walls.contradicted_m * kContradictionWeight < best.walls.distinctive_m) {
-      verdict.decision = Decision::deferred;
-      verdict.reason = Reason::too_few_witnesses;
-    } else {
-      verdict.reason = Reason::contradiction;
-    }
-    return best.matches;
-  }
-  const auto state = pairs_.find({a, b});
-  if (state == pairs_.end()) return {};
-  // Only answers that were themselves in doubt: say which doubt was the least bad.
-  const SubmapAnswer* likeliest = nullptr;
-  for (const SubmapAnswer& answer : state->second.answers)
-    if (!answer.judgement.hypotheses.empty() &&
-        (likeliest == nullptr || answer.judgement.probability > likeliest->judgement.probability))
-      likeliest = &answer;
-  if (likeliest != nullptr) {
-    const Judgement& judgement = likeliest->judgement;
-    verdict.probability = judgement.probability;
-    verdict.overlap = judgement.evidence.overlap;
-    verdict.conflict = judgement.evidence.conflict;
-    verdict.second_best = judgement.evidence.second_best_ratio;
-    verdict.reason = judgement.doubt == Reason::none ? Reason::too_few_witnesses : judgement.doubt;
-    if (verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable) verdict.decision = Decision::deferred;
-  }
-  return {};
 }
 
 }  // namespace mapweave::fusion

@@ -12,6 +12,14 @@
 
 namespace mapweave::fusion {
 
+// Log odds that two groups of maps lie as compared; no surer than this either way.
+constexpr double kSurestLogOdds = 20.0;
+double log_odds_of(const WallAgreement& walls);
+// Metres of wall that two hypotheses are compared by.
+double fit_of(const WallAgreement& walls);
+// The same match, from the other side.
+SubmapMatch turned(SubmapMatch match);
+
 // One way in which two groups of maps may lie to each other.
 struct MergeHypothesis {
   std::vector<SubmapMatch> matches;  // between the groups, with those that the search found

@@ -49,6 +49,21 @@ struct Sim3 {
   Pose3 pose;
   double scale = 1.0;
 };
+inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Sim3& a_from_b) {
+  return a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
+}
+inline Sim3 compose(const Sim3& a_from_b, const Sim3& b_from_c) {
+  return {{transformed(b_from_c.pose.t, a_from_b), (a_from_b.pose.q * b_from_c.pose.q).normalized()}, a_from_b.scale * b_from_c.scale};
+}
+inline Sim3 inverse(const Sim3& a_from_b) {
+  const double scale = 1.0 / a_from_b.scale;
+  const Eigen::Quaterniond q = a_from_b.pose.q.conjugate();
+  return {{-scale * (q * a_from_b.pose.t), q}, scale};
+}
+// A pose of frame b in frame a: the position is scaled, turned and moved, the orientation turned.
+inline Pose3 transformed(const Pose3& b_from_c, const Sim3& a_from_b) {
+  return {transformed(b_from_c.t, a_from_b), (a_from_b.pose.q * b_from_c.q).normalized()};
+}
 
 // Planar poses in space, and what a pose in space shows when looked at from above (yaw of the x axis).
 Pose3 spatial(const Pose2&);

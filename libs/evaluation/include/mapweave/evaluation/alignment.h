@@ -28,7 +28,4 @@ std::vector<PosePair> associated(const Trajectory& estimate, const Trajectory& r
 // scale. Throws Error(kBadInput) where the positions do not fix it: all in one place (se2), or all on one line (se3, sim3).
 Sim3 reference_from_estimate(const std::vector<PosePair>&, AlignmentKind);
 
-// Positions scaled, turned and moved; orientations turned.
-Pose3 aligned(const Pose3& pose, const Sim3& target_from_source);
-
 }  // namespace mapweave::evaluation

@@ -4,16 +4,12 @@
 // thread, iteration budgets: the same input gives the same bytes.
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/pinhole.h>
 
 #include <cstdint>
 #include <vector>
 
 namespace mapweave::graph {
-
-// Rectified. Frame `camera`: x right, y down, z forward.
-struct BundleCamera {
-  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
-};
 
 struct BundleView {
   Pose3 map_from_camera;
@@ -37,7 +33,7 @@ struct BundleTie {
 };
 
 struct Bundle {
-  std::vector<BundleCamera> cameras;
+  std::vector<Pinhole> cameras;  // of any width and height: pixels may lie outside
   std::vector<BundleView> views;
   std::vector<Eigen::Vector3d> points;
   std::vector<BundleSighting> sightings;  // by rising point

@@ -2,6 +2,7 @@
 // What a camera saw at a keyframe, packed: 40 bytes a feature here, 37 on a wire.
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/pinhole.h>
 
 #include <algorithm>
 #include <array>
@@ -20,6 +21,8 @@ struct CameraGeometry {
   double baseline_m = 0.0;   // of a stereo pair; 0: none
   double level_scale = 1.2;  // between two levels of the features' pyramid
   Pose3 robot_from_camera;
+
+  Pinhole pinhole() const { return {width, height, fx, fy, cx, cy}; }
 };
 bool operator==(const CameraGeometry&, const CameraGeometry&);
 

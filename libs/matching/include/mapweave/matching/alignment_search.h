@@ -4,7 +4,7 @@
 // 24(6), 1981), then nonlinear least squares.
 
 #include <mapweave/core/geometry.h>
-#include <mapweave/matching/pinhole.h>
+#include <mapweave/core/pinhole.h>
 #include <mapweave/matching/rigid_from_points.h>
 
 #include <optional>
@@ -64,10 +64,5 @@ std::optional<AlignmentFit> search_alignment(const AlignmentProblem&, const Alig
 // From a guess: least squares over the pairs that agree with it (Geman-McClure's weights), which pairs these are being told anew after each
 // step. nullopt as above.
 std::optional<AlignmentFit> refine_alignment(const AlignmentProblem&, const Sim3& a_from_b, const AlignmentOptions& = {});
-
-Sim3 inverse(const Sim3& a_from_b);
-inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Sim3& a_from_b) {
-  return a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
-}
 
 }  // namespace mapweave::matching

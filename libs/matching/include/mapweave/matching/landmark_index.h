@@ -4,9 +4,9 @@
 // within it, which loses some at its border), then every landmark there is projected.
 
 #include <mapweave/core/geometry.h>
+#include <mapweave/core/pinhole.h>
 #include <mapweave/maps/exchange.h>
 #include <mapweave/matching/orb_descriptor.h>
-#include <mapweave/matching/pinhole.h>
 
 #include <map>
 #include <optional>

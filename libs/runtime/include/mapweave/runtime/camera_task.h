@@ -4,7 +4,7 @@
 #include <mapweave/core/progress.h>
 #include <mapweave/exporters/contact_sheet.h>
 #include <mapweave/exporters/session_trajectories.h>
-#include <mapweave/fusion/rig.h>
+#include <mapweave/rig/rig.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
 #include <mapweave/runtime/sensor_choice.h>
@@ -42,7 +42,7 @@ struct CameraMap {
 
 // One way of all: `ways` are those of the map's cameras, or what became of them elsewhere.
 std::vector<StampedPose> robot_way(const Map&, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
-                                   const fusion::RobotWayOptions&);
+                                   const rig::RobotTrajectoryOptions&);
 
 struct CamerasOutcome {
   PlannedRobot robot;

@@ -18,7 +18,7 @@ struct LiveCameraOptions {
 // Goes on whether or not anybody listens. All calls are thread-safe.
 class LiveCamera {
  public:
-  LiveCamera(visual::ClientPlace place, const visual::PinholeCamera& camera, double baseline_m, LiveCameraOptions options,
+  LiveCamera(visual::ClientPlace place, const Pinhole& camera, double baseline_m, LiveCameraOptions options,
              std::shared_ptr<LiveMapServer::Link> link);
 
   // As LiveClient's: never waits, a frame that waits already is dropped.

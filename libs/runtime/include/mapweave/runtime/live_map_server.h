@@ -79,7 +79,7 @@ class LiveMapServer {
   // Goes on where the journal ends; without one, what it has is gone when it ends. Throws Error as UpdateJournal, and kCorrupt where the
   // journal holds what no server has stored. rig: of clients that are cameras of one robot.
   LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
-                const std::optional<std::filesystem::path>& journal, fusion::RigOptions rig = {});
+                const std::optional<std::filesystem::path>& journal, rig::RigOptions rig = {});
   ~LiveMapServer();  // as finish()
 
   // One client's end of the wire, from its hello on. Where the same run says hello on another link, this one is closed: a wire that broke.

@@ -6,10 +6,10 @@
 #include <mapweave/exporters/depth_cloud.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/exporters/octo_map.h>
-#include <mapweave/fusion/bind.h>
+#include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
-#include <mapweave/fusion/rig.h>
+#include <mapweave/rig/rig.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/runtime/timeline.h>
@@ -153,8 +153,8 @@ struct RunConfiguration {
   fusion::FusionOptions fusion;
   tiers::ServerOptions server;
   tiers::UplinkOptions uplink;
-  fusion::RigOptions rig;
-  fusion::BindOptions bind;
+  rig::RigOptions rig;
+  rig::LaserCameraOptions bind;
   fusion::ComposeOptions compose;
   OutputOptions output;
   template <class Visitor>

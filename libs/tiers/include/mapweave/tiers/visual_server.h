@@ -2,11 +2,11 @@
 // The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients tell, joins it by fuse(), and tells each client
 // what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3): what is believed of all lies beside them, so
 // that nobody waits while it is computed. Clients whose robot is the same are cameras of one robot (CVS III-D): their maps are tied first
-// (fusion/siblings.h), and where one of them is the others are. A state machine: no thread, no clock, no file.
+// (rig/robot_rigs.h), and where one of them is the others are. A state machine: no thread, no clock, no file.
 
 #include <mapweave/core/background_work.h>
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/fusion/rig.h>
+#include <mapweave/rig/rig.h>
 #include <mapweave/maps/exchange.h>
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/tiers/update_inbox.h>
@@ -81,7 +81,7 @@ struct RobotInTeam {
 class VisualServer {
  public:
   // rig: of clients that are cameras of one robot.
-  VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, fusion::RigOptions rig = {});
+  VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig = {});
   ~VisualServer();
 
   // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws Error(kUnsupported)

@@ -1,7 +1,7 @@
 #pragma once
-// Pinhole cameras. Frame `camera`: x right, y down, z forward (optical). Pixels: the centre of the upper left one is (0, 0).
+// What a picture differs by from one of a pinhole camera.
 
-#include <Eigen/Core>
+#include <mapweave/core/pinhole.h>
 
 namespace mapweave::visual {
 
@@ -14,16 +14,6 @@ struct Distortion {
     const double radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
     return {x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y};
   }
-};
-
-struct PinholeCamera {
-  int width = 0, height = 0;
-  double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
-  Eigen::Vector2d project(const Eigen::Vector3d& point_in_camera) const {
-    return {fx * point_in_camera.x() / point_in_camera.z() + cx, fy * point_in_camera.y() / point_in_camera.z() + cy};
-  }
-  // On the plane z = 1.
-  Eigen::Vector3d ray(const Eigen::Vector2d& pixel) const { return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy, 1.0}; }
 };
 
 // What is not known of a sensor beforehand, and learnt from what it sees.

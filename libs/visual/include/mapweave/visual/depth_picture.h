@@ -22,6 +22,6 @@ struct DepthPictureOptions {
 Image<float> depth_picture_of(const Frame&, const CameraRig&, const DepthPictureOptions& = {}, const Pose3& depth_from_picture = {});
 
 // Red, green, blue at a pixel of the rectified picture; its grey where it has no colours.
-std::array<std::uint8_t, 3> colour_at(const Frame&, const PinholeCamera&, const Eigen::Vector2d& pixel);
+std::array<std::uint8_t, 3> colour_at(const Frame&, const Pinhole&, const Eigen::Vector2d& pixel);
 
 }  // namespace mapweave::visual

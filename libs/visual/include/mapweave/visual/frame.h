@@ -30,7 +30,7 @@ using DepthImage = Image<std::uint16_t>;
 struct DepthPicture {
   DepthImage image;
   double metres_per_unit = 0.001;
-  PinholeCamera camera;
+  Pinhole camera;
   Distortion distortion;
   double delay_s = 0.0;  // taken so much later than the picture; negative: earlier
 };
@@ -40,7 +40,7 @@ struct ColourPicture {
   std::shared_ptr<const std::uint8_t> blue_green_red;  // 8 bits each, pixel by pixel; null without colours
   int width = 0, height = 0;
   std::size_t row_bytes = 0;
-  PinholeCamera camera;
+  Pinhole camera;
   Distortion distortion;
   Eigen::Quaterniond raw_from_rectified = Eigen::Quaterniond::Identity();  // rectifying a stereo pair turns its pictures
 };

@@ -31,7 +31,7 @@ struct FrameInputOptions {
 
 // What all frames of a camera share.
 struct CameraRig {
-  PinholeCamera camera;     // of the rectified pictures
+  Pinhole camera;           // of the rectified pictures
   double baseline_m = 0.0;  // to the right camera; 0 without one
   bool has_depth = false;
   Pose3 robot_from_camera;  // the rectified left camera on the robot; identity where the log does not say

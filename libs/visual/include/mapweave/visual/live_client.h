@@ -16,7 +16,7 @@ class LiveClient {
  public:
   // Called on the tracking thread after each frame, which may talk to the client then; the next frame waits meanwhile.
   using Report = std::function<void(VisualClient&, Stamp, const Tracked&)>;
-  LiveClient(PinholeCamera camera, double baseline_m, ClientOptions options,
+  LiveClient(Pinhole camera, double baseline_m, ClientOptions options,
              std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt, Report report = {});
   ~LiveClient();  // what waits is dropped, and no map is straightened any more
   LiveClient(const LiveClient&) = delete;

@@ -61,7 +61,7 @@ class VisualClient {
  public:
   // baseline_m: of the right camera, for frames that have a right picture. Without a vocabulary a lost camera looks for itself among the
   // keyframes around where it was lost only, and no loops are closed.
-  VisualClient(PinholeCamera camera, double baseline_m, ClientOptions options,
+  VisualClient(Pinhole camera, double baseline_m, ClientOptions options,
                std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt);
   ~VisualClient();
   // In the order of stamps, pictures of the camera's size (contract).

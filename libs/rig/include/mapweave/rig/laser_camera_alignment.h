@@ -1,0 +1,41 @@
+#pragma once
+// One pose graph of one robot's laser and cameras. Keyframes and laser nodes are constrained to each other by time, so that a loop closure
+// of a camera corrects the grid, and an alignment of walls corrects keyframes.
+
+#include <mapweave/graph/pose_graph.h>
+#include <mapweave/maps/map.h>
+
+#include <vector>
+
+namespace mapweave::rig {
+
+struct LaserCameraOptions {
+  double longest_gap_s = 1.0;
+  double tie_m = 0.02, tie_rad = 0.01;
+  double step_m = 0.02, step_share = 0.02, step_rad = 0.012;
+  int least_shared = 15;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.positive("longest_gap_s", longest_gap_s, "longest time between the two scans around a keyframe that is constrained to them");
+    v.positive("tie_m", tie_m, "standard deviation between a keyframe and the laser's pose at its time, beside the errors of both maps");
+    v.positive("tie_rad", tie_rad, "standard deviation of the heading between a keyframe and the laser's pose at its time");
+    v.positive("step_m", step_m, "standard deviation of the motion between two covisible keyframes");
+    v.non_negative("step_share", step_share, "standard deviation of the motion between two covisible keyframes, as a share of its length");
+    v.positive("step_rad", step_rad, "standard deviation of the heading between two covisible keyframes");
+    v.integer("least_shared", least_shared, 1, 100000, "least number of landmarks that two covisible keyframes share");
+  }
+};
+
+// The laser's map with the keyframes and landmarks of the camera maps, solved.
+struct LaserCameraMap {
+  Map map;                   // id: the laser map's; its first node does not move
+  std::vector<MapId> apart;  // camera maps that are not in it: no scan was taken around their time
+};
+// All maps are of one robot.
+LaserCameraMap align_cameras(Map laser, const std::vector<Map>& cameras, const LaserCameraOptions& options = {},
+                             const graph::SolveOptions& solve = {});
+
+// Constraints between covisible keyframes, from their poses in the map, which is metric. In the plane.
+std::vector<Constraint> covisibility_constraints(const Map&, const LaserCameraOptions&);
+
+}  // namespace mapweave::rig
