@@ -30,6 +30,7 @@ WIFI_BYTES_PER_S = 12.75e6   # of the profile (libs/transport, profiles.h)
 PAPERS_EDGES = ["processors.edge_profile=jetson-tx2"]   # RecSLAM's edges beside its cloud
 LEARNING_SEEDS, SEED = (41, 43), 42
 ROOMS = 8
+BUILDING_SEED = 9
 
 
 def add_arguments(parser):
@@ -42,8 +43,8 @@ def folder_of(name, seed):
     return common.OUT / "recslam" / f"{''.join(letter if letter.isalnum() else '-' for letter in name)}-{seed}"
 
 
-def world_text(scene, seed):
-    lines = [f"seed: {seed}", "buildings:", f"  - {{kind: apartment, seed: 9, apartment: {json.dumps(scene['apartment'])}}}", f"edges: {scene['edges']}",
+def world_text(scene, seed, building_seed=BUILDING_SEED):
+    lines = [f"seed: {seed}", "buildings:", f"  - {{kind: apartment, seed: {building_seed}, apartment: {json.dumps(scene['apartment'])}}}", f"edges: {scene['edges']}",
              "motion: {speed_min_m_per_s: 0.2, speed_max_m_per_s: 0.2, clearance_m: 0.2}", "robot_radius_m: 0.1", "robots:"]
     small = scene["apartment"]["width_m"] < 10
     for i in range(scene["robots"]):
