@@ -24,11 +24,16 @@ def wrap(angle):
 
 
 class Scan:
-    """One laser line: `head` (new style: type, fan, ...), ranges as text, poses of laser and robot, `tail` (new style: speeds), stamp."""
-    __slots__ = ("keyword", "head", "ranges", "laser", "robot", "tail", "stamp")
+    """One laser line: `head` (new style: type, fan, ...), `packed` ranges (one text, for a log has millions), poses of laser and robot, `tail`
+    (new style: speeds), stamp."""
+    __slots__ = ("keyword", "head", "packed", "laser", "robot", "tail", "stamp")
 
-    def __init__(self, keyword, head, ranges, laser, robot, tail, stamp):
-        self.keyword, self.head, self.ranges, self.laser, self.robot, self.tail, self.stamp = keyword, head, ranges, laser, robot, tail, stamp
+    def __init__(self, keyword, head, packed, laser, robot, tail, stamp):
+        self.keyword, self.head, self.packed, self.laser, self.robot, self.tail, self.stamp = keyword, head, packed, laser, robot, tail, stamp
+
+    @property
+    def ranges(self):
+        return self.packed.split()
 
     def text(self):
         poses = " ".join(f"{value:.6f}" for value in (*self.laser, *self.robot))
@@ -36,10 +41,10 @@ class Scan:
         front = f"{self.keyword} {' '.join(self.head)} " if new_style else f"{self.keyword} "
         between_them = " 0 " if new_style else " "   # no remissions
         tail = f" {' '.join(self.tail)}" if new_style else ""
-        return f"{front}{len(self.ranges)} {' '.join(self.ranges)}{between_them}{poses}{tail} {self.stamp:.6f} robot {self.stamp:.6f}\n"
+        return f"{front}{self.packed.count(' ') + 1} {self.packed}{between_them}{poses}{tail} {self.stamp:.6f} robot {self.stamp:.6f}\n"
 
     def at(self, laser, robot, stamp=None):
-        return Scan(self.keyword, self.head, self.ranges, laser, robot, self.tail, self.stamp if stamp is None else stamp)
+        return Scan(self.keyword, self.head, self.packed, laser, robot, self.tail, self.stamp if stamp is None else stamp)
 
 
 class Log:
@@ -67,7 +72,7 @@ def parse(line):
         rest = rest[1 + int(rest[0]):]
         tail, rest = rest[6:11], rest[:6] + rest[11:]
     values = [float(value) for value in rest[:6]]
-    return Scan(keyword, head, ranges, tuple(values[:3]), tuple(values[3:]), tail, float(rest[6]))
+    return Scan(keyword, head, " ".join(ranges), tuple(values[:3]), tuple(values[3:]), tail, float(rest[6]))
 
 
 def load(path):
@@ -107,9 +112,9 @@ def mirrored(log):
             ranges = [nothing, *ranges]
         head = scan.head
         if head is not None:   # the fan from the other side
-            head = [head[0], f"{-(float(head[1]) + float(head[3]) * (len(ranges) - 1)):.6f}", *head[2:]]
+            head = [head[0], f"{-(float(head[1]) + float(head[3]) * (len(ranges) - 1)):.8f}", *head[2:]]
         turned = [(x, -y, -yaw) for x, y, yaw in (scan.laser, scan.robot)]
-        return Scan(scan.keyword, head, ranges, *turned, scan.tail, scan.stamp)
+        return Scan(scan.keyword, head, " ".join(ranges), *turned, scan.tail, scan.stamp)
     return Log([mirror(scan) for scan in log.scans], log.parameters)
 
 

@@ -14,7 +14,7 @@ from benches.team_bench.program import Failed
 
 LEVELS = {80: 0.99, 50: 0.98, 30: 0.95, 15: 0.80}
 WITHIN = 0.05
-STRETCH_M = (15.0, 80.0)
+STRETCH_M = (40.0, 150.0)
 POOL = 70                # stretches of each log
 APART_S = 10.0           # between two stretches, at least
 RIGHT_M, RIGHT_DEG = 0.3, 2.0

@@ -15,7 +15,7 @@ from benches import common
 from benches.team_bench import inputs, judging, placing, windows
 from benches.team_bench.program import Failed
 
-STRETCH_M = (15.0, 60.0)
+STRETCH_M = (10.0, 30.0)
 SHARED = 0.01            # of the cells that the smaller one saw: below, two stretches share nothing
 RIGHT_M, RIGHT_DEG = 1.0, 5.0
 LOG_MAPS = 2             # stretches of each log and of each mirror image in a batch
@@ -59,7 +59,7 @@ def site_maps(bench, seed):
     names = [f"s{seed}{'ab'[i]}" for i in range(robots)]
     rooms = building.get(building["kind"], {}).get("rooms", 8)
     routes = [{}] if robots == 1 else [{"last_room": rooms // 2 - 1}, {"first_room": rooms // 2}]
-    world = {"seed": seed, "buildings": [building], "robots": [{"id": name, "length_m": draw.randint(25, 50), **route} for name, route in zip(names, routes)]}
+    world = {"seed": seed, "buildings": [building], "robots": [{"id": name, "length_m": draw.randint(15, 30), **route} for name, route in zip(names, routes)]}
     kept = bench.store.folder / f"sites/{seed}"
 
     def write(folder):

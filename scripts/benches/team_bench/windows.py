@@ -66,9 +66,10 @@ class Seen:
                 self._masks.append((scan.stamp, self._mask(scan, carmen.compose(pose, carmen.between(scan.robot, scan.laser)))))
 
     def _mask(self, scan, laser):
-        mask, count = 0, len(scan.ranges)
+        mask, ranges = 0, scan.ranges
+        count = len(ranges)
         for i in range(0, count, max(1, count // RAYS)):
-            length = min(float(scan.ranges[i]), RANGE_M)
+            length = min(float(ranges[i]), RANGE_M)
             angle = laser[2] - math.pi / 2 + math.pi * i / count
             c, s = math.cos(angle) * CELL_M, math.sin(angle) * CELL_M
             for step in range(int(length / CELL_M) + 1):
@@ -85,7 +86,7 @@ class Seen:
 
     def draw(self, draw, least_m, most_m):
         """A stretch of so many metres somewhere: first and end."""
-        length = draw.uniform(least_m, min(most_m, 0.5 * self.metres[-1]))
+        length = draw.uniform(least_m, min(most_m, 0.4 * self.metres[-1]))
         start = draw.uniform(0.0, self.metres[-1] - length)
         first = next(stamp for stamp, way in zip(self.stamps, self.metres) if way >= start)
         end = next((stamp for stamp, way in zip(self.stamps, self.metres) if way >= start + length), self.stamps[-1] + 1.0)
