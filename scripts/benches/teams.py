@@ -11,7 +11,8 @@ Needs the program (scripts/build; vision also team_benchmark) and laser/ below M
   vision     camera teams as they were
   names      verdicts do not depend on names, order, threads or where odometry begins
   halmstad   grids of other makers
-Robots' own maps are made once and kept (out/bench/teams/maps). Rows go to out/bench/teams.json; a partial run keeps the others. Pictures of every
+Robots' own maps are made once and kept (out/bench/teams/maps). Writes tables between <!-- bench:trust --> and <!-- /bench --> of README.md. Rows go to
+out/bench/teams.json; a partial run keeps the others. Pictures of every
 wrong or apart pair: out/bench/teams/pictures. Exit code 5 where a goal is missed. Everything takes hours; every part can be run by itself and in part.
 """
 import importlib
@@ -65,6 +66,7 @@ def add_arguments(parser):
     parser.add_argument("--keep-maps", action="store_true", help="stored maps of robots are used though the program is another one")
     parser.add_argument("--maps", metavar="DIR", help="where they are stored (default: out/bench/teams/maps)")
     parser.add_argument("--out", default=common.OUT, type=pathlib.Path, metavar="DIR", help="default: out/bench")
+    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
     parser.add_argument("--no-pictures", action="store_true", help="of teams that are wrong or apart")
 
 
@@ -77,6 +79,9 @@ def run(arguments):
     bench = Bench(arguments)
     for part in arguments.part:
         importlib.import_module("benches.team_bench." + {**PARTS, **MAPS}[part]).run(bench)
+    text = bench.tables(PARTS)
+    if text and not arguments.dry_run:
+        common.write_readme("trust", text + f"\n\nMeasured by `scripts/bench teams` on {common.machine()}.")
     for line in bench.missed:
         print("missed:", line)
     return 5 if bench.missed else 0

@@ -53,28 +53,39 @@ class Bench:
         with concurrent.futures.ThreadPoolExecutor(max(1, self.arguments.jobs)) as pool:
             yield from zip(items, pool.map(guarded, items))
 
-    def rows(self, part):
-        """Of earlier runs too: {key: row}."""
-        stored = self._stored()
-        return stored.get("parts", {}).get(part, {}).get("rows", {})
-
     def _stored(self):
         path = self.out / "teams.json"
         return json.loads(path.read_text()) if path.exists() else {}
 
     def keep(self, part, rows, **numbers):
-        """Rows of this run beside those of earlier ones."""
+        """Rows of this run beside those of earlier ones; all of them."""
         stored = self._stored()
         parts = stored.setdefault("parts", {})
         kept = parts.get(part, {}).get("rows", {})
         stamp = self.program.stamp()
         kept.update({key: {**row, "program": stamp} for key, row in rows.items()})
         parts[part] = {"machine": common.machine(), "commit": common.commit(), "rows": kept, **numbers}
+        self._write(stored)
+        return kept
+
+    def _write(self, stored):
         self.out.mkdir(parents=True, exist_ok=True)
         partial = self.out / "teams.json.partial"
         partial.write_text(json.dumps(stored, indent=1) + "\n")
         partial.replace(self.out / "teams.json")
-        return kept
+
+    def table(self, part, title, headers, rows):
+        """Printed, and kept for README.md."""
+        text = common.table(headers, rows)
+        print(text, flush=True)
+        stored = self._stored()
+        stored.setdefault("tables", {}).setdefault(part, {})[title] = text
+        self._write(stored)
+
+    def tables(self, parts):
+        """What was printed last of each part, in this order."""
+        kept = self._stored().get("tables", {})
+        return "\n\n".join(f"{title}:\n\n{text}" for part in parts for title, text in kept.get(part, {}).items())
 
     def gate(self, part, what, value, goal, holds):
         """Says whether a goal is met; a missed one is remembered."""

@@ -2,13 +2,13 @@
 import json
 import math
 
-from benches import common, recslam
+from benches import recslam
 from benches.team_bench import inputs
 from benches.team_bench.program import QUIET, Failed
 
 TEN = "13 x 18 m, 10 robots"
 GOAL_TEN_S, GOAL_FOUR, GOAL_SLOPE = 2.0, 1.5, 1.3
-CURVE = (5, 10, 20, 40)
+FLOOR_ROBOTS = 40   # that the floor has room for
 
 
 def ten_robots(bench):
@@ -38,8 +38,8 @@ def four_robots(bench, log):
 
 
 def cut_maps(bench, count):
-    """Parts of all logs, so many in all: every log as several robots."""
-    logs, each = bench.arguments.logs, math.ceil(count / len(bench.arguments.logs))
+    """The first so many parts of all logs: the first of each log, then the second of each, ... Parts are as long whatever their number."""
+    logs, each = bench.arguments.logs, math.ceil(max(bench.arguments.curve) / len(bench.arguments.logs))
     found = []
     for i in range(each):
         for log in logs:
@@ -48,19 +48,19 @@ def cut_maps(bench, count):
 
 
 def site_maps(bench, count):
-    """One simulated floor that so many robots drive."""
-    names = [f"r{i:02}" for i in range(count)]
-    rooms = 30
+    """The first so many robots of one simulated floor: each has rooms in common with its neighbours, however many there are."""
+    most, rooms = max(bench.arguments.curve), 30
+    names = [f"r{i:02}" for i in range(most)]
 
     def write(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        robots = [{"id": name, "first_room": i * (rooms - 6) // max(1, count - 1), "last_room": i * (rooms - 6) // max(1, count - 1) + 5, "length_m": 60,
+        robots = [{"id": name, "first_room": i * (rooms - 6) // FLOOR_ROBOTS, "last_room": i * (rooms - 6) // FLOOR_ROBOTS + 5, "length_m": 60,
                    "order": ("along", "back", "shuffled")[i % 3]} for i, name in enumerate(names)]
         world = {"seed": 21, "buildings": [{"kind": "apartment", "seed": 5, "apartment": {"width_m": 45, "height_m": 32}}], "robot_radius_m": 0, "robots": robots}
         (folder / "world.yaml").write_text(json.dumps(world))
         bench.program("simulate", folder / "world.yaml", "--out", folder / "world", "--force")
         return [folder / f"world/{name}.rawlog" for name in names]
-    return bench.store.made(f"floor/{count}", names, write)[0]
+    return bench.store.made(f"floor/{most}", names, write)[0][:count]
 
 
 def curve(bench, what, maps_of, sizes):
@@ -77,12 +77,19 @@ def curve(bench, what, maps_of, sizes):
     return points
 
 
+def floor(bench):
+    points = curve(bench, "one simulated floor", site_maps, bench.arguments.curve)
+    # Robots that were not joined would cost nothing.
+    bench.gate("cost", f"one simulated floor, {points[-1]['robots']} robots: maps", points[-1]["maps"], "1", points[-1]["maps"] == 1)
+    return points
+
+
 def run(bench):
     rows, wanted = {}, bench.arguments.cost
     steps = {"ten": lambda: {TEN: ten_robots(bench)},
              "four": lambda: {f"{log} as 4": four_robots(bench, log) for log in bench.arguments.logs if log in inputs.BENCHMARK_LOGS},
              "cuts": lambda: {"cuts of all logs": {"points": curve(bench, "cuts of all logs", cut_maps, bench.arguments.curve)}},
-             "floor": lambda: {"simulated floor": {"points": curve(bench, "one simulated floor", site_maps, bench.arguments.curve)}}}
+             "floor": lambda: {"simulated floor": {"points": floor(bench)}}}
     for name, step in steps.items():
         if name not in wanted:
             continue
@@ -91,7 +98,12 @@ def run(bench):
         except Failed as failed:
             bench.gate("cost", name, failed, "a result", False)
         bench.keep("cost", rows)
-    points = [(name, point) for name, row in rows.items() for point in row.get("points", [])]
+    kept = bench.keep("cost", rows)
+    four = [row for row in kept.values() if "ratio" in row]
+    if four:
+        bench.table("cost", "One log as four robots, processor time of `run` against `slam` of each", ("log", "maps", "mapping alone, s", "run, s", "run against mapping"),
+                    [(row["log"], row["maps"], f"{row['alone_cpu_s']:.1f}", f"{row['run_cpu_s']:.1f}", f"{row['ratio']:.2f}") for row in four])
+    points = [(name, point) for name, row in kept.items() for point in row.get("points", [])]
     if points:
-        print(common.table(("team", "robots", "maps", "pairs joined", "s of a processor", "peak, MB"),
-                           [(name, point["robots"], point["maps"], point["joined_pairs"], f"{point['cpu_s']:.1f}", f"{point['peak_bytes'] / 1e6:.0f}") for name, point in points]))
+        bench.table("cost", "Many robots: merging their maps", ("team", "robots", "maps", "pairs joined", "s of a processor", "peak, MB"),
+                    [(name, point["robots"], point["maps"], point["joined_pairs"], f"{point['cpu_s']:.1f}", f"{point['peak_bytes'] / 1e6:.0f}") for name, point in points])

@@ -1,7 +1,6 @@
 """teams: one log cut into robots; right, wrong or apart by hand-checked relations."""
 import json
 
-from benches import common
 from benches.team_bench import inputs, judging
 from benches.team_bench.program import Failed
 
@@ -89,7 +88,7 @@ def metres(total, count):
     return f"{total / count:.4f}" if count else "-"
 
 
-def report(bench, rows, singles):
+def report(bench, rows, singles, part):
     lines = []
     for log in dict.fromkeys(row["log"] for row in rows):
         for robots in sorted({row["robots"] for row in rows if row["log"] == log}):
@@ -98,7 +97,7 @@ def report(bench, rows, singles):
             lines.append((log, robots, told["runs"], told["right"] + told["wrong"] + told["apart"], told["right"], told["wrong"], told["apart"],
                           f"{told['tied_joined']} of {told['tied']}", metres(alone["within_sum_m"], alone["within"]) if alone else "-", f"{team_error(told):.4f}",
                           metres(told["within_sum_m"], told["within"]), metres(told["across_sum_m"], told["across_joined"]), f"{told['across_joined']} of {told['across']}"))
-    return common.table(HEADERS, lines)
+    bench.table(part, "One log cut into robots, judged by hand-checked relations (corrected logs: by the poses they bring)", HEADERS, lines)
 
 
 def judge(bench, rows, singles, part):
@@ -132,7 +131,7 @@ def run(bench, part="teams"):
     told = sums(list(rows.values()))
     print(f"joined rightly {told['right']}, wrongly {told['wrong']}, left apart {told['apart']}, failed {failures}")
     singles = {} if bench.arguments.no_single else {log: single(bench, log) for log in bench.arguments.logs}
-    kept = bench.keep(part, rows, singles={**singles})
-    print(report(bench, list(kept.values()), singles))
+    kept = bench.keep(part, rows, singles=singles)
+    report(bench, list(kept.values()), singles, part)
     bench.gate(part, "runs that failed", failures, "0", failures == 0)
     judge(bench, list(rows.values()), singles, part)

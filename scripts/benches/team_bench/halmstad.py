@@ -6,7 +6,6 @@ average, of where the marks' alignment has them, and the heading within 5 degree
 import csv
 import math
 
-from benches import common
 from benches.team_bench import inputs, judging
 from benches.team_bench.mirror_images import GRID_RESOLUTION_M
 from benches.team_bench.program import Failed
@@ -75,7 +74,8 @@ def run(bench):
     def line(site):
         some = [row for row in kept if row["site"] == site]
         return (site, len(some), *(sum(row["result"] == result for row in some) for result in ("right", "wrong", "apart")), sum(row["best_is_right"] for row in some))
-    print(common.table(("site", "pairs", "right", "wrong", "apart", "best hypothesis right"), [line(site) for site in SITES if any(row["site"] == site for row in kept)]))
+    bench.table("halmstad", "Grids of other makers (Halmstad), pair by pair", ("site", "pairs", "right", "wrong", "apart", "best hypothesis right"),
+                [line(site) for site in SITES if any(row["site"] == site for row in kept)])
     right, wrong = (sum(row["result"] == result for row in rows.values()) for result in ("right", "wrong"))
     bench.gate("halmstad", "pairs placed", f"{right} of {len(items)}", f"{100 * GOAL:g} %", bool(items) and right >= GOAL * len(items))
     bench.gate("halmstad", "pairs placed wrongly", wrong, "0", wrong == 0)

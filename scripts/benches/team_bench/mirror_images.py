@@ -132,8 +132,9 @@ def run(bench):
         print(f"mirror: {row['name']}: {'JOINED' if row['joined'] else 'apart'} ({row['decision']}, {row['reason']}, {row['probability']:.3f})", flush=True)
         bench.keep("mirror", {row["name"]: row})
     kept = bench.keep("mirror", rows).values()
-    print(common.table(("what", "pairs", "joined"), [(kind, len(some), sum(row["joined"] for row in some)) for kind in ("log", "rawlog", "grid")
-                                                     if (some := [row for row in kept if row["kind"] == kind])]))
+    bench.table("mirror", "Logs and grids with their mirror images, under two namings each", ("what", "pairs", "joined"),
+                [(label, len(some), sum(row["joined"] for row in some)) for kind, label in (("log", "log and mirrored log"), ("rawlog", "log and its mirrored grid"), ("grid", "grid and mirrored grid"))
+                 if (some := [row for row in kept if row["kind"] == kind])])
     joined = sum(row["joined"] for row in rows.values())
     bench.gate("mirror", "joined with their mirror images", f"{joined} of {len(rows)}", "0", joined == 0 and len(rows) > 0)
     bench.gate("mirror", "runs that failed", failed, "0", failed == 0)

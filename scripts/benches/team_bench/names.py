@@ -3,7 +3,6 @@ import hashlib
 import json
 import math
 
-from benches import common
 from benches.team_bench import carmen, inputs
 from benches.team_bench.program import Failed
 
@@ -105,6 +104,8 @@ def run(bench):
             if isinstance(told, list):
                 bench.gate("names", f"{log} in {robots}, {what} ({row['joined']} pairs joined)", "the same" if not told else "; ".join(told[:4]), "the same", not told)
         bench.keep("names", rows)
-    print(common.table(("team", "pairs joined", *(what for what in next(iter(rows.values()), {}) if what not in ("log", "robots", "joined"))),
-                       [(name, row["joined"], *("same" if not told else f"{len(told)} differ" for told in row.values() if isinstance(told, list))) for name, row in rows.items()]))
+    kept = bench.keep("names", rows)
+    what = [key for key, value in next(iter(kept.values()), {}).items() if isinstance(value, list)]
+    bench.table("names", "What verdicts and bytes do not depend on", ("team", "pairs joined", *what),
+                [(name, row["joined"], *("same" if not row[key] else f"{len(row[key])} differ" for key in what)) for name, row in kept.items()])
     bench.gate("names", "teams in which anything was joined", sum(row["joined"] > 0 for row in rows.values()), "1 or more", any(row["joined"] for row in rows.values()))

@@ -11,8 +11,7 @@ import json
 import random
 import time
 
-from benches import common
-from benches.team_bench import inputs, judging, placing, windows
+from benches.team_bench import judging, placing, windows
 from benches.team_bench.program import Failed
 
 STRETCH_M = (10.0, 30.0)
@@ -168,7 +167,7 @@ def run(bench):
         bench.keep("strangers", rows)
         batch += 1
     total = {what: sum(row[what] for row in rows.values()) for what in ("strangers", "joined", "pairs", "cpu_s", "without_verdict")}
-    print(common.table(("batches", "maps", "pairs of strangers", "joined", "ms of a processor per pair"),
-                       [(len(rows), sum(row["maps"] for row in rows.values()), total["strangers"], total["joined"], f"{1e3 * total['cpu_s'] / max(1, total['pairs']):.0f}")]))
+    bench.table("strangers", "Maps that share nothing", ("batches", "maps", "pairs of strangers", "joined", "ms of a processor per pair"),
+                [(len(rows), sum(row["maps"] for row in rows.values()), total["strangers"], total["joined"], f"{1e3 * total['cpu_s'] / max(1, total['pairs']):.0f}")])
     bench.gate("strangers", "pairs of strangers that were judged", total["strangers"], wanted, total["strangers"] >= wanted)
     bench.gate("strangers", "joined", total["joined"], "0", total["joined"] == 0)

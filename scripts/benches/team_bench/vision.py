@@ -44,6 +44,8 @@ def both_senses(bench, seed):
         wrong = off is not None and off[0] > WRONG_M
         if wrong:
             bench.keep_pictures(out, f"both-{seed}-{sensor}")
+        if sensor != "laser":
+            bench.gate("vision", f"camera and laser, seed {seed}, mapped with {sensor}: maps", summary["team"]["components"], "1", summary["team"]["components"] == 1)
         bench.gate("vision", f"camera and laser, seed {seed}, mapped with {sensor}: {summary['team']['components']} maps, off by", "-" if off is None else f"{off[0]:.3f} m", f"{WRONG_M} m", not wrong)
     return rows
 
@@ -68,4 +70,4 @@ def run(bench):
     if "both" in chosen:
         for seed in range(7, 7 + bench.arguments.vision_seeds):
             attempt("both", lambda seed=seed: both_senses(bench, seed))
-    print(common.table(("what", "numbers"), [(name, ", ".join(f"{key} {value}" for key, value in row.items() if isinstance(value, (int, float, bool)))) for name, row in rows.items()]))
+    bench.table("vision", "Camera teams", ("what", "numbers"), [(name, ", ".join(f"{key} {value}" for key, value in row.items() if isinstance(value, (int, float, bool)))) for name, row in rows.items()])

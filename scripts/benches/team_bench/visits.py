@@ -2,7 +2,6 @@
 import itertools
 import math
 
-from benches import common
 from benches.team_bench import inputs, judging
 
 GOAL_M = 1.0
@@ -24,8 +23,8 @@ def run(bench):
     row = {"maps": summary["team"]["components"], "exit_code": done.code, "cpu_s": done.cpu_s, "ends_apart_m": apart,
            "verdicts": [[verdict[what] for what in ("a", "b", "decision", "reason", "probability")] for verdict in merges]}
     bench.keep("visits", {"exp1 exp2 exp3": row})
-    print(common.table(("pair", "verdict", "ends apart, m"), [(f"{a} {b}", f"{decision}: {reason}", "-" if apart[f"{a} {b}"] is None else f"{apart[f'{a} {b}']:.2f}")
-                                                               for a, b, decision, reason, _ in row["verdicts"]]))
+    bench.table("visits", "Three visits to one hall (tinyslam)", ("pair", "verdict", "ends apart, m"), [(f"{a} {b}", f"{decision}: {reason}", "-" if apart[f"{a} {b}"] is None else f"{apart[f'{a} {b}']:.2f}")
+                for a, b, decision, reason, _ in row["verdicts"]])
     bench.gate("visits", "maps", row["maps"], "1", row["maps"] == 1)
     known = [value for value in apart.values() if value is not None]
     bench.gate("visits", "ends apart", f"{max(known):.2f} m" if known else "nothing was joined", f"{GOAL_M} m, all of them", len(known) == len(apart) and max(known) <= GOAL_M)
