@@ -2,7 +2,8 @@
 
 Needs the program (scripts/build) and the logs below MAPWEAVE_DATA (default ../shared/data): laser/LOG/LOG.rawlog, LOG.relations.
 Writes the table between <!-- bench:accuracy --> and <!-- /bench --> of README.md, and out/bench/accuracy.json; what the
-program wrote stays in out/bench/accuracy/. A partial run (--logs, --engines) keeps the other rows as they were measured before.
+program wrote stays in out/bench/accuracy/. A team that did not become one map has no figures (the error would be that of one of its maps), and the
+exit code is 5. A partial run (--logs, --engines) keeps the other rows as they were measured before.
 """
 import json
 import statistics
@@ -77,12 +78,18 @@ def team(log, cuts, repeat):
     return {**measure(("run", config), out, out / "team/trajectory.tum", log, repeat), "verb": "run", "robots": len(logs), "engine": "graph"}
 
 
+def is_whole(row):
+    return row["team"]["components"] == 1 and row["relations"]["used"] > 0
+
+
 def cells(row):
     error = row["relations"]
     joined = "-"
     if row["robots"] > 1:
         accepted = [merge for merge in row["merges"] if merge["accepted"]]
         joined = f"{len(accepted)} of {len(row['merges'])} pairs, {row['team']['components']} map{'s' if row['team']['components'] > 1 else ''}"
+    if not is_whole(row):
+        return (row["log"], row["verb"], row["robots"], row["engine"], *("-" for _ in range(6)), joined)
     return (row["log"], row["verb"], row["robots"], row["engine"], f"{error['translation_mean_m']:.4f} ± {error['translation_std_m']:.4f}",
             f"{error['rotation_mean_deg']:.3f} ± {error['rotation_std_deg']:.3f}", f"{error['used']} of {error['count']}", f"{row['wall_seconds']:.1f}",
             f"{row['real_time_factor']:.0f}", f"{row['peak_rss_bytes'] / 1e6:.0f}", joined)
@@ -114,4 +121,4 @@ def run(arguments):
     print(text)
     if not arguments.dry_run:
         common.write_readme("accuracy", text)
-    return 0
+    return common.unmet("not one map", [f"{row['log']} with {row['robots']} robots" for row in rows.values() if not is_whole(row)])

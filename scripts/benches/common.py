@@ -74,6 +74,13 @@ def readme_text(name, pattern):
     return match.group(0) if match else ""
 
 
+def unmet(what, some):
+    """Exit code of a bench in which `some` did not happen, so that their figures are left out: 5 and a message; 0 where there are none."""
+    if some:
+        print(f"scripts/bench: {what}: {', '.join(map(str, some))}", file=sys.stderr)
+    return 5 if some else 0
+
+
 def write_json(name, value):
     OUT.mkdir(parents=True, exist_ok=True)
     (OUT / f"{name}.json").write_text(json.dumps(value, indent=2) + "\n")

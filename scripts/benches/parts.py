@@ -28,6 +28,15 @@ def found(pattern, text):
     return match.groups()
 
 
+def seconds_of_solved(program):
+    """Processor time of a solution, which must be one: the error at least halved."""
+    text = told_by(program)
+    seconds, before, after = found(r"([\d.]+) s of processor time, \d+ iterations, error ([\d.]+) -> ([\d.]+) m", text)
+    if not float(after) <= 0.5 * float(before):
+        common.give_up(f"{program}: the error did not become less; there is no time of a solution:\n{text}", 5)
+    return seconds
+
+
 def pictures():
     milliseconds, = found(r"colour RGB-D: .* on 2 thread\(s\) \(([\d.]+) ms of processor time", told_by("renderer_benchmark"))
     return f"{milliseconds} ms a picture", "100 ms (20 frames/s on 2 cores)"
@@ -49,6 +58,8 @@ def recognition():
         common.give_up(f"there are no RGB-D folders below {common.DATA}/visual; set MAPWEAVE_DATA")
     text = told_by("place_recognition_benchmark", *folders)
     rows = re.findall(r"(\S+): \d+ pictures; (\d+) judgements believed, precision ([\d.]+); \d+ could be known again, recall ([\d.]+)", text)
+    if not rows or any(count == "0" for _, count, _, _ in rows):
+        common.give_up(f"place_recognition_benchmark: a sequence without a judgement that was believed; there is no precision:\n{text}", 5)
     return "; ".join(f"{pathlib.Path(name).name}: precision {float(precision):.3f} of {count} judgements, recall {float(recall):.2f}"
                      for name, count, precision, recall in rows), "precision 1, recall 0.5"
 
@@ -60,13 +71,14 @@ def landmarks():
 
 
 def bundle():
-    seconds, = found(r"([\d.]+) s of processor time", told_by("bundle_benchmark"))
-    return f"{seconds} s", "1.5 s (CORB-SLAM: 4.5)"
+    return seconds_of_solved("bundle_benchmark") + " s", "1.5 s (CORB-SLAM: 4.5)"
 
 
 def merge():
     text = told_by("visual_fuse_benchmark")
-    keyframes, = found(r"^2 maps, (\d+) keyframes,", text)
+    keyframes, teams = found(r"^2 maps, (\d+) keyframes, \d+ landmarks -> (\d+) teams", text)
+    if teams != "1":
+        common.give_up("visual_fuse_benchmark: its maps were not joined; there is no time of a merge", 5)
     matching, = found(r"pairwise matching\s+([\d.]+) s", text)
     optimising, = found(r"transform optimisation\s+([\d.]+) s", text)
     seconds, = found(r"in all\s+[\d.]+ s, ([\d.]+) s of a processor", text)
@@ -75,8 +87,7 @@ def merge():
 
 
 def pose_graph():
-    seconds, = found(r"([\d.]+) s of processor time", told_by("pose_graph_benchmark"))
-    return f"{seconds} s", "0.1 s (CVS: 1.12)"
+    return seconds_of_solved("pose_graph_benchmark") + " s", "0.1 s (CVS: 1.12)"
 
 
 def endurance():

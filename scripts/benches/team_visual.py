@@ -4,7 +4,7 @@ Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default
 that share some seconds, on an edge each; the cloud joins them. Robots with two cameras drive in simulated buildings (made when they are first
 needed, some minutes each, and kept in out/bench/team-visual/worlds). Teams of more robots hand over features instead of pictures
 (team_benchmark). Writes the tables between <!-- bench:team-visual -->, <!-- bench:rigs --> or <!-- bench:teams --> and <!-- /bench --> of
-README.md, and out/bench/team-visual.json. A partial run (--sequences) keeps the other rows as they were measured before.
+README.md, and out/bench/team-visual.json. Teams that did not become one map have no error of the team, and the exit code is 5. A partial run (--sequences) keeps the other rows as they were measured before.
 """
 import json
 import math
@@ -72,10 +72,11 @@ def measure(name, seeds):
         common.mapweave("run", out / "logs/run.yaml", "--set", "edges=[{id: north}, {id: south}]", "--set", "cloud.edges_judge=false",
                         "--seed", seed, "--out", out / "run", "--force")
         verdicts = [v for v in json.loads((out / "run/merges.json").read_text()) if v["tier"] == "cloud"]
-        joined = joined and all(v["accepted"] for v in verdicts)
+        summary = json.loads((out / "run/summary.json").read_text())
+        joined = joined and bool(verdicts) and all(v["accepted"] for v in verdicts) and summary["team"]["components"] == 1
         witnesses.append(sum(len(v["witnesses"]) for v in verdicts))
         team.append(error_of(team_file(out / "run/team", out / "team.tum"), truth))
-        stages = json.loads((out / "run/summary.json").read_text())["stages"]
+        stages = summary["stages"]
         seconds.append([sum(s["seconds"] for s in stages if s["tier"] == "cloud" and s["name"] == stage)
                         for stage in ("pairwise matching", "transform optimisation")])
     return {"name": name, "robots": 2, "joined": joined, "single_m": single, "team_m": team, "witnesses": statistics.median(witnesses),
@@ -104,7 +105,10 @@ def measure_rig(name):
 
 def rig_cells(row):
     ties = row["rig"]
-    off = f"{ties['apart_before_m']:.4f} -> {ties['apart_after_m']:.4f}" if ties else "not tied"
+    if not ties:   # the larger one's map alone
+        return (row["name"], ", ".join(map(str, row["alone_frames"])), ", ".join(f"{error:.4f}" for error in row["alone_m"]), "-", "-",
+                f"{1.1 * min(row['alone_m']):.4f}", 0, "not tied")
+    off = f"{ties['apart_before_m']:.4f} -> {ties['apart_after_m']:.4f}"
     return (row["name"], ", ".join(map(str, row["alone_frames"])), ", ".join(f"{error:.4f}" for error in row["alone_m"]), row["frames"],
             f"{row['both_m']:.4f}", f"{1.1 * min(row['alone_m']):.4f}", ties.get("ties", 0), off)
 
@@ -147,12 +151,22 @@ def measure_team(name):
     return {**json.loads(done.stdout), "name": name, "title": json.loads(done.stdout)["name"]}
 
 
+def is_joined(row):
+    """Whether what the row tells of a team is of one map of them all."""
+    if "seeds" in row:
+        return row["falsely_joined"] == 0
+    if "components" in row:
+        return row["components"] == 1 and row["falsely_joined"] == 0
+    return row["joined"] if "joined" in row else bool(row["rig"])
+
+
 def team_cells(row):
     if "seeds" in row:  # where to join is wrong; a corridor that both drove is right
         return row["title"], row["robots"], 2 * row["seeds"], 2 * row["seeds"] - row["rightly_joined"] - row["falsely_joined"], row["falsely_joined"], "", "", "", "", ""
     goal_m = 1.1 * row["alone_m"]
     wire = (f"{row['up_kb_per_s']:.0f}", f"{row['down_kb_per_s']:.1f}") if "up_kb_per_s" in row else ("", "")
-    return (row["title"], row["robots"], row["maps"], row["components"], row["falsely_joined"], f"{row['alone_m']:.4f}", f"{row['team_m']:.4f}", f"{goal_m:.4f}", *wire)
+    team = f"{row['team_m']:.4f}" if is_joined(row) else "-"
+    return (row["title"], row["robots"], row["maps"], row["components"], row["falsely_joined"], f"{row['alone_m']:.4f}", team, f"{goal_m:.4f}", *wire)
 
 
 # CORB-SLAM, table 1, KITTI 00: how many, and milliseconds each (transfer; ours: encoding and decoding, of a processor).
@@ -172,6 +186,9 @@ def told_text(row):
 
 
 def cells(row):
+    if not row["joined"]:
+        single = statistics.median(row["single_m"])
+        return row["name"], row["robots"], "no", f"{single:.4f}", "-", f"{1.1 * single:.4f}", math.floor(row["witnesses"]), "-"
     single = statistics.median(row["single_m"])
     return (row["name"], row["robots"], "yes" if row["joined"] else "no", f"{single:.4f}",
             f"{statistics.median(row['team_m']):.4f} ({min(row['team_m']):.4f} to {max(row['team_m']):.4f})", f"{1.1 * single:.4f}",
@@ -212,4 +229,4 @@ def run(arguments):
          "Alone: root mean square of robots laid on the truth one by one, in apartments where nobody tells them anything; goal: 1.1 times that. Goals of bytes: 150 kB/s up, 50 down. Published, with other data: 500 up, 100 down "
          "(CVS, 30 frames/s), 370 up, 520 down (CCM-SLAM, as CVS quotes it)." +
          ("".join(told_text(row) for row in measured if row["name"] == "apartment-3") or common.readme_text("teams", r"\n\nWhat was told in (.|\n)*of their own\.")))
-    return 0
+    return common.unmet("not one map, or joined falsely", [row["name"] for row in measured if not is_joined(row)])
