@@ -19,7 +19,6 @@ constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hy
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12;
 constexpr double kAsGoodAFit = 0.9;
-constexpr double kSureEnough = 0.95;  // probability of a merge
 
 
 double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
@@ -254,7 +253,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   }
   if (evaluation.hypotheses.empty()) return evaluation;
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
-  if (evaluation.probability < kSureEnough) return evaluation;
+  if (evaluation.probability < options_.merge_probability) return evaluation;
   evaluation.repeats = looks_like_elsewhere(evaluation.hypotheses.front());
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
@@ -319,7 +318,7 @@ bool LaserMerger::is_same(const MergeHypothesis& one, const MergeHypothesis& oth
 }
 
 bool LaserMerger::merge_surest() {
-  double surest = kSureEnough;
+  double surest = options_.merge_probability;
   std::size_t best_x = 0, best_z = 0;
   const Evaluation* best = nullptr;
   for (std::size_t x = 0; x < teams_.size(); ++x)

@@ -44,10 +44,9 @@ struct FusionOptions {
   int min_witnesses = 2;
   double sole_witness_probability = 0.999;
   double min_probability = 0.6;
-  double max_conflict = 0.03;
+  double merge_probability = 0.95;
   double max_wall_conflict = 0.15;
   double max_rival = 0.3;
-  int neighbours_per_submap = 5;
   int cache_mb = 128;
   matching::JudgeOptions judge;
   matching::RematchOptions rematch;
@@ -59,17 +58,17 @@ struct FusionOptions {
               "submaps of another map, most alike first, that each submap is compared with");
     v.integer("most_pairs", most_pairs, 1, 1000000, "submap pairs compared for one pair of maps");
     v.non_negative("stride_m", stride_m, "submaps of one map nearer to each other than this stand for each other in the first search");
-    v.positive("consistency_m", consistency_m, "two judgements agree when the transforms they imply differ by less than this");
+    v.positive("consistency_m", consistency_m,
+               "two judgements of cameras agree when the transforms they imply differ by less than this (lasers: by the graph's uncertainty)");
     v.non_negative("consistency_per_m", consistency_per_m, "and this more per metre between their places");
     v.positive("consistency_yaw_rad", consistency_yaw_rad, "and by less than this in heading");
-    v.integer("min_witnesses", min_witnesses, 1, 1000, "judgements of disjoint submaps that must agree before two maps join");
-    v.fraction("sole_witness_probability", sole_witness_probability, "unless a single one is as probable as this");
+    v.integer("min_witnesses", min_witnesses, 1, 1000, "judgements of different keyframes that must agree before two maps of cameras are merged");
+    v.fraction("sole_witness_probability", sole_witness_probability, "probability from which a single judgement of two keyframes is enough to merge their maps");
     v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
-    v.fraction("max_conflict", max_conflict, "share of the walls of one map that the other saw through, once they lie on each other");
+    v.fraction("merge_probability", merge_probability,
+               "probability from which maps of lasers are merged; larger leaves more maps apart (verdicts give each pair's)");
     v.fraction("max_wall_conflict", max_wall_conflict, "the same, for maps that cameras lay on each other, before lasers refined it");
-    v.fraction("max_rival", max_rival, "share of the best group's weight that a group of witnesses for another place may have");
-    v.integer("neighbours_per_submap", neighbours_per_submap, 0, 1000,
-              "submaps of other maps that each submap is tied to once the maps lie on each other");
+    v.fraction("max_rival", max_rival, "share of the best hypothesis' weight up to which another one leaves two maps unambiguous");
     v.integer("cache_mb", cache_mb, 1, 100000, "memory for submaps that are ready to be compared");
     v.section("judge", judge, "when two submaps show the same place");
     v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");

@@ -1,0 +1,127 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mapweave/fusion/fuse.h>
+#include <support/pose_matchers.h>
+#include <support/simulated_maps.h>
+
+#include <algorithm>
+
+namespace mapweave::fusion {
+namespace {
+
+using test::IsNear;
+
+FusionResult fused(std::vector<Map> maps) {
+  WorkerPool pool(1);
+  Memo memo;
+  const auto progress = make_silent_progress();
+  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
+}
+
+std::vector<Map> mapped(const simulation::SimulatedTeam& team) {
+  std::vector<Map> maps;
+  for (const auto& robot : team.robots) maps.push_back(test::mapped(robot, team.laser));
+  return maps;
+}
+
+simulation::SimulatedTeam apartment(int robots, double shared) {
+  simulation::TeamOptions options;
+  options.robots = robots;
+  options.shared = shared;
+  return simulation::make_apartment({}, options);
+}
+
+// As the robot would have recorded it in a mirror.
+simulation::SimulatedRobot mirrored(simulation::SimulatedRobot robot) {
+  robot.id = RobotId("mirrored");
+  for (auto& step : robot.steps) {
+    std::reverse(step.ranges.begin(), step.ranges.end());
+    step.odometry_from_robot = {step.odometry_from_robot.x, -step.odometry_from_robot.y, -step.odometry_from_robot.phi};
+  }
+  return robot;
+}
+
+TEST(LaserTeam, is_the_same_whatever_robots_are_called) {
+  auto team = apartment(2, 0.6);
+  const auto before = fused(mapped(team));
+  team.robots[0].id = RobotId("zeta");
+  team.robots[1].id = RobotId("alpha");
+  const auto after = fused(mapped(team));
+  ASSERT_EQ(before.verdicts.size(), 1U);
+  ASSERT_EQ(after.verdicts.size(), 1U);
+  EXPECT_EQ(before.verdicts[0].decision, Decision::accepted);
+  EXPECT_EQ(after.verdicts[0].decision, Decision::accepted);
+  EXPECT_EQ(before.verdicts[0].witnesses.size(), after.verdicts[0].witnesses.size());
+  EXPECT_NEAR(before.verdicts[0].probability, after.verdicts[0].probability, 1e-6);
+  const Pose2 a_from_b = planar(before.components[0].team_from_map.find(MapId("robot1"))->t.isZero()
+                                    ? *before.components[0].team_from_map.find(MapId("robot0"))
+                                    : *before.components[0].team_from_map.find(MapId("robot1")));
+  EXPECT_THAT(inverse(planar(*after.components[0].team_from_map.find(MapId("zeta")))), IsNear(a_from_b, 1e-3, 1e-4));
+}
+
+TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {
+  const auto team = apartment(2, 0.6);
+  for (const char* name : {"aaa", "zzz"}) {
+    auto robot = mirrored(team.robots[0]);
+    robot.id = RobotId(name);
+    const auto result = fused({test::mapped(team.robots[0], team.laser), test::mapped(robot, team.laser)});
+    EXPECT_EQ(result.components.size(), 2U) << name;
+    EXPECT_NE(result.verdicts[0].reason, Reason::none) << name;
+  }
+}
+
+TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
+  simulation::ApartmentOptions flat;
+  flat.width_m = flat.height_m = 5.0;
+  flat.corridor_width_m = 1.2;
+  flat.room_width_m = 2.0;
+  simulation::TeamOptions options;
+  options.robots = 3;
+  options.shared = 1.0;
+  options.length_m = 12.0;
+  options.motion.clearance_m = 0.2;
+  const auto team = simulation::make_apartment(flat, options);
+  const auto result = fused(mapped(team));
+  ASSERT_EQ(result.components.size(), 1U);
+  for (std::size_t i = 1; i < 3; ++i) {
+    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))), IsNear(truth, 0.01, 0.01));
+  }
+}
+
+TEST(LaserTeam, places_a_robot_that_only_a_third_one_met) {
+  const auto team = apartment(3, 0.5);
+  const auto result = fused(mapped(team));
+  ASSERT_EQ(result.components.size(), 1U);
+  for (std::size_t i = 1; i < 3; ++i) {
+    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))), IsNear(truth, 0.1, 0.02));
+  }
+}
+
+TEST(LaserTeam, bends_a_map_that_one_of_its_members_holds_straight) {
+  // The second robot's map is bent by hand: its own graph says so, too. The first one's walls say otherwise.
+  const auto team = apartment(2, 1.0);
+  auto maps = mapped(team);
+  std::size_t i = 0;
+  const std::size_t count = maps[1].nodes.size();
+  for (auto& [id, node] : maps[1].nodes) {
+    const double share = static_cast<double>(i++) / static_cast<double>(count);
+    node.map_from_node = compose(spatial(Pose2{0.0, 0.3 * share, 0.02 * share}), node.map_from_node);
+  }
+  const auto result = fused(maps);
+  ASSERT_EQ(result.components.size(), 1U);
+  double worst_m = 0.0;
+  for (std::size_t r = 0; r < 2; ++r) {
+    std::size_t step = 0;
+    for (const auto& [id, node] : maps[r].nodes) {
+      const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[r].steps.at(step++).world_from_robot);
+      const Pose2 pose = planar(result.components[0].map.nodes.find(id)->map_from_node);
+      worst_m = std::max(worst_m, std::hypot(pose.x - truth.x, pose.y - truth.y));
+    }
+  }
+  EXPECT_LT(worst_m, 0.15);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion
