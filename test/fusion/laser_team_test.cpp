@@ -56,7 +56,7 @@ TEST(LaserTeam, is_the_same_whatever_robots_are_called) {
   const Pose2 a_from_b = planar(before.components[0].team_from_map.find(MapId("robot1"))->t.isZero()
                                     ? *before.components[0].team_from_map.find(MapId("robot0"))
                                     : *before.components[0].team_from_map.find(MapId("robot1")));
-  EXPECT_THAT(inverse(planar(*after.components[0].team_from_map.find(MapId("zeta")))), IsNear(a_from_b, 1e-3, 1e-4));
+  EXPECT_THAT(inverse(planar(*after.components[0].team_from_map.find(MapId("zeta")))), IsNear(a_from_b, 5e-3, 1e-3));
 }
 
 TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {
