@@ -179,7 +179,8 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
   return result;
 }
 
-WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const {
+WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b,
+                                     bool everywhere) const {
   std::vector<PlacedSubmap> placed[2];
   for (int side = 0; side < 2; ++side)
     for (const std::size_t m : side == 0 ? a : b)
@@ -192,7 +193,7 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   // Elsewhere nothing is expected to coincide.
   graph::RelativeCovariance covariance = solved.covariance();
   std::vector<char> is_known[2] = {std::vector<char>(placed[0].size()), std::vector<char>(placed[1].size())};
-  for (std::size_t i = 0; i < placed[0].size(); ++i)
+  for (std::size_t i = 0; i < placed[0].size() && !everywhere; ++i)
     for (std::size_t j = 0; j < placed[1].size(); ++j) {
       const PlacedSubmap &one = placed[0][i], &other = placed[1][j];
       if ((is_known[0][i] != 0 && is_known[1][j] != 0) || std::hypot(one.x_m - other.x_m, one.y_m - other.y_m) > kCompared_m) continue;
@@ -203,7 +204,7 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   std::vector<PlacedSubmap> sides[2];
   for (int side = 0; side < 2; ++side)
     for (std::size_t i = 0; i < placed[side].size(); ++i)
-      if (is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
+      if (everywhere || is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
   double walls_m[2] = {0.0, 0.0};
   for (const std::size_t m : a) walls_m[0] += maps_[m].walls_m;
   for (const std::size_t m : b) walls_m[1] += maps_[m].walls_m;
@@ -354,7 +355,8 @@ void LaserMerger::close_loops(LaserTeam& team) {
   team.solved = std::move(found.solved);
 }
 
-// The audit: a robot whose walls the others saw through is taken out of its team, and may join it elsewhere.
+// The audit of the map as it would be drawn: a robot whose walls the others saw through, at a loop that was not found or anywhere else, is
+// taken out of its team.
 bool LaserMerger::take_back() {
   for (const LaserTeam& team : teams_) {
     if (team.maps.size() < 2) continue;
@@ -363,7 +365,7 @@ bool LaserMerger::take_back() {
     for (const std::size_t map : team.maps) {
       std::vector<std::size_t> others = team.maps;
       others.erase(std::find(others.begin(), others.end(), map));
-      const double value = log_odds_of(agreement(team.solved, {map}, others));
+      const double value = log_odds_of(agreement(team.solved, {map}, others, true));
       if (value < worst) {
         worst = value;
         who = map;

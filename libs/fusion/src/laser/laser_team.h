@@ -71,7 +71,9 @@ class LaserMerger {
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   void grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
-  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
+  // `everywhere`: also where the graph hardly knows how the two lie to each other.
+  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b,
+                          bool everywhere = false) const;
   bool looks_like_elsewhere(const MergeHypothesis& hypothesis);
   bool merge_surest();
   void merge_all();
