@@ -40,14 +40,15 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
     std::vector<matching::RingKey> keys, far_keys;
     float radius_m;
     Hash fingerprint;
-    std::vector<std::uint64_t> walls;  // cells in the map's frame
+    std::vector<std::uint64_t> cells;  // of walls, in the map's frame
+    std::vector<matching::WallPoint> walls;
   };
-  const auto facts = pool.map(prepared.submaps.size(), [&](std::size_t i) {
+  auto facts = pool.map(prepared.submaps.size(), [&](std::size_t i) {
     const auto model = cache.get(*prepared.submaps[i], map.nodes);
     Hasher hasher;
     for (const matching::WallPoint& wall : model->walls()) hasher.add_bytes(&wall, sizeof wall);
     const auto cells = cells_of(matching::placed(planar(map.nodes.find(prepared.submaps[i]->anchor())->map_from_node), model->walls()));
-    return Facts{model->centre(), model->ring_keys(), model->far_keys(), model->radius_m(), hasher.finish(), cells};
+    return Facts{model->centre(), model->ring_keys(), model->far_keys(), model->radius_m(), hasher.finish(), cells, model->walls()};
   });
   for (std::size_t i = 0; i < facts.size(); ++i) {
     const Node& anchor = *map.nodes.find(prepared.submaps[i]->anchor());
@@ -59,10 +60,10 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
     prepared.radii_m.push_back(facts[i].radius_m);
     prepared.fingerprints.push_back(facts[i].fingerprint);
   }
-  std::vector<std::uint64_t> walls;
-  for (const Facts& fact : facts) walls.insert(walls.end(), fact.walls.begin(), fact.walls.end());
-  std::sort(walls.begin(), walls.end());
-  prepared.walls_m = 0.1 * static_cast<double>(std::unique(walls.begin(), walls.end()) - walls.begin());
+  std::vector<std::uint64_t> cells;
+  for (const Facts& fact : facts) cells.insert(cells.end(), fact.cells.begin(), fact.cells.end());
+  std::sort(cells.begin(), cells.end());
+  prepared.walls_m = 0.1 * static_cast<double>(std::unique(cells.begin(), cells.end()) - cells.begin());
   // A small map has few places to be recognised by: all the closer together they are looked at.
   for (double stride = stride_m;; stride *= 0.5) {
     prepared.representatives.clear();
@@ -72,6 +73,8 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
         prepared.representatives.push_back(i);
     if (prepared.representatives.size() >= std::min(kFewestPlaces, facts.size()) || stride < 0.1) break;
   }
+  prepared.walls.resize(facts.size());
+  for (const std::size_t s : prepared.representatives) prepared.walls[s] = std::move(facts[s].walls);
   return prepared;
 }
 

@@ -1,6 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/matching/submap_model.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace mapweave::matching {
@@ -76,6 +77,28 @@ std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::
   return faces;
 }
 
+// Where rays ended, and what they crossed.
+void see_through(const Pose2& eye, const std::vector<WallPoint>& points, Raster<Counts>& counts) {
+  const auto end_of = [&](const WallPoint& p) {
+    const double dx = p.x - eye.x, dy = p.y - eye.y, range = std::hypot(dx, dy), share = std::min(1.0, kSightRange_m / range);
+    return range > kSightRange_m ? Eigen::Vector2d(eye.x + dx * share, eye.y + dy * share) : Eigen::Vector2d(p.x, p.y);
+  };
+  Eigen::AlignedBox2d box(Eigen::Vector2d(eye.x, eye.y));
+  for (const WallPoint& p : points) box.extend(end_of(p));
+  counts.grow(cell_of(box.min().x(), kInverseSight) - 1, cell_of(box.min().y(), kInverseSight) - 1,
+              cell_of(box.max().x(), kInverseSight) + 1, cell_of(box.max().y(), kInverseSight) + 1);
+  for (const WallPoint& p : points) {
+    const Eigen::Vector2d end = end_of(p);
+    walk(eye.x, eye.y, end.x(), end.y(), kInverseSight, [&](int x, int y) {
+      auto& cell = counts.at(x, y);
+      if (cell.passes < 65535) ++cell.passes;
+    });
+    auto& last = counts.at(cell_of(end.x(), kInverseSight), cell_of(end.y(), kInverseSight));
+    const bool is_far = std::hypot(p.x - eye.x, p.y - eye.y) > kSightRange_m;
+    if (!is_far && last.hits < 65535) ++last.hits;
+  }
+}
+
 }  // namespace
 
 SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes) {
@@ -83,6 +106,7 @@ SubmapModel::SubmapModel(const Submap& submap, const Table<NodeId, Node>& nodes)
   look(submap, nodes);
   field_.settle();
   find_walls();
+  field_.finish();
   build_pyramid();
   describe();
 }
@@ -133,6 +157,13 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
 void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
   Raster<Counts> counts;
   std::optional<Pose2> last;
+  struct Scan {
+    Pose2 eye;
+    std::vector<WallPoint> points;
+    bool shows_free_space;
+  };
+  std::vector<Scan> scans;
+  Eigen::AlignedBox2d walls_box;
   for (const auto& [id, pose] : submap.submap_from_node) {
     const Node* node = nodes.find(id);
     MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a frozen submap names nodes with payloads");
@@ -145,27 +176,18 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     if (packed_scan == nullptr) continue;  // keyframes show no walls
     const PackedScan& scan = *packed_scan;
     path_.push_back(submap_from_node);
-    const auto points = placed(submap_from_node, wall_points(scan, 0.0, kFarthestWall_m));
-    field_.add(points);
-    if (last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
-        std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad)
-      continue;
-    last = submap_from_node;
-    const Pose2 robot_from_laser = planar(scan.geometry->robot_from_laser);
-    const Pose2 eye = compose(submap_from_node, robot_from_laser);
-    for (const auto& p : points) {
-      const double dx = p.x - eye.x, dy = p.y - eye.y, range = std::hypot(dx, dy);
-      const bool far = range > kSightRange_m;
-      const double end_x = far ? eye.x + dx / range * kSightRange_m : p.x, end_y = far ? eye.y + dy / range * kSightRange_m : p.y;
-      const int ex = cell_of(eye.x, kInverseSight), ey = cell_of(eye.y, kInverseSight);
-      const int px = cell_of(end_x, kInverseSight), py = cell_of(end_y, kInverseSight);
-      counts.grow(std::min(ex, px) - 1, std::min(ey, py) - 1, std::max(ex, px) + 1, std::max(ey, py) + 1);
-      walk(eye.x, eye.y, end_x, end_y, kInverseSight, [&](int x, int y) {
-        auto& cell = counts.at(x, y);
-        if (cell.passes < 65535) ++cell.passes;
-      });
-      if (!far && counts.at(px, py).hits < 65535) ++counts.at(px, py).hits;
-    }
+    auto points = placed(submap_from_node, wall_points(scan, 0.0, kFarthestWall_m));
+    const Pose2 eye = compose(submap_from_node, planar(scan.geometry->robot_from_laser));
+    const bool is_near_last = last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
+                              std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad;
+    if (!is_near_last) last = submap_from_node;
+    for (const WallPoint& p : points) walls_box.extend(Eigen::Vector2d(p.x, p.y));
+    scans.push_back({eye, std::move(points), !is_near_last});
+  }
+  if (!walls_box.isEmpty()) field_.reserve(walls_box.min().x(), walls_box.min().y(), walls_box.max().x(), walls_box.max().y());
+  for (const Scan& scan : scans) {
+    field_.add(scan.points);
+    if (scan.shows_free_space) see_through(scan.eye, scan.points, counts);
   }
   if (counts.empty()) {
     for (int y = sight_.first_y(); y < sight_.first_y() + sight_.height(); ++y)
@@ -220,14 +242,14 @@ void SubmapModel::build_pyramid() {
     const int x1 = (below.first_x() + below.width() - 1) >> 2, y1 = (below.first_y() + below.height() - 1) >> 2;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
     // Cell i of level 1 bounds the cells 4i .. 4i + 7 of level 0; above that, of level k the cells 4i, 4i + 2 .. 4i + 6 of the level below,
-    // each of which bounds two blocks.
-    const int reach = level == 1 ? 7 : 6, stride = level == 1 ? 1 : 2;
-    for (int y = y0; y <= y1; ++y)
-      for (int x = x0; x <= x1; ++x) {
-        std::uint8_t largest = 0;
-        for (int j = 0; j <= reach; j += stride)
-          for (int i = 0; i <= reach; i += stride) largest = std::max(largest, below.get(4 * x + i, 4 * y + j));
-        plain.at(x, y) = largest;
+    // each of which bounds two blocks. Walls are few: each cell is told to the cells that bound it.
+    const int stride = level == 1 ? 1 : 2;
+    for (int y = below.first_y() + (stride == 2 ? below.first_y() & 1 : 0); y < below.first_y() + below.height(); y += stride)
+      for (int x = below.first_x() + (stride == 2 ? below.first_x() & 1 : 0); x < below.first_x() + below.width(); x += stride) {
+        const std::uint8_t value = below.at(x, y);
+        if (value == 0) continue;
+        for (int j = (y >> 2) - 1; j <= y >> 2; ++j)
+          for (int i = (x >> 2) - 1; i <= x >> 2; ++i) plain.at(i, j) = std::max(plain.at(i, j), value);
       }
     pyramid_[level] = std::move(plain);
   }

@@ -71,14 +71,7 @@ LocalNormal local_normal(float n, float x, float y, float xx, float xy, float yy
 
 }  // namespace
 
-void WallField::add(const std::vector<WallPoint>& points_in_field) {
-  if (points_in_field.empty()) return;
-  static const Kernel kernel = make_kernel();
-  float low_x = points_in_field[0].x, high_x = low_x, low_y = points_in_field[0].y, high_y = low_y;
-  for (const auto& p : points_in_field) {
-    low_x = std::min(low_x, p.x), high_x = std::max(high_x, p.x);
-    low_y = std::min(low_y, p.y), high_y = std::max(high_y, p.y);
-  }
+void WallField::reserve(double low_x, double low_y, double high_x, double high_y) {
   likelihood_.grow(cell_of(low_x, kInverseResolution) - 2 * kKernelRadius, cell_of(low_y, kInverseResolution) - 2 * kKernelRadius,
                    cell_of(high_x, kInverseResolution) + 2 * kKernelRadius, cell_of(high_y, kInverseResolution) + 2 * kKernelRadius);
   const int cx0 = cell_of(low_x, kInverseCellSide) - 2, cy0 = cell_of(low_y, kInverseCellSide) - 2;
@@ -90,7 +83,23 @@ void WallField::add(const std::vector<WallPoint>& points_in_field) {
     cell_index_.grow(cx0, cy0, cx1, cy1);
     sides_index_.grow(cx0, cy0, cx1, cy1);
   }
+}
 
+void WallField::finish() {
+  cells_ = {};
+  cell_index_ = {};
+  touched_ = {};
+}
+
+void WallField::add(const std::vector<WallPoint>& points_in_field) {
+  if (points_in_field.empty()) return;
+  static const Kernel kernel = make_kernel();
+  float low_x = points_in_field[0].x, high_x = low_x, low_y = points_in_field[0].y, high_y = low_y;
+  for (const auto& p : points_in_field) {
+    low_x = std::min(low_x, p.x), high_x = std::max(high_x, p.x);
+    low_y = std::min(low_y, p.y), high_y = std::max(high_y, p.y);
+  }
+  reserve(low_x, low_y, high_x, high_y);
   for (const auto& p : points_in_field) {
     const int px = cell_of(p.x, kInverseResolution), py = cell_of(p.y, kInverseResolution);
     if (likelihood_.at(px, py) < 255) {

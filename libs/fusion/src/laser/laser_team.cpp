@@ -179,21 +179,33 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
   return result;
 }
 
-WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b,
-                                     bool everywhere) const {
-  std::vector<PlacedSubmap> placed[2];
-  for (int side = 0; side < 2; ++side)
-    for (const std::size_t m : side == 0 ? a : b)
-      for (const std::size_t s : maps_[m].representatives) {
-        const std::size_t number = graph_.number(m, s);
-        const Pose2& pose = solved.pose_of(number);
-        const Eigen::Vector2d middle = middle_of(maps_[m], s, pose);
-        placed[side].push_back({number, pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s])});
-      }
+std::vector<PlacedSubmap> LaserMerger::placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
+  std::vector<PlacedSubmap> result;
+  for (const std::size_t m : maps)
+    for (const std::size_t s : maps_[m].representatives) {
+      const Pose2 pose = pose_of(m, s);
+      const Eigen::Vector2d middle = middle_of(maps_[m], s, pose);
+      result.push_back(
+          {graph_.number(m, s), pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s]), &maps_[m].walls[s]});
+    }
+  return result;
+}
+
+SightOf LaserMerger::sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const {
+  std::vector<std::size_t> numbers;
+  for (const auto* side : sides)
+    for (const PlacedSubmap& submap : *side) numbers.push_back(submap.number);
+  judge_.prepare_sights(numbers);
+  return [this](std::size_t number) { return judge_.sight(number); };
+}
+
+WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const {
+  const auto pose_of = [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); };
+  const std::vector<PlacedSubmap> placed[2] = {this->placed(a, pose_of), this->placed(b, pose_of)};
   // Elsewhere nothing is expected to coincide.
   graph::RelativeCovariance covariance = solved.covariance();
   std::vector<char> is_known[2] = {std::vector<char>(placed[0].size()), std::vector<char>(placed[1].size())};
-  for (std::size_t i = 0; i < placed[0].size() && !everywhere; ++i)
+  for (std::size_t i = 0; i < placed[0].size(); ++i)
     for (std::size_t j = 0; j < placed[1].size(); ++j) {
       const PlacedSubmap &one = placed[0][i], &other = placed[1][j];
       if ((is_known[0][i] != 0 && is_known[1][j] != 0) || std::hypot(one.x_m - other.x_m, one.y_m - other.y_m) > kCompared_m) continue;
@@ -204,11 +216,11 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   std::vector<PlacedSubmap> sides[2];
   for (int side = 0; side < 2; ++side)
     for (std::size_t i = 0; i < placed[side].size(); ++i)
-      if (everywhere || is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
+      if (is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
   double walls_m[2] = {0.0, 0.0};
   for (const std::size_t m : a) walls_m[0] += maps_[m].walls_m;
   for (const std::size_t m : b) walls_m[1] += maps_[m].walls_m;
-  return wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], [this](std::size_t number) { return judge_.model(number); });
+  return wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], sight_of({&sides[0], &sides[1]}));
 }
 
 void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) {
@@ -355,27 +367,31 @@ void LaserMerger::close_loops(LaserTeam& team) {
   team.solved = std::move(found.solved);
 }
 
-// The audit of the map as it would be drawn: a robot whose walls the others saw through, at a loop that was not found or anywhere else, is
-// taken out of its team.
+TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
+  std::vector<std::vector<PlacedSubmap>> placed_maps;
+  std::vector<const std::vector<PlacedSubmap>*> sides;
+  std::vector<double> walls_m;
+  for (const std::size_t map : maps) {
+    placed_maps.push_back(placed({map}, pose_of));
+    walls_m.push_back(maps_[map].walls_m);
+  }
+  for (const auto& side : placed_maps) sides.push_back(&side);
+  return audit(placed_maps, walls_m, sight_of(sides));
+}
+
+// A map that the others contradict, at a loop that was not found or anywhere else, is taken out of its team.
 bool LaserMerger::take_back() {
   for (const LaserTeam& team : teams_) {
     if (team.maps.size() < 2) continue;
-    double worst = 0.0;
-    std::size_t who = 0;
-    for (const std::size_t map : team.maps) {
-      std::vector<std::size_t> others = team.maps;
-      others.erase(std::find(others.begin(), others.end(), map));
-      const double value = log_odds_of(agreement(team.solved, {map}, others, true));
-      if (value < worst) {
-        worst = value;
-        who = map;
-      }
-    }
-    if (worst >= 0.0) continue;
+    const auto taken = audited(team.maps, [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); }).taken_out;
+    if (!taken) continue;
+    const std::size_t who = team.maps[*taken];
     for (const std::size_t other : team.maps)
       if (other != who) {
-        refused_.insert(std::minmax(who, other));
-        contradicted_.insert(std::minmax(who, other));
+        const MapPair pair = std::minmax(who, other);
+        refused_.insert(pair);
+        contradicted_.insert(pair);
+        pairs_[pair].answers.clear();
       }
     return true;
   }

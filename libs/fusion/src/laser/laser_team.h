@@ -3,7 +3,7 @@
 // is judged by the whole maps as the joint graph bends them.
 
 #include "constraint_search.h"
-#include "wall_agreement.h"
+#include "team_audit.h"
 
 #include <mapweave/core/progress.h>
 
@@ -34,6 +34,8 @@ struct LaserTeam {
   SolvedSubmaps solved;
 };
 
+using PoseOfSubmap = std::function<Pose2(std::size_t map, std::size_t submap)>;
+
 // Maps that have no submaps are left out.
 class LaserMerger {
  public:
@@ -45,6 +47,8 @@ class LaserMerger {
   const std::vector<LaserTeam>& teams() const { return teams_; }
   const LaserTeam* team_of(std::size_t map) const;
   const SubmapGraph& graph() const { return graph_; }
+  // Of maps that lie so. Numbers in the result are places among `maps`.
+  TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   // Of two maps, a < b.
   PairResult result_of(std::size_t a, std::size_t b) const;
   const std::vector<Hash>& judged() const { return judge_.asked(); }
@@ -71,9 +75,9 @@ class LaserMerger {
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   void grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
-  // `everywhere`: also where the graph hardly knows how the two lie to each other.
-  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b,
-                          bool everywhere = false) const;
+  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
+  std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
+  SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
   bool looks_like_elsewhere(const MergeHypothesis& hypothesis);
   bool merge_surest();
   void merge_all();
@@ -89,7 +93,7 @@ class LaserMerger {
   std::set<MapPair> refused_, contradicted_, vetoed_;
   Memo& memo_;
   SubmapGraph graph_;
-  SubmapJudge judge_;
+  mutable SubmapJudge judge_;  // keeps what it looked at
   ConstraintSearch search_;
   std::map<MapPair, PairState> pairs_;
   std::vector<LaserTeam> teams_;

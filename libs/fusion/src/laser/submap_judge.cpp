@@ -24,9 +24,30 @@ const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *ma
 
 }  // namespace
 
-std::shared_ptr<const matching::SubmapModel> SubmapJudge::model(std::size_t submap) const {
+std::shared_ptr<const WallSight> SubmapJudge::made(std::size_t submap) const {
   const PreparedMap& map = maps_[graph_.map_of(submap)];
-  return cache_.get(submap_of(map, graph_.submap_of(submap)), map.map->nodes);
+  return std::make_shared<const WallSight>(*cache_.get(submap_of(map, graph_.submap_of(submap)), map.map->nodes));
+}
+
+std::shared_ptr<const WallSight> SubmapJudge::sight(std::size_t submap) {
+  auto sight = sights_.find(submap);
+  if (sight == nullptr) {
+    sight = made(submap);
+    sights_.add(submap, sight);
+  }
+  return sight;
+}
+
+void SubmapJudge::prepare_sights(const std::vector<std::size_t>& submaps) {
+  std::vector<std::size_t> missing;
+  for (const std::size_t submap : submaps)
+    if (sights_.find(submap) == nullptr) missing.push_back(submap);
+  constexpr std::size_t kAtOnce = 32;
+  for (std::size_t first = 0; first < missing.size() && !sights_.is_full(); first += kAtOnce) {
+    throw_if_interrupted();
+    const auto sights = pool_.map(std::min(kAtOnce, missing.size() - first), [&](std::size_t i) { return made(missing[first + i]); });
+    for (std::size_t i = 0; i < sights.size(); ++i) sights_.add(missing[first + i], sights[i]);
+  }
 }
 
 SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgement& judgement) const {

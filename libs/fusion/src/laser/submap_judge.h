@@ -3,6 +3,7 @@
 // content of the submaps, not on the names of their robots.
 
 #include "submap_graph.h"
+#include "wall_sight.h"
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/matching/model_cache.h>
@@ -29,14 +30,17 @@ class SubmapJudge {
  public:
   SubmapJudge(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const FusionOptions& options, const std::set<Hash>& vetoed,
               matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
-      : maps_(maps), graph_(graph), options_(options), vetoed_(vetoed), cache_(cache), memo_(memo), pool_(pool) {}
+      : maps_(maps), graph_(graph), options_(options), vetoed_(vetoed), cache_(cache), sights_(static_cast<std::size_t>(options.cache_mb) << 20U), memo_(memo), pool_(pool) {}
 
   // In the order of the questions. Not thread-safe; works in parallel within.
   std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);
-  std::shared_ptr<const matching::SubmapModel> model(std::size_t submap) const;
+  std::shared_ptr<const WallSight> sight(std::size_t submap);
+  // Makes what is missing in parallel, as far as there is room to keep it.
+  void prepare_sights(const std::vector<std::size_t>& submaps);
   const std::vector<Hash>& asked() const { return asked_; }  // judgements, in the order of the questions, with repetitions
 
  private:
+  std::shared_ptr<const WallSight> made(std::size_t submap) const;
   SubmapAnswer answer_of(const SubmapQuestion& question, const Judgement& judgement) const;
 
   const std::vector<PreparedMap>& maps_;
@@ -44,6 +48,7 @@ class SubmapJudge {
   const FusionOptions& options_;
   const std::set<Hash>& vetoed_;
   matching::ModelCache& cache_;
+  WallSightCache sights_;
   Memo& memo_;
   WorkerPool& pool_;
   std::vector<Hash> asked_;

@@ -7,36 +7,37 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <tuple>
 
 namespace mapweave::fusion {
 namespace {
 
 using matching::cell_of;
 using matching::Sight;
-using matching::SubmapModel;
 using matching::WallPoint;
 
 constexpr double kCell_m = 0.1;  // a wall counts once in each
-constexpr double kBlock_m = 4.0;
 constexpr double kRegion_m = 24.0;  // what is compared at a time
 constexpr double kFarthestShift_m = 4.0, kNearestShift_m = 0.75, kShiftStep_m = 0.25;
-
-struct LoadedSubmap {
-  std::shared_ptr<const SubmapModel> model;
-  Pose2 team_from_submap;
-};
 
 struct Region {
   double x_m, y_m;  // lower corner
   bool has(double x, double y) const { return x >= x_m && x < x_m + kRegion_m && y >= y_m && y < y_m + kRegion_m; }
+  // Whether the submap reaches into it, or so far beyond as walls are shifted.
+  bool is_reached_by(const PlacedSubmap& submap) const {
+    const double x = std::clamp(submap.x_m, x_m - kFarthestShift_m, x_m + kRegion_m + kFarthestShift_m),
+                 y = std::clamp(submap.y_m, y_m - kFarthestShift_m, y_m + kRegion_m + kFarthestShift_m);
+    return std::hypot(x - submap.x_m, y - submap.y_m) <= submap.radius_m;
+  }
 };
 
 // Walls of one side in a region of the team's frame, one a cell and direction.
-std::vector<WallPoint> walls_of(const std::vector<LoadedSubmap>& side, const Region& region) {
+std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, const Region& region) {
   std::vector<std::pair<std::uint64_t, WallPoint>> keyed;
-  for (const LoadedSubmap& submap : side) {
+  for (const PlacedSubmap& submap : side) {
+    if (!region.is_reached_by(submap)) continue;
     const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
-    for (const WallPoint& wall : submap.model->walls()) {
+    for (const WallPoint& wall : *submap.walls) {
       const WallPoint there{static_cast<float>(c * wall.x - s * wall.y + submap.team_from_submap.x),
                             static_cast<float>(s * wall.x + c * wall.y + submap.team_from_submap.y),
                             static_cast<float>(c * wall.normal_x - s * wall.normal_y),
@@ -55,52 +56,124 @@ std::vector<WallPoint> walls_of(const std::vector<LoadedSubmap>& side, const Reg
   return walls;
 }
 
-enum class Seen : std::uint8_t { not_at_all, wall, through, unclear };
-
-// What one side saw of a place.
-class Side {
+// From the team's frame to a submap's.
+class IntoSubmap {
  public:
-  explicit Side(const std::vector<LoadedSubmap>& submaps) : submaps_(submaps) {
-    for (std::uint32_t i = 0; i < submaps.size(); ++i) {
-      const auto& sight = submaps[i].model->sight();
-      from_team_.push_back(inverse(submaps[i].team_from_submap));
-      // Blocks of the team's frame that the submap knows something of.
-      const double cell = SubmapModel::kSightResolution;
-      const double middle_x = (sight.first_x() + 0.5 * sight.width()) * cell, middle_y = (sight.first_y() + 0.5 * sight.height()) * cell;
-      const double reach = 0.5 * std::hypot(sight.width(), sight.height()) * cell;
-      const Pose2 middle = compose(submaps[i].team_from_submap, Pose2{middle_x, middle_y, 0.0});
-      for (int y = cell_of(middle.y - reach, 1.0 / kBlock_m); y <= cell_of(middle.y + reach, 1.0 / kBlock_m); ++y)
-        for (int x = cell_of(middle.x - reach, 1.0 / kBlock_m); x <= cell_of(middle.x + reach, 1.0 / kBlock_m); ++x)
-          blocks_[{x, y}].push_back(i);
+  explicit IntoSubmap(const Pose2& team_from_submap)
+      : from_team_(inverse(team_from_submap)), c_(std::cos(from_team_.phi)), s_(std::sin(from_team_.phi)) {}
+  Eigen::Vector2d operator()(double x, double y) const { return {c_ * x - s_ * y + from_team_.x, s_ * x + c_ * y + from_team_.y}; }
+
+ private:
+  Pose2 from_team_;
+  double c_, s_;
+};
+
+// Walls of all sides, by the regions that at least two of them reach, and what others saw of them.
+class Comparison {
+ public:
+  struct Place {
+    Region region;
+    std::vector<std::pair<std::size_t, std::vector<WallPoint>>> walls;  // of each side that has some, in their order
+  };
+
+  Comparison(const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of) : sides_(sides), sight_of_(sight_of) {
+    std::map<std::pair<int, int>, std::vector<std::size_t>> reached;
+    for (std::size_t side = 0; side < sides.size(); ++side)
+      for (const auto& region : regions_of(sides[side])) reached[region].push_back(side);
+    for (const auto& [region, by] : reached) {
+      if (by.size() < 2) continue;
+      Place place{{region.second * kRegion_m, region.first * kRegion_m}, {}};
+      for (const std::size_t side : by) {
+        auto walls = walls_of(sides[side], place.region);
+        if (!walls.empty()) place.walls.emplace_back(side, std::move(walls));
+      }
+      if (place.walls.size() < 2) continue;
+      place_of_[region] = places_.size();
+      places_.push_back(std::move(place));
     }
   }
 
-  Seen at(double x, double y) const {
-    const auto block = blocks_.find({cell_of(x, 1.0 / kBlock_m), cell_of(y, 1.0 / kBlock_m)});
-    if (block == blocks_.end()) return Seen::not_at_all;
-    bool through = false, unclear = false;
-    for (const std::uint32_t i : block->second) {
-      const Pose2& here = from_team_[i];
-      const double c = std::cos(here.phi), s = std::sin(here.phi), px = c * x - s * y + here.x, py = s * x + c * y + here.y;
-      const SubmapModel& model = *submaps_[i].model;
-      const int cx = cell_of(px, 1.0 / SubmapModel::kSightResolution), cy = cell_of(py, 1.0 / SubmapModel::kSightResolution);
-      if (model.field().likelihood().get(cell_of(px, 1.0 / matching::WallField::kResolution),
-                                         cell_of(py, 1.0 / matching::WallField::kResolution)) > 60)
-        return Seen::wall;  // within 0.12 m
-      const auto& sight = model.sight();
-      if (sight.get(cx, cy) == Sight::unknown) continue;
-      bool clear = sight.get(cx, cy) == Sight::free;
-      for (int j = -2; j <= 2 && clear; ++j)
-        for (int k = -2; k <= 2 && clear; ++k) clear = sight.get(cx + k, cy + j) == Sight::free;
-      (clear ? through : unclear) = true;
+  const std::vector<Place>& places() const { return places_; }
+
+  // visit(place, owner, walls, seen): what the side saw of another's walls, of every region that it reaches.
+  template <class Visit>
+  void see(std::size_t seer, Visit&& visit) const {
+    std::map<std::pair<std::size_t, std::size_t>, std::vector<Seen>> seen;  // by place, and number among its walls
+    for (const PlacedSubmap& submap : sides_[seer]) {
+      const std::vector<std::size_t> near = places_near(submap);
+      if (near.empty()) continue;
+      const auto sight = sight_of_(submap.number);
+      const IntoSubmap into(submap.team_from_submap);
+      for (const std::size_t p : near)
+        for (std::size_t k = 0; k < places_[p].walls.size(); ++k) {
+          const auto& [owner, walls] = places_[p].walls[k];
+          if (owner == seer) continue;
+          auto& result = seen[{p, k}];
+          result.resize(walls.size(), Seen::not_at_all);
+          for (std::size_t i = 0; i < walls.size(); ++i) {
+            if (result[i] == Seen::wall) continue;
+            const Eigen::Vector2d at = into(walls[i].x, walls[i].y);
+            result[i] = std::max(result[i], sight->at(at.x(), at.y()));
+          }
+        }
     }
-    return unclear ? Seen::unclear : through ? Seen::through : Seen::not_at_all;
+    for (const auto& [where, result] : seen)
+      visit(where.first, places_[where.first].walls[where.second].first, places_[where.first].walls[where.second].second, result);
+  }
+
+  std::vector<std::size_t> places_near(const PlacedSubmap& submap) const {
+    std::vector<std::size_t> result;
+    const double reach = submap.radius_m + kFarthestShift_m;
+    for (int y = cell_of(submap.y_m - reach, 1.0 / kRegion_m); y <= cell_of(submap.y_m + reach, 1.0 / kRegion_m); ++y)
+      for (int x = cell_of(submap.x_m - reach, 1.0 / kRegion_m); x <= cell_of(submap.x_m + reach, 1.0 / kRegion_m); ++x) {
+        const auto place = place_of_.find({y, x});
+        if (place != place_of_.end() && places_[place->second].region.is_reached_by(submap)) result.push_back(place->second);
+      }
+    return result;
   }
 
  private:
-  const std::vector<LoadedSubmap>& submaps_;
-  std::vector<Pose2> from_team_;
-  std::map<std::pair<int, int>, std::vector<std::uint32_t>> blocks_;
+  static std::vector<std::pair<int, int>> regions_of(const std::vector<PlacedSubmap>& side) {
+    std::vector<std::pair<int, int>> regions;
+    for (const PlacedSubmap& submap : side)
+      for (int y = cell_of(submap.y_m - submap.radius_m, 1.0 / kRegion_m); y <= cell_of(submap.y_m + submap.radius_m, 1.0 / kRegion_m); ++y)
+        for (int x = cell_of(submap.x_m - submap.radius_m, 1.0 / kRegion_m); x <= cell_of(submap.x_m + submap.radius_m, 1.0 / kRegion_m); ++x)
+          regions.emplace_back(y, x);
+    std::sort(regions.begin(), regions.end());
+    regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
+    return regions;
+  }
+
+  const std::vector<std::vector<PlacedSubmap>>& sides_;
+  const SightOf& sight_of_;
+  std::vector<Place> places_;
+  std::map<std::pair<int, int>, std::size_t> place_of_;
+};
+
+// Where one side has walls, in a region and so far beyond as walls are shifted.
+class WallRaster {
+ public:
+  explicit WallRaster(const Region& region)
+      : x_m_(region.x_m - kFarthestShift_m), y_m_(region.y_m - kFarthestShift_m), cells_(static_cast<std::size_t>(kSide) * kSide, 0) {}
+  void add(const WallSight& sight, const Pose2& team_from_submap) {
+    const IntoSubmap into(team_from_submap);
+    for (int y = 0; y < kSide; ++y)
+      for (int x = 0; x < kSide; ++x) {
+        char& cell = cells_[static_cast<std::size_t>(y) * kSide + static_cast<std::size_t>(x)];
+        if (cell != 0) continue;
+        const Eigen::Vector2d at = into(x_m_ + (x + 0.5) * kCell_m, y_m_ + (y + 0.5) * kCell_m);
+        cell = sight.at(at.x(), at.y()) == Seen::wall ? 1 : 0;
+      }
+  }
+  bool at(double x, double y) const {
+    const int cx = cell_of(x - x_m_, 1.0 / kCell_m), cy = cell_of(y - y_m_, 1.0 / kCell_m);
+    return cx >= 0 && cy >= 0 && cx < kSide && cy < kSide && cells_[static_cast<std::size_t>(cy) * kSide + static_cast<std::size_t>(cx)] != 0;
+  }
+
+ private:
+  static constexpr int kSide = static_cast<int>((kRegion_m + 2 * kFarthestShift_m) / kCell_m + 0.5);
+  double x_m_, y_m_;
+  std::vector<char> cells_;
 };
 
 // Walls that were seen through, gathered where they touch (cells of 0.2 m).
@@ -150,7 +223,7 @@ Eigen::Matrix2d directions_of(const std::array<std::vector<WallPoint>, 2>& known
 }
 
 // How much would coincide elsewhere: walls of each side, shifted along the two directions that the walls have.
-double most_when_shifted(const std::array<Side, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes) {
+double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes) {
   double most = 0.0;
   for (int axis = 0; axis < 2; ++axis)
     for (const int sign : {1, -1})
@@ -163,7 +236,7 @@ double most_when_shifted(const std::array<Side, 2>& sides, const std::array<std:
           std::size_t hits = 0;
           for (std::size_t i = 0; i < count; ++i) {
             const WallPoint& wall = known[side][i * known[side].size() / count];
-            hits += sides[1 - side].at(wall.x + way * shift.x(), wall.y + way * shift.y()) == Seen::wall;
+            hits += sides[1 - side].at(wall.x + way * shift.x(), wall.y + way * shift.y());
           }
           if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
         }
@@ -172,31 +245,9 @@ double most_when_shifted(const std::array<Side, 2>& sides, const std::array<std:
   return most;
 }
 
-// The submaps that reach into the region, and so far beyond as walls are shifted.
-std::vector<LoadedSubmap> loaded(const std::vector<PlacedSubmap>& side, const Region& region, const ModelOf& model_of) {
-  std::vector<LoadedSubmap> result;
-  for (const PlacedSubmap& submap : side) {
-    const double x = std::clamp(submap.x_m, region.x_m - kFarthestShift_m, region.x_m + kRegion_m + kFarthestShift_m),
-                 y = std::clamp(submap.y_m, region.y_m - kFarthestShift_m, region.y_m + kRegion_m + kFarthestShift_m);
-    if (std::hypot(x - submap.x_m, y - submap.y_m) <= submap.radius_m) result.push_back({model_of(submap.number), submap.team_from_submap});
-  }
-  return result;
-}
-
-std::vector<std::pair<int, int>> regions_of(const std::vector<PlacedSubmap>& side) {
-  std::vector<std::pair<int, int>> regions;
-  for (const PlacedSubmap& submap : side)
-    for (int y = cell_of(submap.y_m - submap.radius_m, 1.0 / kRegion_m); y <= cell_of(submap.y_m + submap.radius_m, 1.0 / kRegion_m); ++y)
-      for (int x = cell_of(submap.x_m - submap.radius_m, 1.0 / kRegion_m); x <= cell_of(submap.x_m + submap.radius_m, 1.0 / kRegion_m); ++x)
-        regions.emplace_back(y, x);
-  std::sort(regions.begin(), regions.end());
-  regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
-  return regions;
-}
-
 // How much would coincide if one side were its mirror image, about the best axis along or across the walls. Who fits its own mirror image
 // tells nothing of how it lies.
-double most_when_mirrored(const std::array<Side, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes,
+double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes,
                           const Region& region) {
   const Eigen::Vector2d middle(region.x_m + 0.5 * kRegion_m, region.y_m + 0.5 * kRegion_m);
   double most = 0.0;
@@ -212,7 +263,7 @@ double most_when_mirrored(const std::array<Side, 2>& sides, const std::array<std
           const WallPoint& wall = known[side][i * known[side].size() / count];
           const Eigen::Vector2d place(wall.x, wall.y);
           const Eigen::Vector2d image = place - 2.0 * (normal.dot(place - middle) - offset) * normal;
-          hits += sides[1 - side].at(image.x(), image.y()) == Seen::wall;
+          hits += sides[1 - side].at(image.x(), image.y());
         }
         if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
       }
@@ -222,72 +273,123 @@ double most_when_mirrored(const std::array<Side, 2>& sides, const std::array<std
   return most;
 }
 
+// What both sides have in one region.
+struct Common {
+  double coinciding_m = 0.0;
+  Eigen::Matrix2d normals = Eigen::Matrix2d::Zero();  // of the coinciding walls
+  std::array<std::vector<WallPoint>, 2> known;        // that the other side saw anything of
+};
+
+// Of the fullest regions, which tell enough: what coincides there and would not elsewhere.
+double distinctive_in(const std::map<std::size_t, Common>& common, const Comparison& comparison, bool with_mirror,
+                      const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of) {
+  std::vector<std::size_t> telling;
+  for (const auto& [place, here] : common)
+    if (here.coinciding_m > 0.0) telling.push_back(place);
+  std::stable_sort(telling.begin(), telling.end(),
+                   [&](std::size_t l, std::size_t r) { return common.at(l).coinciding_m > common.at(r).coinciding_m; });
+  if (telling.size() > kMostRegions) telling.resize(kMostRegions);
+  std::map<std::size_t, std::array<WallRaster, 2>> rasters;
+  for (const std::size_t place : telling) {
+    const WallRaster empty(comparison.places()[place].region);
+    rasters.emplace(place, std::array<WallRaster, 2>{empty, empty});
+  }
+  for (std::size_t side = 0; side < 2; ++side)
+    for (const PlacedSubmap& submap : sides[side])
+      for (const std::size_t place : comparison.places_near(submap))
+        if (const auto raster = rasters.find(place); raster != rasters.end())
+          raster->second[side].add(*sight_of(submap.number), submap.team_from_submap);
+  double result = 0.0;
+  for (const std::size_t place : telling) {
+    const Common& here = common.at(place);
+    const Eigen::Matrix2d axes = directions_of(here.known);
+    double elsewhere_m = most_when_shifted(rasters.at(place), here.known, axes);
+    if (with_mirror) elsewhere_m = std::max(elsewhere_m, most_when_mirrored(rasters.at(place), here.known, axes, comparison.places()[place].region));
+    result += std::max(0.0, here.coinciding_m - elsewhere_m);
+  }
+  return result;
+}
+
+std::vector<Contradiction> longest_first(std::vector<Contradiction> contradictions) {
+  std::stable_sort(contradictions.begin(), contradictions.end(),
+                   [](const Contradiction& l, const Contradiction& r) { return l.length_m > r.length_m; });
+  return contradictions;
+}
+
 }  // namespace
 
 WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
-                             const ModelOf& model_of) {
+                             const SightOf& sight_of) {
+  const std::vector<std::vector<PlacedSubmap>> sides{a, b};
+  const Comparison comparison(sides, sight_of);
   WallAgreement result;
   std::array<double, 2> known_m{0.0, 0.0};
-  Eigen::Matrix2d all_normals = Eigen::Matrix2d::Zero();
   std::array<std::vector<WallPoint>, 2> contradicted;
-  struct Common {
-    double coinciding_m;
-    Region region;
-    Eigen::Matrix2d normals;
-    std::array<std::vector<WallPoint>, 2> known;  // that the other side saw anything of
-  };
-  std::vector<Common> telling;
-  const auto of_a = regions_of(a), of_b = regions_of(b);
-  std::vector<std::pair<int, int>> common;
-  std::set_intersection(of_a.begin(), of_a.end(), of_b.begin(), of_b.end(), std::back_inserter(common));
-  for (const auto& [row, column] : common) {
-    Common here{0.0, {column * kRegion_m, row * kRegion_m}, Eigen::Matrix2d::Zero(), {}};
-    const std::array<std::vector<LoadedSubmap>, 2> near{loaded(a, here.region, model_of), loaded(b, here.region, model_of)};
-    if (near[0].empty() || near[1].empty()) continue;
-    const std::array<Side, 2> sides{Side(near[0]), Side(near[1])};
-    for (std::size_t side = 0; side < 2; ++side)
-      for (const WallPoint& wall : walls_of(near[side], here.region)) {
-        const Seen seen = sides[1 - side].at(wall.x, wall.y);
-        if (seen == Seen::not_at_all) continue;
-        here.known[side].push_back(wall);
-        known_m[side] += kCell_m;
-        if (seen == Seen::wall) {
+  std::map<std::size_t, Common> common;
+  for (std::size_t seer = 0; seer < 2; ++seer)
+    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls, const std::vector<Seen>& seen) {
+      Common& here = common[place];
+      for (std::size_t i = 0; i < walls.size(); ++i) {
+        const WallPoint& wall = walls[i];
+        if (seen[i] == Seen::not_at_all) continue;
+        here.known[owner].push_back(wall);
+        known_m[owner] += kCell_m;
+        if (seen[i] == Seen::wall) {
           here.coinciding_m += kCell_m;
           here.normals(0, 0) += wall.normal_x * wall.normal_x;
           here.normals(0, 1) += wall.normal_x * wall.normal_y;
           here.normals(1, 1) += wall.normal_y * wall.normal_y;
-        } else if (seen == Seen::through) {
+        } else if (seen[i] == Seen::through) {
           result.contradicted_m += kCell_m;
-          contradicted[side].push_back(wall);
+          contradicted[owner].push_back(wall);
         } else {
           result.unclear_m += kCell_m;
         }
       }
-    if (here.coinciding_m <= 0.0) continue;
+    });
+  Eigen::Matrix2d all_normals = Eigen::Matrix2d::Zero();
+  for (auto& [place, here] : common) {
     result.coinciding_m += here.coinciding_m;
     here.normals(1, 0) = here.normals(0, 1);
     all_normals += here.normals;
-    telling.push_back(std::move(here));
   }
   result.overlap = std::min(1.0, std::max(known_m[0] / std::max(a_walls_m, kCell_m), known_m[1] / std::max(b_walls_m, kCell_m)));
-  // A few regions tell enough, the fullest.
-  std::stable_sort(telling.begin(), telling.end(), [](const Common& l, const Common& r) { return l.coinciding_m > r.coinciding_m; });
-  if (telling.size() > kMostRegions) telling.resize(kMostRegions);
-  for (const Common& here : telling) {
-    const std::array<std::vector<LoadedSubmap>, 2> near{loaded(a, here.region, model_of), loaded(b, here.region, model_of)};
-    const std::array<Side, 2> sides{Side(near[0]), Side(near[1])};
-    const Eigen::Matrix2d axes = directions_of(here.known);
-    double elsewhere_m = most_when_shifted(sides, here.known, axes);
-    if (result.overlap < kLargeOverlap)
-      elsewhere_m = std::max(elsewhere_m, most_when_mirrored(sides, here.known, axes, here.region));
-    result.distinctive_m += std::max(0.0, here.coinciding_m - elsewhere_m);
-  }
+  result.distinctive_m = distinctive_in(common, comparison, result.overlap < kLargeOverlap, sides, sight_of);
   for (const auto& walls : contradicted) gather(walls, result.contradictions);
-  std::stable_sort(result.contradictions.begin(), result.contradictions.end(),
-                   [](const Contradiction& l, const Contradiction& r) { return l.length_m > r.length_m; });
+  result.contradictions = longest_first(std::move(result.contradictions));
   if (all_normals.trace() > 0.0)
     result.observability =
         std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(all_normals / all_normals.trace()).eigenvalues()(0));
+  return result;
+}
+
+std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of) {
+  const Comparison comparison(maps, sight_of);
+  std::map<std::tuple<std::size_t, std::size_t, std::size_t>, RegionAgreement> found;  // by place and pair
+  for (std::size_t seer = 0; seer < maps.size(); ++seer)
+    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls, const std::vector<Seen>& seen) {
+      const auto [a, b] = std::minmax(owner, seer);
+      const Region& region = comparison.places()[place].region;
+      RegionAgreement& here = found[{place, a, b}];
+      here.a = a;
+      here.b = b;
+      here.x_m = region.x_m + 0.5 * kRegion_m;
+      here.y_m = region.y_m + 0.5 * kRegion_m;
+      std::vector<WallPoint> contradicted;
+      for (std::size_t i = 0; i < walls.size(); ++i) {
+        if (seen[i] == Seen::wall) here.coinciding_m += kCell_m;
+        if (seen[i] == Seen::unclear) here.unclear_m += kCell_m;
+        if (seen[i] != Seen::through) continue;
+        here.contradicted_m += kCell_m;
+        contradicted.push_back(walls[i]);
+      }
+      gather(contradicted, here.contradictions);
+    });
+  std::vector<RegionAgreement> result;
+  for (auto& [key, agreement] : found) {
+    agreement.contradictions = longest_first(std::move(agreement.contradictions));
+    result.push_back(std::move(agreement));
+  }
   return result;
 }
 

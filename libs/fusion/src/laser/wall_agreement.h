@@ -2,20 +2,19 @@
 // Two sets of submaps laid on each other: which walls both saw, which of one the other saw through, and where. Whole maps are compared,
 // each wall counted once, at the poses of the joint graph: what decides between hypotheses, and the audit of a finished map.
 
-#include <mapweave/matching/submap_model.h>
+#include "wall_sight.h"
 
 #include <functional>
-#include <memory>
-#include <vector>
 
 namespace mapweave::fusion {
 
 struct PlacedSubmap {
-  std::size_t number = 0;  // for whom the model is asked
+  std::size_t number = 0;  // whose sight is asked for
   Pose2 team_from_submap;
   double x_m = 0.0, y_m = 0.0, radius_m = 0.0;  // around its walls, team frame
+  const std::vector<matching::WallPoint>* walls = nullptr;  // in the submap's frame
 };
-using ModelOf = std::function<std::shared_ptr<const matching::SubmapModel>(std::size_t number)>;
+using SightOf = std::function<std::shared_ptr<const WallSight>(std::size_t number)>;
 
 // Walls of one side that the other saw through, connected.
 struct Contradiction {
@@ -38,9 +37,20 @@ struct WallAgreement {
   double conflict() const { return contradicted_m / std::max(1e-9, coinciding_m + contradicted_m + unclear_m); }
 };
 
-// Symmetric in its arguments. Works region by region, and holds the models of one region at a time.
+// Symmetric in its arguments. Asks for each sight once, and once more where it tells how unusual is what fits.
 // `a_walls_m`: length of all walls of that side.
 WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
-                             const ModelOf& model_of);
+                             const SightOf& sight_of);
+
+// What two maps of a finished team saw of each other's walls in one region.
+struct RegionAgreement {
+  std::size_t a = 0, b = 0;      // places of the maps in the team, a < b
+  double x_m = 0.0, y_m = 0.0;   // middle of the region, team frame
+  double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
+  std::vector<Contradiction> contradictions;  // longest first
+};
+
+// Every map against every other, by regions in which both saw something. Asks for each sight once.
+std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of);
 
 }  // namespace mapweave::fusion

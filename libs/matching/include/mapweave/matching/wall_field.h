@@ -30,6 +30,10 @@ class WallField {
 
   // Adds points given in the field's frame. The likelihood holds them at once, the distributions after settle().
   void add(const std::vector<WallPoint>& points_in_field);
+  // Room for points up to there at once; what is added beyond makes its own.
+  void reserve(double low_x, double low_y, double high_x, double high_y);
+  // Gives back what only adding and walls() need; both are over then.
+  void finish();
   void settle();
 
   // 0..255: how near a wall is, whichever its side; 255 on one.

@@ -1,0 +1,51 @@
+#include "team_audit.h"
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+
+namespace mapweave::fusion {
+namespace {
+
+// In regions of right team maps of public logs it is at most a twentieth of what coincides, or 1.5 m; where a map lies wrongly, several times
+// what coincides.
+constexpr double kGhost_m = 4.0, kGhostShare = 0.25;
+constexpr double kUnclearWeight = 0.25;  // a wall that another one stands close to, drawn twice
+
+double in_doubt_m(const RegionAgreement& region) { return region.contradicted_m + kUnclearWeight * region.unclear_m; }
+
+}  // namespace
+
+bool is_ghost(const RegionAgreement& region) { return in_doubt_m(region) > std::max(kGhost_m, kGhostShare * region.coinciding_m); }
+
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of) {
+  std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
+  std::vector<double> ghosts_m(maps.size(), 0.0);
+  for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
+    AuditedPair& pair = pairs[{region.a, region.b}];
+    pair.a = region.a;
+    pair.b = region.b;
+    pair.coinciding_m += region.coinciding_m;
+    pair.contradicted_m += region.contradicted_m;
+    pair.unclear_m += region.unclear_m;
+    pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
+    if (!is_ghost(region)) continue;
+    pair.ghosts_m += in_doubt_m(region);
+    ghosts_m[region.a] += in_doubt_m(region);
+    ghosts_m[region.b] += in_doubt_m(region);
+  }
+  TeamAudit result;
+  for (auto& entry : pairs) {
+    std::stable_sort(entry.second.contradictions.begin(), entry.second.contradictions.end(),
+                     [](const Contradiction& l, const Contradiction& r) { return l.length_m > r.length_m; });
+    result.pairs.push_back(std::move(entry.second));
+  }
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    if (ghosts_m[m] <= 0.0) continue;
+    if (!result.taken_out || std::make_pair(ghosts_m[m], -walls_m[m]) > std::make_pair(ghosts_m[*result.taken_out], -walls_m[*result.taken_out]))
+      result.taken_out = m;
+  }
+  return result;
+}
+
+}  // namespace mapweave::fusion

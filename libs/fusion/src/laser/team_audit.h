@@ -1,0 +1,28 @@
+#pragma once
+// The audit of a team map: what its robots saw of each other's walls, everywhere, by pairs and regions. Right maps agree in every region but
+// for what moved; where one lies wrongly it draws ghosts, in one region first.
+
+#include "wall_agreement.h"
+
+#include <optional>
+
+namespace mapweave::fusion {
+
+struct AuditedPair {
+  std::size_t a = 0, b = 0;  // places of the maps in the team, a < b
+  double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
+  std::vector<Contradiction> contradictions;  // longest first; those over 0.6 m
+  double ghosts_m = 0.0;                      // contradicted and unclear, in regions where they are too many
+};
+
+struct TeamAudit {
+  std::vector<AuditedPair> pairs;        // that saw something of each other's walls
+  std::optional<std::size_t> taken_out;  // the map that is contradicted most, where there are ghosts
+};
+
+// Whether so much in one region is a ghost, not furniture or a door that moved.
+bool is_ghost(const RegionAgreement& region);
+// `walls_m`: of each map. Of two maps that are contradicted as much the one with fewer walls is taken out.
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of);
+
+}  // namespace mapweave::fusion

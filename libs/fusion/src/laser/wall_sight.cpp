@@ -1,0 +1,110 @@
+#include "wall_sight.h"
+
+#include <algorithm>
+
+namespace mapweave::fusion {
+namespace {
+
+using matching::cell_of;
+using matching::Sight;
+using matching::SubmapModel;
+
+constexpr double kInverseCell = 1.0 / SubmapModel::kSightResolution;
+constexpr double kInverseQuarter = 1.0 / matching::WallField::kResolution;
+constexpr std::uint8_t kNearWall = 60;  // likelihood 0.12 m from a wall
+constexpr int kClear = 2;               // cells around that must be free
+
+int tile_of(int cell, int side) { return cell >= 0 ? cell / side : (cell + 1) / side - 1; }
+
+// Whether all cells within kClear of one are free, for all cells: along rows, then along columns.
+matching::Raster<std::uint8_t> clear_cells(const matching::Raster<Sight>& sight) {
+  const int x0 = sight.first_x(), y0 = sight.first_y(), x1 = x0 + sight.width() - 1, y1 = y0 + sight.height() - 1;
+  matching::Raster<std::uint8_t> rows(x0, y0, x1, y1), clear(x0, y0, x1, y1);
+  for (int y = y0; y <= y1; ++y) {
+    int free = 0;  // cells in a row, up to here
+    for (int x = x0; x <= x1; ++x) {
+      free = sight.at(x, y) == Sight::free ? free + 1 : 0;
+      if (free > 2 * kClear) rows.at(x - kClear, y) = 1;
+    }
+  }
+  for (int x = x0; x <= x1; ++x) {
+    int free = 0;
+    for (int y = y0; y <= y1; ++y) {
+      free = rows.at(x, y) != 0 ? free + 1 : 0;
+      if (free > 2 * kClear) clear.at(x, y - kClear) = 1;
+    }
+  }
+  return clear;
+}
+
+}  // namespace
+
+WallSight::WallSight(const SubmapModel& model) {
+  static_assert(matching::WallField::kResolution * 2 == SubmapModel::kSightResolution, "a cell has four quarters");
+  const auto& walls = model.field().likelihood();
+  const auto& sight = model.sight();
+  if (walls.empty() && sight.empty()) return;
+  const auto half = [](int v) { return tile_of(v, 2); };
+  int x0 = sight.first_x(), y0 = sight.first_y(), x1 = x0 + sight.width() - 1, y1 = y0 + sight.height() - 1;
+  if (!walls.empty()) {
+    const int wx0 = half(walls.first_x()), wy0 = half(walls.first_y()), wx1 = half(walls.first_x() + walls.width() - 1),
+              wy1 = half(walls.first_y() + walls.height() - 1);
+    x0 = sight.empty() ? wx0 : std::min(x0, wx0);
+    y0 = sight.empty() ? wy0 : std::min(y0, wy0);
+    x1 = sight.empty() ? wx1 : std::max(x1, wx1);
+    y1 = sight.empty() ? wy1 : std::max(y1, wy1);
+  }
+  index_ = matching::Raster<std::uint32_t>(tile_of(x0, kTile), tile_of(y0, kTile), tile_of(x1, kTile), tile_of(y1, kTile));
+  const auto cell = [&](int x, int y) -> std::uint8_t& {
+    const int tx = tile_of(x, kTile), ty = tile_of(y, kTile);
+    std::uint32_t& index = index_.at(tx, ty);
+    if (index == 0) {
+      tiles_.emplace_back();
+      tiles_.back().fill(0);
+      index = static_cast<std::uint32_t>(tiles_.size());
+    }
+    return tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
+  };
+  if (!sight.empty()) {
+    const auto clear = clear_cells(sight);
+    for (int y = sight.first_y(); y < sight.first_y() + sight.height(); ++y)
+      for (int x = sight.first_x(); x < sight.first_x() + sight.width(); ++x)
+        if (sight.at(x, y) != Sight::unknown)
+          cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(clear.at(x, y) != 0 ? Seen::through : Seen::unclear) << 4U);
+  }
+  for (int y = walls.first_y(); y < walls.first_y() + walls.height(); ++y)
+    for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)
+      if (walls.at(x, y) > kNearWall) cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
+}
+
+Seen WallSight::at(double x_m, double y_m) const {
+  const int x = cell_of(x_m, kInverseCell), y = cell_of(y_m, kInverseCell), tx = tile_of(x, kTile), ty = tile_of(y, kTile);
+  if (!index_.contains(tx, ty)) return Seen::not_at_all;
+  const std::uint32_t index = index_.at(tx, ty);
+  if (index == 0) return Seen::not_at_all;
+  const unsigned cell = tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
+  const auto quarter = static_cast<unsigned>((cell_of(x_m, kInverseQuarter) & 1) + 2 * (cell_of(y_m, kInverseQuarter) & 1));
+  return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
+}
+
+std::shared_ptr<const WallSight> WallSightCache::find(std::size_t submap) {
+  const auto found = entries_.find(submap);
+  if (found == entries_.end()) return nullptr;
+  recent_.splice(recent_.begin(), recent_, found->second.second);
+  return found->second.first;
+}
+
+void WallSightCache::add(std::size_t submap, std::shared_ptr<const WallSight> sight) {
+  recent_.push_front(submap);
+  bytes_ += sight->bytes();
+  entries_[submap] = {std::move(sight), recent_.begin()};
+  while (bytes_ > most_bytes_ && recent_.size() > 1) {
+    const auto oldest = entries_.find(recent_.back());
+    is_full_ = true;
+    bytes_ -= oldest->second.first->bytes();
+    entries_.erase(oldest);
+    recent_.pop_back();
+  }
+}
+
+}  // namespace mapweave::fusion

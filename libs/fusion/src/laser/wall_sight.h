@@ -1,0 +1,48 @@
+#pragma once
+// What one submap saw of the plane, small enough to be kept for all submaps of a team: where its walls are, and where its rays went through.
+
+#include <mapweave/matching/submap_model.h>
+
+#include <array>
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace mapweave::fusion {
+
+// Of a place; of several submaps the largest counts. Wall: within 0.12 m. Through: nothing but free space within 0.2 m.
+enum class Seen : std::uint8_t { not_at_all, through, unclear, wall };
+
+// Cells of 0.1 m in the submap's frame, in tiles that are kept only where something was seen.
+class WallSight {
+ public:
+  explicit WallSight(const matching::SubmapModel& model);
+  Seen at(double x_m, double y_m) const;
+  std::size_t bytes() const { return tiles_.size() * sizeof(Tile) + index_.bytes(); }
+
+ private:
+  static constexpr int kTile = 16;  // cells along a side
+  // Of a cell: bits 0 to 3 whether its quarters are within 0.12 m of a wall, above them what rays said.
+  using Tile = std::array<std::uint8_t, kTile * kTile>;
+  matching::Raster<std::uint32_t> index_;  // 0: nothing was seen, else number of the tile and 1
+  std::vector<Tile> tiles_;
+};
+
+// Keeps at most so many bytes, those used last. Not for several threads.
+class WallSightCache {
+ public:
+  explicit WallSightCache(std::size_t most_bytes) : most_bytes_(most_bytes) {}
+  std::shared_ptr<const WallSight> find(std::size_t submap);  // none where it is not kept
+  void add(std::size_t submap, std::shared_ptr<const WallSight> sight);
+  bool is_full() const { return is_full_; }  // something was given up already
+
+ private:
+  std::size_t most_bytes_, bytes_ = 0;
+  bool is_full_ = false;
+  std::list<std::size_t> recent_;
+  std::map<std::size_t, std::pair<std::shared_ptr<const WallSight>, std::list<std::size_t>::iterator>> entries_;
+};
+
+}  // namespace mapweave::fusion
