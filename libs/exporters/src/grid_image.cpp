@@ -6,13 +6,15 @@
 
 #include <mapweave/core/error.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include <algorithm>
 #include <cmath>
 
 namespace mapweave::exporters {
 namespace {
 
-const cv::Scalar kWall(25, 25, 25), kUnknown(228, 228, 228);
+const cv::Scalar kWall(25, 25, 25), kUnknown(228, 228, 228), kMark(40, 40, 220);
 
 // Cells [first_column, first_column + columns) x [first_row, ...) of the grid's lattice; may reach beyond the grid.
 struct Window {
@@ -103,7 +105,8 @@ std::string grid_png(const OccupancyGrid& grid) {
   return encoded(cv::Mat(image.rows, image.columns, CV_8U, image.shades.data()));
 }
 
-std::string map_picture_png(const OccupancyGrid& grid, const std::vector<SessionTrajectory>& trajectories, const PictureOptions& options) {
+std::string map_picture_png(const OccupancyGrid& grid, const std::vector<SessionTrajectory>& trajectories, const PictureOptions& options,
+                            const std::vector<PictureMark>& marks) {
   MAPWEAVE_EXPECT(!grid.empty(), "a grid without cells has no picture");
   const Window window = window_of(grid, trajectories);
   const Zoom zoom = zoom_of(window, options);
@@ -117,6 +120,13 @@ std::string map_picture_png(const OccupancyGrid& grid, const std::vector<Session
       raster.size.substr(0, raster.size.size() - 2) + " x " + metres(static_cast<double>(window.rows) * grid.resolution_m, 1) + ", cell ";
   append_shortest(raster.size, grid.resolution_m);
   raster.size += " m";
+  for (const PictureMark& mark : marks) {
+    constexpr double kLeast_px = 8.0, kLine_px = 2.0;
+    const cv::Point middle(static_cast<int>(std::lround((mark.x_m - raster.left_m) * raster.pixels_per_m)),
+                           raster.pixels.rows - static_cast<int>(std::lround((mark.y_m - raster.low_m) * raster.pixels_per_m)));
+    const double radius = std::max(kLeast_px, mark.radius_m * raster.pixels_per_m);
+    cv::circle(raster.pixels, middle, static_cast<int>(std::lround(radius)), kMark, static_cast<int>(kLine_px), cv::LINE_AA);
+  }
   return framed_map_png(raster, trajectories, options);
 }
 

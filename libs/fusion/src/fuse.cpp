@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <deque>
 #include <functional>
+#include <tuple>
 
 namespace mapweave::fusion {
 namespace {
@@ -93,25 +94,76 @@ class Fusing {
   FusionResult run() {
     Stopwatch watch;
     judging_.prepare_maps();
+    double matching_s = 0.0, connecting_s = 0.0, optimising_s = 0.0;
     result_.stages.push_back({"features", watch.lap()});
-    pairs_ = judging_.all_pairs(progress_);
-    result_.stages.push_back({"pairwise matching", watch.lap()});
-    const auto components = connect();
-    result_.stages.push_back({"component connection", watch.lap()});
-    for (const Placement& placement : components) result_.components.push_back(join_graphs(placement));
+    do {
+      pairs_ = judging_.all_pairs(progress_);
+      matching_s += watch.lap();
+      const auto components = connect();
+      connecting_s += watch.lap();
+      result_.components.clear();
+      for (const Placement& placement : components) result_.components.push_back(join_graphs(placement));
+      optimising_s += watch.lap();
+    } while (!pass_audit());
     std::stable_sort(result_.components.begin(), result_.components.end(), [](const Component& l, const Component& r) {
       const auto size = [](const Component& c) {
         return std::count_if(c.map.nodes.begin(), c.map.nodes.end(), [](const auto& entry) { return entry.second.payload != nullptr; });
       };
       return size(l) > size(r);
     });
-    result_.stages.push_back({"transform optimisation", watch.lap()});
+    result_.stages.push_back({"pairwise matching", matching_s});
+    result_.stages.push_back({"component connection", connecting_s});
+    result_.stages.push_back({"transform optimisation", optimising_s});
+    result_.stages.push_back({"audit", watch.lap()});
     for (auto& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
     result_.judgements = judging_.judgements();
     return std::move(result_);
   }
 
  private:
+  std::size_t number_of(const MapId& id) const {
+    const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const PreparedMap& one) { return one.map->id == id; });
+    return static_cast<std::size_t>(map - maps_.begin());
+  }
+
+  // Whether the maps that came out show nothing twice. Else the map that is contradicted most stays apart from the rest of its team.
+  bool pass_audit() {
+    bool passed = true;
+    result_.audits = judging_.lasers().taken_apart();
+    for (const Component& component : result_.components) {
+      std::vector<std::size_t> members;
+      for (const MapId& id : component.members)
+        if (const std::size_t number = number_of(id); !maps_[number].submaps.empty()) members.push_back(number);
+      if (members.size() < 2) continue;
+      const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t submap) {
+        return planar(component.map.nodes.find(maps_[map].submaps[submap]->anchor())->map_from_node);
+      };
+      const TeamAudit audit = judging_.lasers().audited(members, pose_of);
+      for (const AuditedPair& pair : audit.pairs) result_.audits.push_back(told_of(pair, maps_[members[pair.a]], maps_[members[pair.b]]));
+      if (!audit.taken_out || !refuse(members[*audit.taken_out], members)) continue;
+      passed = false;
+      for (const PairAudit& told : judging_.lasers().ghosts_of(audit, members, members[*audit.taken_out], pose_of)) taken_apart_.push_back(told);
+    }
+    result_.audits.insert(result_.audits.end(), taken_apart_.begin(), taken_apart_.end());
+    std::stable_sort(result_.audits.begin(), result_.audits.end(),
+                     [](const PairAudit& l, const PairAudit& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
+    return passed;
+  }
+
+  // From all the others of its team. False where that was said before.
+  bool refuse(std::size_t who, const std::vector<std::size_t>& members) {
+    bool is_new = false;
+    for (PairJoin& pair : pairs_) {
+      if (pair.a != who && pair.b != who) continue;
+      if (!std::binary_search(members.begin(), members.end(), pair.a == who ? pair.b : pair.a)) continue;
+      Verdict why = pair.result.verdict;
+      why.decision = Decision::refused;
+      why.reason = Reason::contradiction;
+      is_new = judging_.refuse(pair.a, pair.b, why) || is_new;
+    }
+    return is_new;
+  }
+
   bool in_space(const std::vector<std::size_t>& members) const {
     return std::none_of(members.begin(), members.end(), [&](std::size_t m) { return !maps_[m].submaps.empty(); });
   }
@@ -363,6 +415,7 @@ class Fusing {
   const std::vector<PreparedMap>& maps_ = judging_.maps();
   const std::deque<VisualMap>& seen_ = judging_.seen();
   std::vector<PairJoin> pairs_;
+  std::vector<PairAudit> taken_apart_;  // by the audit of what came out
   FusionResult result_;
 };
 

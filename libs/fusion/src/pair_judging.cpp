@@ -55,22 +55,28 @@ std::vector<Judgement> PairJudging::judgements() {
   return all;
 }
 
+bool PairJudging::refuse(std::size_t a, std::size_t b, const Verdict& why) { return refused_.emplace(std::minmax(a, b), why).second; }
+
 std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
-  std::set<std::pair<std::size_t, std::size_t>> refused;
-  std::map<std::pair<std::size_t, std::size_t>, Verdict> why;
   for (;;) {
+    std::set<std::pair<std::size_t, std::size_t>> refused;
+    for (const auto& entry : refused_) refused.insert(entry.first);
     lasers_.emplace(maps_, input_, options_, refused, cache_, memo_, pool_);
     lasers_->run(progress);
     judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
     std::vector<PairJoin> pairs = compare_all(progress);
     // What lasers believe and cameras contradict is taken back, and the lasers decide again without it.
-    const std::size_t before = refused.size();
+    bool again = false;
     for (const PairJoin& pair : pairs)
-      if (!pair.is_accepted() && pair.is_matched_by_lasers && refused.emplace(pair.a, pair.b).second)
-        why[{pair.a, pair.b}] = pair.result.verdict;
-    if (refused.size() > before) continue;
-    for (PairJoin& pair : pairs)
-      if (const auto verdict = why.find({pair.a, pair.b}); verdict != why.end() && !pair.is_accepted()) pair.result.verdict = verdict->second;
+      if (!pair.is_accepted() && pair.is_matched_by_lasers) again = refuse(pair.a, pair.b, pair.result.verdict) || again;
+    if (again) continue;
+    for (PairJoin& pair : pairs) {
+      const auto why = refused_.find({pair.a, pair.b});
+      if (why == refused_.end()) continue;
+      pair.result.verdict = why->second;
+      pair.result.witnesses.clear();
+      pair.seen.clear();
+    }
     return pairs;
   }
 }

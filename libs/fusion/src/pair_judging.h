@@ -33,6 +33,8 @@ class PairJudging {
   const Hearsay& hearsay() const { return *hearsay_; }
 
   std::vector<PairJoin> all_pairs(Progress& progress);
+  // From now on the two maps stay apart, for this reason. False where they were refused already.
+  bool refuse(std::size_t a, std::size_t b, const Verdict& why);
   const LaserMerger& lasers() const { return *lasers_; }  // after all_pairs()
   void judge(const std::vector<MapPair>& pairs, Progress& progress);
   std::vector<Judgement> judgements();  // that were asked for, sorted by id
@@ -56,6 +58,7 @@ class PairJudging {
   std::optional<Hearsay> hearsay_;
   std::optional<Growth> growth_;
   std::optional<LaserMerger> lasers_;
+  std::map<std::pair<std::size_t, std::size_t>, Verdict> refused_;  // once they were merged, with the reason
   std::vector<Hash> judged_;
 };
 

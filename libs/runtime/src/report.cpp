@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
@@ -61,7 +62,25 @@ Json covariance(const Alignment& a_from_b) {
   return matrix;
 }
 
-Json verdict_json(const TierId& tier, const Verdict& verdict) {
+// Of the two maps, where one came to be.
+const fusion::PairAudit* audit_of(const FusionReport& fusion, const Verdict& verdict) {
+  const auto audit = std::find_if(fusion.audits.begin(), fusion.audits.end(),
+                                  [&](const fusion::PairAudit& one) { return one.a == verdict.a && one.b == verdict.b; });
+  return audit == fusion.audits.end() ? nullptr : &*audit;
+}
+
+Json audit_json(const fusion::PairAudit* audit) {
+  if (audit == nullptr) return {};
+  Json conflicts = Json::array();
+  for (const auto& conflict : audit->conflicts) conflicts.push_back({{"x_m", conflict.x_m}, {"y_m", conflict.y_m}, {"length_m", conflict.length_m}});
+  return {{"coinciding_m", audit->coinciding_m},
+          {"contradicted_m", audit->contradicted_m},
+          {"unclear_m", audit->unclear_m},
+          {"conflicts", conflicts},
+          {"taken_apart", audit->is_ghost}};
+}
+
+Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::PairAudit* audit) {
   Json witnesses = Json::array();
   for (const Hash& witness : verdict.witnesses) witnesses.push_back(to_hex(witness));
   return {{"tier", tier.str()},
@@ -79,6 +98,7 @@ Json verdict_json(const TierId& tier, const Verdict& verdict) {
           {"conflict", verdict.conflict},
           {"second_best", verdict.second_best},
           {"witnesses", witnesses},
+          {"audit", audit_json(audit)},
           {"seconds", verdict.seconds}};
 }
 
@@ -256,8 +276,8 @@ Json summary_json(const Report& report) {
 Json merges_json(const Report& report) {
   Json merges = Json::array();
   for (const FusionReport& edge : report.edges)
-    for (const Verdict& verdict : edge.verdicts) merges.push_back(verdict_json(edge.tier, verdict));
-  for (const Verdict& verdict : report.team.verdicts) merges.push_back(verdict_json(report.team.tier, verdict));
+    for (const Verdict& verdict : edge.verdicts) merges.push_back(verdict_json(edge.tier, verdict, audit_of(edge, verdict)));
+  for (const Verdict& verdict : report.team.verdicts) merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
   return merges;
 }
 
@@ -282,6 +302,22 @@ std::string in_words(const Verdict& verdict) {
   return pair;
 }
 
+// Where a map that was merged showed something twice.
+std::string in_words(const fusion::PairAudit& audit) {
+  if (!audit.is_ghost || audit.conflicts.empty()) return "";
+  return format("; merged, they would show walls twice: %.0f m, the longest at (%.0f, %.0f) in the map of %s (conflicts.png)",
+                audit.contradicted_m, audit.conflicts.front().x_m, audit.conflicts.front().y_m, audit.a.str().c_str());
+}
+
+std::string in_words(const FusionReport& fusion, const std::string& who) {
+  std::string text;
+  for (const Verdict& verdict : fusion.verdicts) {
+    const fusion::PairAudit* audit = audit_of(fusion, verdict);
+    text += who + ": " + in_words(verdict) + (audit != nullptr ? in_words(*audit) : "") + "\n";
+  }
+  return text;
+}
+
 std::string in_words(const Report& report, const std::string& folder) {
   std::string text;
   for (const RobotReport& robot : report.robots) {
@@ -289,9 +325,8 @@ std::string in_words(const Report& report, const std::string& folder) {
     if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
-  for (const FusionReport& edge : report.edges)
-    for (const Verdict& verdict : edge.verdicts) text += "edge " + edge.tier.str() + ": " + in_words(verdict) + "\n";
-  for (const Verdict& verdict : report.team.verdicts) text += report.team.tier.str() + ": " + in_words(verdict) + "\n";
+  for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
+  text += in_words(report.team, report.team.tier.str());
   for (const std::string& note : report.notes) text += "note: " + note + "\n";
   if (report.interrupted) text += "interrupted: what was finished is saved\n";
   const std::size_t components = report.team.components.size();

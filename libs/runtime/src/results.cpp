@@ -54,7 +54,8 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
   }
 }
 
-void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map) {
+void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
+                   const std::vector<exporters::PictureMark>* conflicts) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
   const std::size_t notes = notes_.size();
@@ -62,6 +63,9 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
   if (grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
   if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
+  if (conflicts == nullptr || !configuration_.output.png || grid.empty()) return;
+  options.picture.title = title + ": walls of one that another saw through";
+  write_file(folder_.staging() / folder / "conflicts.png", exporters::map_picture_png(grid, {}, options.picture, *conflicts));
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -183,6 +187,27 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
   output_seconds_ += watch.seconds();
 }
 
+namespace {
+
+// Of maps that the component holds, or of one of its maps with another that was taken apart from it. None where nothing was compared.
+std::optional<std::vector<exporters::PictureMark>> conflicts_in(const fusion::Component& component,
+                                                               const std::vector<fusion::PairAudit>& audits) {
+  std::optional<std::vector<exporters::PictureMark>> marks;
+  const auto is_member = [&](const MapId& id) { return component.team_from_map.find(id) != nullptr; };
+  for (const fusion::PairAudit& audit : audits) {
+    if (!is_member(audit.a) || (!audit.is_ghost && !is_member(audit.b))) continue;
+    if (!marks) marks.emplace();
+    const Pose2 frame = audit.is_ghost ? planar(*component.team_from_map.find(audit.a)) : Pose2();
+    for (const auto& conflict : audit.conflicts) {
+      const Pose2 place = compose(frame, Pose2{conflict.x_m, conflict.y_m, 0.0});
+      marks->push_back({place.x, place.y, 0.5 * conflict.length_m});
+    }
+  }
+  return marks;
+}
+
+}  // namespace
+
 void Results::add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title,
                              bool robot_trajectories, const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras,
                              Report& report) {
@@ -192,10 +217,11 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
     const std::string place = i == 0 ? folder : further + std::to_string(i);
     const std::string name = i == 0 ? title : title + ", apart " + std::to_string(i);
     const Map& map = fused.components[i].map;
+    const auto conflicts = conflicts_in(fused.components[i], fused.audits);
     if (map.submaps.empty() && has_keyframes(map))
       draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
     else
-      draw(place, name, robot_trajectories, map);
+      draw(place, name, robot_trajectories, map, conflicts ? &*conflicts : nullptr);
     std::vector<DepthWay> depth;
     for (const CamerasOutcome& outcome : cameras)
       for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
@@ -231,6 +257,7 @@ FusionReport Results::report_of(TierId tier, const fusion::FusionResult& fused) 
   report.tier = tier;
   for (const fusion::Component& component : fused.components) report.components.push_back(component.members);
   report.verdicts = fused.verdicts;
+  report.audits = fused.audits;
   return report;
 }
 

@@ -50,7 +50,9 @@ class Results {
   void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map);
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                  const std::vector<CamerasOutcome>& cameras);
-  void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map);
+  // `conflicts`: drawn in a picture of their own; null: there is nothing to compare.
+  void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
+            const std::vector<exporters::PictureMark>* conflicts = nullptr);
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
   Progress& progress_;

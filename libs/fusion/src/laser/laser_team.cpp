@@ -383,9 +383,11 @@ TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseO
 bool LaserMerger::take_back() {
   for (const LaserTeam& team : teams_) {
     if (team.maps.size() < 2) continue;
-    const auto taken = audited(team.maps, [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); }).taken_out;
-    if (!taken) continue;
-    const std::size_t who = team.maps[*taken];
+    const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); };
+    const TeamAudit audit = audited(team.maps, pose_of);
+    if (!audit.taken_out) continue;
+    const std::size_t who = team.maps[*audit.taken_out];
+    for (PairAudit& ghost : ghosts_of(audit, team.maps, who, pose_of)) taken_apart_.push_back(std::move(ghost));
     for (const std::size_t other : team.maps)
       if (other != who) {
         const MapPair pair = std::minmax(who, other);

@@ -14,6 +14,7 @@ namespace mapweave::fusion {
 
 // Log odds that two groups of maps lie as compared; no surer than this either way.
 constexpr double kSurestLogOdds = 20.0;
+PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
 double log_odds_of(const WallAgreement& walls);
 // Metres of wall that two hypotheses are compared by.
 double fit_of(const WallAgreement& walls);
@@ -51,6 +52,10 @@ class LaserMerger {
   TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   // Of two maps, a < b.
   PairResult result_of(std::size_t a, std::size_t b) const;
+  // Its pairs with one map that show something twice, in the frames of their first maps.
+  std::vector<PairAudit> ghosts_of(const TeamAudit& audit, const std::vector<std::size_t>& maps, std::size_t with,
+                                   const PoseOfSubmap& pose_of) const;
+  const std::vector<PairAudit>& taken_apart() const { return taken_apart_; }  // by the audit of run()
   const std::vector<Hash>& judged() const { return judge_.asked(); }
   // The wide searches that run() begins with, of these pairs alone.
   void judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs);
@@ -97,6 +102,7 @@ class LaserMerger {
   ConstraintSearch search_;
   std::map<MapPair, PairState> pairs_;
   std::vector<LaserTeam> teams_;
+  std::vector<PairAudit> taken_apart_;
   std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;
 };
 

@@ -35,6 +35,36 @@ Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_fro
 
 }  // namespace
 
+PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b) {
+  constexpr std::size_t kMostConflicts = 20;
+  PairAudit audit{a.map->id, b.map->id, pair.coinciding_m, pair.contradicted_m, pair.unclear_m, {}};
+  for (std::size_t i = 0; i < std::min(kMostConflicts, pair.contradictions.size()); ++i)
+    audit.conflicts.push_back({pair.contradictions[i].x_m, pair.contradictions[i].y_m, pair.contradictions[i].length_m});
+  return audit;
+}
+
+std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std::vector<std::size_t>& maps, std::size_t with,
+                                              const PoseOfSubmap& pose_of) const {
+  std::vector<PairAudit> ghosts;
+  for (const AuditedPair& pair : audit.pairs) {
+    const std::size_t a = maps[pair.a], b = maps[pair.b];
+    if (pair.ghosts_m <= 0.0 || (a != with && b != with)) continue;
+    PairAudit ghost = told_of(pair, maps_[a], maps_[b]);
+    ghost.is_ghost = true;
+    // As the place of a nearest to it has it: the team bends its maps.
+    for (PairAudit::Conflict& conflict : ghost.conflicts) {
+      const Eigen::Vector2d place(conflict.x_m, conflict.y_m);
+      std::pair<double, std::size_t> nearest{1e300, 0};
+      for (const std::size_t s : maps_[a].representatives) nearest = std::min(nearest, {(middle_of(maps_[a], s, pose_of(a, s)) - place).norm(), s});
+      const Pose2 own = compose(compose(maps_[a].map_from_submap[nearest.second], inverse(pose_of(a, nearest.second))), Pose2{place.x(), place.y(), 0.0});
+      conflict.x_m = own.x;
+      conflict.y_m = own.y;
+    }
+    ghosts.push_back(std::move(ghost));
+  }
+  return ghosts;
+}
+
 double log_odds_of(const WallAgreement& walls) {
   const double by_chance_m = kByChance_m + kByChanceBeside_m * (1.0 - std::min(1.0, walls.overlap / kWholeOverlap));
   const double net_m = walls.distinctive_m - kContradictionWeight * walls.contradicted_m - by_chance_m;
@@ -77,6 +107,9 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     verdict.reason = Reason::vetoed;
   } else if (contradicted_.count({a, b}) != 0) {
     verdict.reason = Reason::contradiction;
+    for (const PairAudit& ghost : taken_apart_)
+      if (ghost.a == verdict.a && ghost.b == verdict.b)
+        verdict.conflict = ghost.contradicted_m / std::max(1e-9, ghost.coinciding_m + ghost.contradicted_m + ghost.unclear_m);
   } else {
     matches = doubted(a, b, verdict);
   }

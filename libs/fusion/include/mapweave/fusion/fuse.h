@@ -54,6 +54,19 @@ struct Component {
   Table<LandmarkId, LandmarkId> same_as;
 };
 
+// What two robots of a team saw of each other's walls in the map that came out.
+struct PairAudit {
+  struct Conflict {
+    double x_m = 0.0, y_m = 0.0;  // middle of walls of one that the other saw through; in the team map's frame
+    double length_m = 0.0;
+  };
+  MapId a, b;  // a < b
+  double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
+  std::vector<Conflict> conflicts;  // longest first, at most 20
+  // So many in one region that the team map showed something twice: these maps were taken apart again. The frame is then that of a's map.
+  bool is_ghost = false;
+};
+
 struct StageTime {
   std::string name;  // features, pairwise matching, component connection, transform optimisation; who draws (compose_grid) adds composing
   double seconds = 0.0;
@@ -63,6 +76,7 @@ struct FusionResult {
   std::vector<Component> components;  // largest first (nodes with payload), ties by lowest member
   std::vector<Verdict> verdicts;      // of every pair of maps that was looked at, sorted by (a, b)
   std::vector<Judgement> judgements;  // all, sorted by id
+  std::vector<PairAudit> audits;      // of maps of lasers that saw the same, merged or taken apart; sorted by (a, b)
   std::vector<StageTime> stages;      // wall time; not part of a sealed result
 };
 

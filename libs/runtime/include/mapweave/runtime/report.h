@@ -2,6 +2,7 @@
 // What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (the contract of the command line).
 
 #include <mapweave/core/error.h>
+#include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/coordinator.h>
@@ -58,6 +59,7 @@ struct FusionReport {
   TierId tier;
   std::vector<std::vector<MapId>> components;  // members, largest component first
   std::vector<Verdict> verdicts;
+  std::vector<fusion::PairAudit> audits;
 };
 
 struct StageReport {
