@@ -11,11 +11,12 @@
 namespace mapweave::fusion {
 namespace {
 
-// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through against it. The
-// weights are from hypotheses of four public buildings with known poses, right and wrong; others were held out.
-constexpr double kPerMetre = 0.35, kContradictionWeight = 4.0;
-// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so.
-constexpr double kByChance_m = 2.0, kByChanceBeside_m = 9.0, kWholeOverlap = 0.7;
+// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through, or has close beside
+// its own, against it. The weights are from hypotheses, right and wrong, of public buildings, of their mirror images and of simulated rooms.
+constexpr double kPerMetre = 1.0, kContradictionWeight = 4.0, kUnclearWeight = 2.0;
+// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so; there a
+// share of what fits, too.
+constexpr double kByChance_m = 5.0, kByChanceBeside_m = 6.0, kByChanceShare = 0.1, kWholeOverlap = 0.7;
 
 // Of b's frame in a's, by the matches, at the middle of their places in b.
 Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_from_b_at) {
@@ -66,8 +67,10 @@ std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std:
 }
 
 double log_odds_of(const WallAgreement& walls) {
-  const double by_chance_m = kByChance_m + kByChanceBeside_m * (1.0 - std::min(1.0, walls.overlap / kWholeOverlap));
-  const double net_m = walls.distinctive_m - kContradictionWeight * walls.contradicted_m - by_chance_m;
+  const double beside = 1.0 - std::min(1.0, walls.overlap / kWholeOverlap);
+  const double by_chance_m = kByChance_m + beside * (kByChanceBeside_m + kByChanceShare * walls.coinciding_m);
+  const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * walls.unclear_m;
+  const double net_m = walls.distinctive_m - against_m - by_chance_m;
   return std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
 }
 

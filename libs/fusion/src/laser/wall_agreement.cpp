@@ -250,27 +250,42 @@ double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::arra
 double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes,
                           const Region& region) {
   const Eigen::Vector2d middle(region.x_m + 0.5 * kRegion_m, region.y_m + 0.5 * kRegion_m);
-  double most = 0.0;
-  for (int k = 0; k < 10; ++k) {
-    const double turn = 0.015 * (k / 2 - 2);
-    const Eigen::Vector2d normal = Eigen::Rotation2Dd(turn) * axes.col(k % 2);
-    for (double offset = -0.75 * kRegion_m; offset <= 0.75 * kRegion_m; offset += 0.5 * kShiftStep_m) {
-      double sum = 0.0;
-      for (std::size_t side = 0; side < 2; ++side) {
-        const std::size_t count = std::min(kMostMirroredWalls, known[side].size());
-        std::size_t hits = 0;
-        for (std::size_t i = 0; i < count; ++i) {
-          const WallPoint& wall = known[side][i * known[side].size() / count];
-          const Eigen::Vector2d place(wall.x, wall.y);
-          const Eigen::Vector2d image = place - 2.0 * (normal.dot(place - middle) - offset) * normal;
-          hits += sides[1 - side].at(image.x(), image.y());
-        }
-        if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
+  const auto coinciding_m = [&](int axis, double turn, double offset) {
+    const Eigen::Vector2d normal = Eigen::Rotation2Dd(turn) * axes.col(axis);
+    double sum = 0.0;
+    for (std::size_t side = 0; side < 2; ++side) {
+      const std::size_t count = std::min(kMostMirroredWalls, known[side].size());
+      std::size_t hits = 0;
+      for (std::size_t i = 0; i < count; ++i) {
+        const WallPoint& wall = known[side][i * known[side].size() / count];
+        const Eigen::Vector2d place(wall.x, wall.y);
+        const Eigen::Vector2d image = place - 2.0 * (normal.dot(place - middle) - offset) * normal;
+        hits += sides[1 - side].at(image.x(), image.y());
       }
-      most = std::max(most, sum);
+      if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
     }
+    return sum;
+  };
+  constexpr double kTurn_rad = 0.015, kOffset_m = 0.5 * kShiftStep_m;
+  double most = -1.0, best_turn = 0.0, best_offset = 0.0;
+  int best_axis = 0;
+  const auto consider = [&](int axis, double turn, double offset) {
+    const double sum = coinciding_m(axis, turn, offset);
+    if (sum <= most) return;
+    most = sum;
+    best_axis = axis;
+    best_turn = turn;
+    best_offset = offset;
+  };
+  for (int k = -2; k <= 2; ++k)
+    for (int axis = 0; axis < 2; ++axis)
+      for (double offset = -0.75 * kRegion_m; offset <= 0.75 * kRegion_m; offset += kOffset_m) consider(axis, kTurn_rad * k, offset);
+  for (double part : {0.5, 0.25}) {
+    const double turn = best_turn, offset = best_offset;
+    for (int i = -1; i <= 1; ++i)
+      for (int j = -2; j <= 2; ++j) consider(best_axis, turn + part * i * kTurn_rad, offset + part * j * kOffset_m);
   }
-  return most;
+  return std::max(0.0, most);
 }
 
 // What both sides have in one region.
