@@ -130,6 +130,32 @@ TEST(Codec, shares_geometries_again) {
   EXPECT_EQ(geometries.size(), 2U);
 }
 
+TEST(Codec, keeps_the_motion_within_scans_and_says_so_in_its_version_only_there) {
+  const Map plain = RandomMaps(2).map("alpha", 12);
+  Map bent = plain;
+  std::int16_t motion = 100;
+  for (auto& [id, node] : bent.nodes) {
+    if (node.payload == nullptr || !std::holds_alternative<PackedScan>(*node.payload)) continue;
+    PackedScan scan = std::get<PackedScan>(*node.payload);
+    auto geometry = std::make_shared<ScanGeometry>(*scan.geometry);
+    geometry->first_ray_s = -0.02;
+    geometry->ray_step_s = 1e-4;
+    scan.geometry = geometry;
+    scan.motion = {motion, static_cast<std::int16_t>(-motion), static_cast<std::int16_t>(7 * motion)};
+    ++motion;
+    node.payload = std::make_shared<const Payload>(scan);
+  }
+  ASSERT_GT(motion, 100);
+  for (auto& [id, submap] : bent.submaps)
+    if (submap.frozen) submap.content = content_hash(submap, bent.nodes);
+  EXPECT_NE(content_hash(bent), content_hash(plain));
+  const std::string bytes = encode(difference({}, bent)), before = encode(difference({}, plain));
+  EXPECT_EQ(bytes[bytes.find('\x08') + 1], 5);
+  EXPECT_EQ(before[before.find('\x08') + 1], 1) << "older programs read what has no sweep";
+  EXPECT_EQ(content_hash(map_of(decode_map_update(bytes, "here"))), content_hash(bent));
+  EXPECT_EQ(encode(difference({}, map_of(decode_map_update(bytes, "here")))), bytes);
+}
+
 TEST(Codec, spends_little_on_a_planar_node_beside_its_ranges) {
   MapUpdate update;
   RandomMaps random(2);
@@ -201,7 +227,7 @@ TEST(Codec, refuses_a_newer_form_and_says_so) {
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
     EXPECT_THAT(error.what(),
-                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 4"), HasSubstr("newer mapweave")));
+                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 5"), HasSubstr("newer mapweave")));
   }
 }
 

@@ -111,7 +111,7 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
-Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd> body) { return {RobotId("alpha"), 7, {123456789}, std::move(body)}; }
+Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body) { return {RobotId("alpha"), 7, {123456789}, std::move(body)}; }
 
 PackedScan small_scan() {
   ScanGeometry geometry{-1.0, 0.5, 4, 30.0, 0.001, {}};
@@ -136,6 +136,58 @@ TEST(Exchange, keeps_what_robots_sense) {
   ASSERT_TRUE(end.trouble);
   EXPECT_EQ(end.trouble->code(), trouble.code());
   EXPECT_STREQ(end.trouble->what(), trouble.what());
+}
+
+TEST(Exchange, keeps_how_a_scan_was_bent_and_costs_nothing_where_it_was_not) {
+  const PackedScan plain = small_scan();
+  PackedScan bent = plain;
+  auto geometry = std::make_shared<ScanGeometry>(*plain.geometry);
+  geometry->first_ray_s = 0.05;
+  geometry->ray_step_s = -0.0125;
+  bent.geometry = geometry;
+  bent.motion = {500, -20, -1200};
+  const auto back = std::get<PackedScan>(decode_sensed(encode(sensed(bent)), "test").body);
+  EXPECT_EQ(*back.geometry, *bent.geometry);
+  EXPECT_EQ(back.motion, bent.motion);
+  EXPECT_EQ(encode(sensed(bent)).substr(0, 2), "\x08\x05");
+  EXPECT_EQ(encode(sensed(plain)).substr(0, 2), "\x08\x03") << "older programs read what has no sweep";
+  EXPECT_EQ(std::get<InertialYaw>(decode_sensed(encode(sensed(InertialYaw{-7.25})), "test").body).yaw_rad, -7.25);
+  EXPECT_THROW(encode(sensed(InertialYaw{std::nan("")})), ContractViolation);
+  bent.geometry = plain.geometry;
+  EXPECT_THROW(encode(sensed(bent)), ContractViolation) << "a motion, and no time in which it bends";
+  geometry = std::make_shared<ScanGeometry>(*geometry);
+  geometry->first_ray_s = 11.0;
+  bent.geometry = geometry;
+  EXPECT_THROW(encode(sensed(bent)), ContractViolation);
+}
+
+// The bytes of a number, exchanged for those of another.
+std::string exchanged(std::string bytes, double from, double to) {
+  const std::string before(reinterpret_cast<const char*>(&from), sizeof from), after(reinterpret_cast<const char*>(&to), sizeof to);
+  const auto at = bytes.find(before);
+  EXPECT_NE(at, std::string::npos);
+  return bytes.replace(at, before.size(), after);
+}
+
+TEST(Exchange, refuses_sweeps_and_motions_that_cannot_be) {
+  PackedScan bent = small_scan();
+  auto geometry = std::make_shared<ScanGeometry>(*bent.geometry);
+  geometry->first_ray_s = 0.05;
+  geometry->ray_step_s = -0.0125;
+  bent.geometry = geometry;
+  bent.motion.x_mm_s = 32000;
+  const std::string bytes = encode(sensed(bent));
+  for (const double absurd : {std::nan(""), HUGE_VAL, -HUGE_VAL, 10.5, -1e300}) {
+    EXPECT_THROW(decode_sensed(exchanged(bytes, 0.05, absurd), "test"), Error) << absurd;
+    EXPECT_THROW(decode_sensed(exchanged(bytes, -0.0125, absurd), "test"), Error) << absurd;
+  }
+  EXPECT_THROW(decode_sensed(exchanged(exchanged(bytes, 0.05, 0.0), -0.0125, 0.0), "test"), Error) << "a motion without a sweep";
+  std::string fast = bytes;
+  const auto at = fast.find("\x18\x80\xF4\x03");  // 32 m/s
+  ASSERT_NE(at, std::string::npos);
+  fast.replace(at, 4, "\x18\xFF\xFF\x7F");  // 1049 m/s
+  EXPECT_THROW(decode_sensed(fast, "test"), Error);
+  EXPECT_THROW(decode_sensed(exchanged(encode(sensed(InertialYaw{-7.25})), -7.25, std::nan("")), "test"), Error);
 }
 
 TEST(Exchange, refuses_to_sense_what_cannot_be) {

@@ -53,5 +53,56 @@ TEST(PointsInRobot, expects_as_many_ranges_as_rays) {
   EXPECT_THROW(points_in_robot(scan), ContractViolation);
 }
 
+// A quarter turn per second to the left while the laser turns once around in a second, from behind the right hand side.
+TEST(PointsInRobot, straightens_what_the_robots_turn_bent) {
+  PackedScan scan = four_ways({});
+  auto geometry = std::make_shared<ScanGeometry>(*scan.geometry);
+  geometry->first_ray_s = -0.25;
+  geometry->ray_step_s = 0.25;
+  scan.geometry = geometry;
+  scan.motion = sweep_motion({0.0, 0.0, 0.4});
+  const auto points = points_in_robot(scan);
+  ASSERT_EQ(points.size(), 4U);
+  EXPECT_NEAR(std::atan2(points[0].y, points[0].x), -0.1, 1e-4) << "measured a quarter of a second before the stamp";
+  EXPECT_NEAR(std::atan2(points[1].y, points[1].x), M_PI / 2, 1e-4) << "measured at the stamp";
+  EXPECT_NEAR(std::atan2(points[3].y, points[3].x), -M_PI / 2 + 0.2, 1e-4);
+  EXPECT_NEAR(std::hypot(points[3].x, points[3].y), 4.0, 1e-5);
+}
+
+TEST(PointsInRobot, straightens_what_the_robots_drive_bent) {
+  PackedScan scan = four_ways(spatial(Pose2(0.5, 0.0, 0.0)));
+  auto geometry = std::make_shared<ScanGeometry>(*scan.geometry);
+  geometry->ray_step_s = -0.1;  // the last ray first
+  geometry->first_ray_s = 0.3;
+  scan.geometry = geometry;
+  scan.motion = sweep_motion({2.0, -1.0, 0.0});
+  const auto points = points_in_robot(scan);
+  EXPECT_NEAR(points[0].x, 1.5 + 0.6, 1e-5);
+  EXPECT_NEAR(points[0].y, -0.3, 1e-5);
+  EXPECT_NEAR(points[3].x, 0.5, 1e-5) << "measured at the stamp";
+}
+
+TEST(PointsInRobot, leaves_the_scans_of_a_robot_that_stands_still_as_they_are) {
+  const PackedScan plain = four_ways({});
+  PackedScan swept = plain;
+  auto geometry = std::make_shared<ScanGeometry>(*plain.geometry);
+  geometry->ray_step_s = 0.25;
+  swept.geometry = geometry;
+  const auto expected = points_in_robot(plain), points = points_in_robot(swept);
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_EQ(points[i].x, expected[i].x);
+    EXPECT_EQ(points[i].y, expected[i].y);
+  }
+}
+
+TEST(SweepMotion, drives_along_an_arc) {
+  const SweepMotion motion = sweep_motion({1.0, 0.0, 1.0});
+  const Pose2 end = moved(motion, 0.2);
+  EXPECT_NEAR(end.x, std::sin(0.2), 2e-3);
+  EXPECT_NEAR(end.y, 1.0 - std::cos(0.2), 2e-3);
+  EXPECT_NEAR(end.phi, 0.2, 1e-9);
+  EXPECT_EQ(sweep_motion({1e9, -1e9, 0.0004}), (SweepMotion{32000, -32000, 0}));
+}
+
 }  // namespace
 }  // namespace mapweave

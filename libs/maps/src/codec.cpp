@@ -9,7 +9,7 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion = 4;           // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points
+constexpr std::uint32_t kVersion = 5;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps
 constexpr std::uint32_t kJudgementVersion = 1;  // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
@@ -92,11 +92,14 @@ void collect(SessionTable& sessions, const LandmarkChange& change) { collect_sig
 
 // The oldest that says it all: what older programs can read, they may.
 std::uint32_t version_of(const MapUpdate& update) {
-  bool has_keyframes = false, has_dense = false;
+  bool has_keyframes = false, has_dense = false, has_sweeps = false;
   for (const Node& node : update.nodes)
-    if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
+    if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
+      has_sweeps = has_sweeps || scan->geometry->has_sweep();
+    else if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
       has_keyframes = true, has_dense = has_dense || can_be_dense(keyframe->points);
   const bool has_landmarks = !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
+  if (has_sweeps) return 5;
   if (has_dense) return 4;
   if (!update.borrowed.empty()) return 3;
   return has_keyframes || has_landmarks ? 2 : 1;

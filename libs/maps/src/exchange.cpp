@@ -7,7 +7,8 @@
 namespace mapweave {
 namespace {
 
-constexpr std::uint32_t kVersion = 4, kSensedVersion = 3, kDenseVersion = 2;  // 1 knows no dense points, 2 nothing sensed, 3 no reports
+// 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units.
+constexpr std::uint32_t kVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
@@ -51,7 +52,10 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
 }
 
 std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  form.set_version(form.has_map_report()                             ? kVersion
+  const auto& sensed = form.sensed();
+  const bool sweeps = sensed.geometry().first_ray_s() != 0.0 || sensed.geometry().ray_step_s() != 0.0;
+  form.set_version(form.has_map_report()                             ? kReportVersion
+                   : sweeps || sensed.has_inertial_yaw_rad()         ? kVersion
                    : form.has_sensed()                               ? kSensedVersion
                    : form.place_request().features().dense().empty() ? 1
                                                                      : kDenseVersion);
@@ -191,11 +195,15 @@ std::string encode(const Sensed& sensed) {
   content.set_stamp_ns(sensed.stamp.ns);
   if (const auto* scan = std::get_if<PackedScan>(&sensed.body)) {
     expect_sound(Node{{}, {}, {}, std::make_shared<const Payload>(*scan)});
+    expect_sound(*scan->geometry);
     *content.mutable_geometry() = form_of(*scan->geometry);
-    content.mutable_scan()->set_ranges(packed(scan->ranges));
+    fill_measured(*content.mutable_scan(), *scan);
   } else if (const auto* odometry = std::get_if<Pose3>(&sensed.body)) {
     expect_sound(*odometry);
     *content.mutable_odometry() = form_of(*odometry);
+  } else if (const auto* inertial = std::get_if<InertialYaw>(&sensed.body)) {
+    MAPWEAVE_EXPECT(std::isfinite(inertial->yaw_rad), "only sound values are sent: a heading is not finite");
+    content.set_inertial_yaw_rad(inertial->yaw_rad);
   } else {
     auto& end = *content.mutable_end();
     if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) {
@@ -287,6 +295,10 @@ Sensed decode_sensed(std::string_view bytes, const std::string& where) {
   switch (content.body_case()) {
     case form::Sensed::kScan: reader.take_geometry(content.geometry()), sensed.body = reader.scan(content.scan()); break;
     case form::Sensed::kOdometry: sensed.body = reader.pose(content.odometry()); break;
+    case form::Sensed::kInertialYawRad:
+      if (!std::isfinite(content.inertial_yaw_rad())) reader.corrupt("a heading that is not finite");
+      sensed.body = InertialYaw{content.inertial_yaw_rad()};
+      break;
     case form::Sensed::kEnd:
       if (content.end().code() > 1 + static_cast<std::uint32_t>(ErrorCode::kInternal)) reader.corrupt("an error of no known kind");
       if (content.end().code() > 0)

@@ -25,6 +25,7 @@ class SessionTable {
 
 form::Session form_of(const SessionId&);
 form::ScanGeometry form_of(const ScanGeometry&);
+void fill_measured(form::Scan&, const PackedScan&);  // all but the place of its geometry
 form::CameraGeometry form_of(const CameraGeometry&);
 
 // The geometries that the scans, or the keyframes, of a message share, in order of first use; alike ones (bit for bit) are one.

@@ -22,6 +22,11 @@ void add_payload(Hasher& hasher, const PackedScan& scan) {
   hasher.add(geometry.max_range_m).add(geometry.range_unit_m);
   add_pose(hasher, geometry.robot_from_laser);
   hasher.add(packed(scan.ranges));
+  // What has no sweep has the hash that it had before sweeps were known.
+  if (geometry.has_sweep()) {
+    hasher.add("sweep").add(geometry.first_ray_s).add(geometry.ray_step_s);
+    hasher.add(std::int64_t{scan.motion.x_mm_s}).add(std::int64_t{scan.motion.y_mm_s}).add(std::int64_t{scan.motion.yaw_mrad_s});
+  }
 }
 
 void add_payload(Hasher& hasher, const OccupancyGrid& grid) {

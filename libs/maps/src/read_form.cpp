@@ -51,6 +51,8 @@ void FormReader::take_geometry(const form::ScanGeometry& form) {
   geometry.max_range_m = form.max_range_m();
   geometry.range_unit_m = form.range_unit_m();
   geometry.robot_from_laser = pose(form.robot_from_laser());
+  geometry.first_ray_s = form.first_ray_s();
+  geometry.ray_step_s = form.ray_step_s();
   require_sound(geometry);
   geometries_.push_back(std::make_shared<const ScanGeometry>(geometry));
 }
@@ -135,7 +137,13 @@ PackedScan FormReader::scan(const form::Scan& form) const {
   if (form.ranges().size() != std::size_t{2} * geometry->ray_count)
     corrupt("a scan of " + std::to_string(form.ranges().size()) + " bytes; " + std::to_string(geometry->ray_count) +
             " rays need twice as many");
-  return {geometry, unpacked<std::uint16_t>(form.ranges())};
+  const auto thousandths = [&](std::int32_t number) {
+    if (number < -32768 || number > 32767) corrupt("a robot that moves faster than 32 m/s or 32 rad/s");
+    return static_cast<std::int16_t>(number);
+  };
+  const SweepMotion motion{thousandths(form.x_mm_s()), thousandths(form.y_mm_s()), thousandths(form.yaw_mrad_s())};
+  if (!motion.is_zero() && !geometry->has_sweep()) corrupt("a scan has a motion, and its laser no sweep");
+  return {geometry, unpacked<std::uint16_t>(form.ranges()), motion};
 }
 
 OccupancyGrid FormReader::grid(const form::Grid& form) const {

@@ -18,10 +18,11 @@ inline bool same(const Eigen::Matrix<double, 6, 6>& a, const Eigen::Matrix<doubl
 }
 inline bool same(const ScanGeometry& a, const ScanGeometry& b) {
   return same(a.first_angle_rad, b.first_angle_rad) && same(a.angle_step_rad, b.angle_step_rad) && a.ray_count == b.ray_count &&
-         same(a.max_range_m, b.max_range_m) && same(a.range_unit_m, b.range_unit_m) && same(a.robot_from_laser, b.robot_from_laser);
+         same(a.max_range_m, b.max_range_m) && same(a.range_unit_m, b.range_unit_m) && same(a.robot_from_laser, b.robot_from_laser) &&
+         same(a.first_ray_s, b.first_ray_s) && same(a.ray_step_s, b.ray_step_s);
 }
 inline bool same(const PackedScan& a, const PackedScan& b) {
-  return (a.geometry == b.geometry || same(*a.geometry, *b.geometry)) && a.ranges == b.ranges;
+  return (a.geometry == b.geometry || same(*a.geometry, *b.geometry)) && a.ranges == b.ranges && a.motion == b.motion;
 }
 inline bool same(const OccupancyGrid& a, const OccupancyGrid& b) {
   return same(a.resolution_m, b.resolution_m) && same(a.origin_x_m, b.origin_x_m) && same(a.origin_y_m, b.origin_y_m) &&

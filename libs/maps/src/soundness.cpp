@@ -21,6 +21,7 @@ std::string flaw(const PackedScan& scan) {
   if (scan.geometry == nullptr) return "a scan has no geometry";
   if (scan.ranges.size() != scan.geometry->ray_count)
     return "a scan has " + std::to_string(scan.ranges.size()) + " ranges; its geometry says " + std::to_string(scan.geometry->ray_count);
+  if (!scan.motion.is_zero() && !scan.geometry->has_sweep()) return "a scan has a motion, and its laser no sweep";
   return {};
 }
 
@@ -97,6 +98,9 @@ std::string flaw(const ScanGeometry& geometry) {
     return "a laser has " + std::to_string(geometry.ray_count) + " rays; 1 to " + std::to_string(kMostRays) + " are expected";
   if (!(std::isfinite(geometry.max_range_m) && geometry.max_range_m > 0.0)) return "a laser's largest range is not a positive number";
   if (!(std::isfinite(geometry.range_unit_m) && geometry.range_unit_m > 0.0)) return "a laser's unit of range is not a positive number";
+  // NaN is no number below a limit.
+  if (!(std::abs(geometry.first_ray_s) <= kLongestSweep_s && std::abs(geometry.ray_time_s(geometry.ray_count - 1)) <= kLongestSweep_s))
+    return "a laser's rays are not measured within " + std::to_string(static_cast<int>(kLongestSweep_s)) + " s of the stamp";
   return flaw(geometry.robot_from_laser);
 }
 

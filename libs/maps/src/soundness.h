@@ -7,6 +7,7 @@
 namespace mapweave {
 
 inline constexpr std::uint32_t kMostRays = 100000;
+inline constexpr double kLongestSweep_s = 10.0;  // from a scan's stamp to any of its rays
 inline constexpr std::int32_t kMostGridSide = 100000;
 inline constexpr std::int64_t kMostGridCells = std::int64_t{1} << 27;
 inline constexpr std::size_t kMostHypotheses = 1000;

@@ -75,7 +75,7 @@ void fill(form::ConstraintId& form, const ConstraintId& id, const SessionTable& 
 
 void fill(form::Scan& form, const PackedScan& scan, const Geometries& geometries) {
   form.set_geometry(geometries.lasers.place(scan.geometry));
-  form.set_ranges(packed(scan.ranges));
+  fill_measured(form, scan);
 }
 
 void fill(form::Grid& form, const OccupancyGrid& grid) {
@@ -143,7 +143,16 @@ form::ScanGeometry form_of(const ScanGeometry& geometry) {
   form.set_max_range_m(geometry.max_range_m);
   form.set_range_unit_m(geometry.range_unit_m);
   fill(*form.mutable_robot_from_laser(), geometry.robot_from_laser);
+  form.set_first_ray_s(geometry.first_ray_s);
+  form.set_ray_step_s(geometry.ray_step_s);
   return form;
+}
+
+void fill_measured(form::Scan& form, const PackedScan& scan) {
+  form.set_ranges(packed(scan.ranges));
+  form.set_x_mm_s(scan.motion.x_mm_s);
+  form.set_y_mm_s(scan.motion.y_mm_s);
+  form.set_yaw_mrad_s(scan.motion.yaw_mrad_s);
 }
 
 form::CameraGeometry form_of(const CameraGeometry& camera) {

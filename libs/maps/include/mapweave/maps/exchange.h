@@ -68,12 +68,17 @@ struct StreamEnd {
   std::optional<Error> trouble;  // why it ended early; empty at the end of the log
 };
 
-// Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), or the end.
+// Heading by an inertial unit, accumulated since any start.
+struct InertialYaw {
+  double yaw_rad = 0.0;  // not wrapped
+};
+
+// Robot -> edge: one scan, one pose of the wheels (odometry_from_robot), one heading of the inertial unit, or the end.
 struct Sensed {
   RobotId robot;
   std::uint64_t sequence = 0;  // counts from 1
   Stamp stamp;                 // of the end: nothing
-  std::variant<PackedScan, Pose3, StreamEnd> body;
+  std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body;
 };
 
 // Edge -> coordinator: a robot's map so far.
