@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <mapweave/matching/wall_point.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace mapweave::matching {
@@ -55,6 +56,37 @@ TEST(WallPoints, turn_with_the_frame) {
   EXPECT_NEAR(turned[0].x, 1.0, 1e-6);
   EXPECT_NEAR(turned[0].y, 3.0, 1e-6);
   EXPECT_NEAR(turned[0].normal_y, -1.0, 1e-6);
+}
+
+// Things of 4 cm, such as the legs of tables, with a point every centimetre.
+std::vector<WallPoint> row_of_legs(bool from_the_left) {
+  std::vector<WallPoint> points;
+  for (int leg = -5; leg <= 5; ++leg)
+    for (int i = -2; i <= 2; ++i) points.push_back({0.5F * static_cast<float>(leg) + 0.01F * static_cast<float>(i), 2.0F, 0.0F, -1.0F});
+  if (from_the_left) std::reverse(points.begin(), points.end());
+  return points;
+}
+double middle_of(const std::vector<WallPoint>& points) {
+  double sum = 0.0;
+  for (const auto& p : points) sum += p.x;
+  return sum / static_cast<double>(points.size());
+}
+
+TEST(ThinnedEvenly, shifts_nothing_to_the_side_that_the_laser_saw_first) {
+  for (const bool from_the_left : {false, true}) {
+    const auto points = thinned_evenly(row_of_legs(from_the_left), 0.05, 180);
+    EXPECT_EQ(points.size(), 11U);
+    EXPECT_NEAR(middle_of(points), 0.0, 1e-6);
+    EXPECT_NEAR(std::abs(middle_of(thinned(row_of_legs(from_the_left), 0.05, 180))), 0.02, 1e-6) << "as the other one does";
+  }
+}
+
+TEST(ThinnedEvenly, keeps_points_apart_and_no_more_than_asked_for) {
+  const auto points = thinned_evenly(wall_points(square_room(0.0)), 0.1, 1000);
+  EXPECT_GT(points.size(), 60U);
+  for (std::size_t i = 1; i < points.size(); ++i)
+    EXPECT_GT(std::hypot(points[i].x - points[i - 1].x, points[i].y - points[i - 1].y), 0.04);
+  EXPECT_EQ(thinned_evenly(wall_points(square_room(0.0)), 0.1, 20).size(), 20U);
 }
 
 }  // namespace

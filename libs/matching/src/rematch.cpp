@@ -91,7 +91,9 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       return nearest;
     };
     for (const Node* node : asked[i]) {
-      const auto points = thinned(wall_points(std::get<PackedScan>(*node->payload), 0.0, kFarthestWall_m), 0.05, kPoints);
+      const auto& scan = std::get<PackedScan>(*node->payload);
+      const auto all = wall_points(scan, 0.0, kFarthestWall_m);
+      const auto points = scan.geometry->has_sweep() ? thinned_evenly(all, 0.05, kPoints) : thinned(all, 0.05, kPoints);
       if (points.size() < 20) continue;
       // From the submap's member nearest to the node, not from its anchor: belief may bend a submap that is frozen straight.
       const Pose2 here = planar(node->map_from_node);

@@ -12,6 +12,15 @@ constexpr std::size_t kMostSteps = 10;
 
 float square_distance(const ScanPoint& a, const ScanPoint& b) { return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y); }
 
+// Spread evenly over all.
+std::vector<WallPoint> at_most(std::vector<WallPoint> points, std::size_t most) {
+  if (points.size() <= most) return points;
+  std::vector<WallPoint> even;
+  even.reserve(most);
+  for (std::size_t i = 0; i < most; ++i) even.push_back(points[i * points.size() / most]);
+  return even;
+}
+
 }  // namespace
 
 std::vector<WallPoint> wall_points(const PackedScan& scan, double min_range_m, double max_range_m) {
@@ -63,11 +72,30 @@ std::vector<WallPoint> thinned(const std::vector<WallPoint>& points, double cell
     }
     if (!near) kept.push_back(p);
   }
-  if (kept.size() <= most) return kept;
-  std::vector<WallPoint> even;
-  even.reserve(most);
-  for (std::size_t i = 0; i < most; ++i) even.push_back(kept[i * kept.size() / most]);
-  return even;
+  return at_most(std::move(kept), most);
+}
+
+std::vector<WallPoint> thinned_evenly(const std::vector<WallPoint>& points, double cell_m, std::size_t most) {
+  MAPWEAVE_EXPECT(cell_m > 0 && most > 0, "thinning needs a cell size and room for points");
+  struct Run {
+    std::size_t first, count;
+  };
+  std::vector<Run> runs;
+  const double square = cell_m * cell_m;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    bool near = false;
+    for (std::size_t back = 1; back <= 3 && back <= runs.size() && !near; ++back) {
+      Run& run = runs[runs.size() - back];
+      const double dx = points[i].x - points[run.first].x, dy = points[i].y - points[run.first].y;
+      near = dx * dx + dy * dy < square;
+      if (near && back == 1) ++run.count;
+    }
+    if (!near) runs.push_back({i, 1});
+  }
+  std::vector<WallPoint> kept;
+  kept.reserve(runs.size());
+  for (const Run& run : runs) kept.push_back(points[run.first + (run.count - 1) / 2]);
+  return at_most(std::move(kept), most);
 }
 
 }  // namespace mapweave::matching

@@ -28,5 +28,8 @@ std::vector<WallPoint> placed(const Pose2& pose, std::vector<WallPoint> points);
 
 // Points thinned to one a `cell_m` cell (the first in ray order) and at most `most` of them, spread evenly.
 std::vector<WallPoint> thinned(const std::vector<WallPoint>& points, double cell_m, std::size_t most);
+// The same with the middle one of each cell's run instead of the first: first ones lie all on one side of what they hit, which turns a scan
+// of small things by up to a degree in ten metres of path.
+std::vector<WallPoint> thinned_evenly(const std::vector<WallPoint>& points, double cell_m, std::size_t most);
 
 }  // namespace mapweave::matching
