@@ -54,6 +54,29 @@ TEST(LaserSensor, answers_nothing_beyond_its_range) {
   EXPECT_EQ(static_cast<std::size_t>(options.rays), ranges.size());
 }
 
+TEST(LaserSensor, casts_each_ray_from_where_the_robot_is_at_its_time) {
+  const RayCaster room(square_room().walls);
+  LaserOptions options = perfect_laser();
+  options.sweep_s = 0.2;
+  options.sweep_stamp = 0.5;
+  const auto driving = [](double after_s) { return Pose2(1.0 + 2.0 * after_s, 0.5, 0.0); };
+  const auto ranges = LaserSensor(room, options).swept_scan(driving, {}, numbers(0));
+  EXPECT_NEAR(ranges[90], 4.0, 1e-5) << "ahead, in the middle of the sweep";
+  EXPECT_NEAR(ranges[0], 5.5, 1e-5);
+  EXPECT_NEAR(ranges[120], (5.0 - (1.0 + 2.0 * 0.2 / 6.0)) / std::cos(M_PI / 6.0), 1e-5) << "to the left, a sixth of the sweep later";
+  options.clockwise = true;
+  const auto clockwise = LaserSensor(room, options).swept_scan(driving, {}, numbers(0));
+  EXPECT_NEAR(clockwise[120], (5.0 - (1.0 - 2.0 * 0.2 / 6.0)) / std::cos(M_PI / 6.0), 1e-5);
+}
+
+TEST(LaserSensor, sees_the_same_of_a_robot_that_stands_however_long_it_takes) {
+  const RayCaster room(square_room().walls);
+  LaserOptions slow;
+  slow.sweep_s = 0.5;
+  EXPECT_EQ(LaserSensor(room, slow).swept_scan([](double) { return Pose2(1.0, 0.5, 0.3); }, {}, numbers(3)),
+            LaserSensor(room, LaserOptions{}).scan(Pose2(1.0, 0.5, 0.3), {}, numbers(3)));
+}
+
 TEST(LaserSensor, sees_people_before_walls_and_never_itself) {
   const RayCaster room(square_room().walls);
   const LaserSensor laser(room, perfect_laser());

@@ -336,7 +336,10 @@ std::optional<SimulatedStep> Recording::next() {
     std::vector<Disc> moving;
     for (const Body& body : state.bodies_around(robot_, state.seconds(ticks)))
       moving.push_back({{body.world_from_body.x, body.world_from_body.y}, body.radius_m});
-    step.ranges = laser.scan(step.world_from_robot, moving, noise.at(step_));
+    const Trajectory& trajectory = state.trajectories[robot_];
+    step.ranges = laser.options().sweep_s > 0.0
+                      ? laser.swept_scan([&](double after_s) { return trajectory.at(seconds + after_s); }, moving, noise.at(step_))
+                      : laser.scan(step.world_from_robot, moving, noise.at(step_));
     if (is_carried) std::fill(step.ranges.begin(), step.ranges.end(), 0.0f);  // its laser is covered
   }
   ++step_;

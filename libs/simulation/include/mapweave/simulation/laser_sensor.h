@@ -5,6 +5,7 @@
 #include <mapweave/simulation/ray_caster.h>
 
 #include <cmath>
+#include <functional>
 #include <vector>
 
 namespace mapweave::simulation {
@@ -17,6 +18,9 @@ struct LaserOptions {
   double x_m = 0.0, y_m = 0.0, yaw_deg = 0.0;
   double noise_m = 0.01;
   double noise_per_m = 0.001;
+  double sweep_s = 0.0;
+  bool clockwise = false;
+  double sweep_stamp = 0.0;
   double outliers = 0.001;
   double dropouts = 0.002;
   template <class Visitor>
@@ -30,11 +34,18 @@ struct LaserOptions {
     v.number("yaw_deg", yaw_deg, -180.0, 180.0, "turned counter-clockwise");
     v.number("noise_m", noise_m, 0.0, 1.0, "standard deviation of a range");
     v.number("noise_per_m", noise_per_m, 0.0, 0.2, "and what each metre of range adds to it");
+    v.number("sweep_s", sweep_s, 0.0, 5.0,
+             "time from the first measured ray to the last: scans of a moving robot are bent; 0: all rays at once");
+    v.flag("clockwise", clockwise, "the leftmost ray is measured first");
+    v.fraction("sweep_stamp", sweep_stamp,
+               "the part of the sweep that is over at a scan's stamp; 0: the first measured ray, 1: the last one");
     v.fraction("outliers", outliers, "share of rays that end anywhere before the wall");
     v.fraction("dropouts", dropouts, "share of rays that see nothing");
   }
   double first_angle_rad() const { return -0.5 * field_of_view_deg * (M_PI / 180.0); }  // in the laser's frame
   double angle_step_rad() const { return field_of_view_deg * (M_PI / 180.0) / (rays - 1); }
+  double first_ray_s() const { return sweep_s * ((clockwise ? 1.0 : 0.0) - sweep_stamp); }  // of ray 0, after the stamp
+  double ray_step_s() const { return (clockwise ? -sweep_s : sweep_s) / (rays - 1); }
   Pose2 robot_from_laser() const { return {x_m, y_m, yaw_deg * (M_PI / 180.0)}; }
 };
 
@@ -50,11 +61,17 @@ class LaserSensor {
   LaserSensor(const RayCaster& building, const LaserOptions& options);
   // Ranges in metres, ray by ray counter-clockwise; 0: no return. A disc that covers the laser itself is not seen.
   std::vector<float> scan(const Pose2& world_from_robot, const std::vector<Disc>& moving, RandomNumbers noise) const;
+  // The same of a robot on its way, ray by ray from where it is at that time; `world_from_robot`: by seconds after the stamp. What moves
+  // besides stands still meanwhile.
+  std::vector<float> swept_scan(const std::function<Pose2(double)>& world_from_robot, const std::vector<Disc>& moving,
+                                RandomNumbers noise) const;
   const LaserOptions& options() const { return options_; }
 
  private:
   const RayCaster* building_;
   LaserOptions options_;
+  float range(const Pose2& world_from_robot, std::size_t ray, const std::vector<Disc>& in_view, RandomNumbers& noise) const;
+  std::vector<Disc> in_view(const Pose2& world_from_robot, const std::vector<Disc>& moving) const;
   std::vector<Point2> directions_;  // of the rays, in the robot's frame
 };
 
