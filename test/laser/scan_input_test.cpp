@@ -211,5 +211,78 @@ TEST(ScanPacker, believes_in_no_laser_that_sees_for_kilometres_or_stands_far_off
   EXPECT_EQ(pack.unusable(), 1U);
 }
 
+TEST(ScanPacker, knows_of_no_sweep_unless_it_is_given) {
+  ScanPacker automatic;
+  EXPECT_FALSE(packed(automatic, make_scan()).geometry->has_sweep());
+  ScanInputOptions options;
+  options.sweep = SweepSource::none;
+  options.sweep_s = 0.06;
+  ScanPacker none(options);
+  EXPECT_FALSE(packed(none, make_scan()).geometry->has_sweep());
+}
+
+TEST(ScanPacker, times_each_ray_as_the_options_say) {
+  ScanInputOptions options;
+  options.sweep = SweepSource::given;
+  options.sweep_s = 0.06;
+  ScanPacker first(options);
+  const auto along = packed(first, make_scan(7)).geometry;
+  EXPECT_NEAR(along->ray_time_s(0), 0.0, 1e-12);
+  EXPECT_NEAR(along->ray_time_s(6), 0.06, 1e-12);
+  options.sweep_order = SweepOrder::against_rays;
+  options.sweep_stamp = 1.0;
+  ScanPacker second(options);
+  const auto against = packed(second, make_scan(7)).geometry;
+  EXPECT_NEAR(against->ray_time_s(0), 0.0, 1e-12) << "the last one measured, at the stamp";
+  EXPECT_NEAR(against->ray_time_s(6), -0.06, 1e-12);
+}
+
+mrpt::obs::CObservationIMU::Ptr unit(double rate_rad_s, const std::string& label = "IMU") {
+  auto reading = mrpt::obs::CObservationIMU::Create();
+  reading->sensorLabel = label;
+  reading->set(mrpt::obs::IMU_WX, 0.0);
+  reading->set(mrpt::obs::IMU_WY, 0.0);
+  reading->set(mrpt::obs::IMU_WZ, rate_rad_s);
+  return reading;
+}
+
+// The last heading told of a unit that is read a hundred times a second.
+double heading_after_a_second(ScanPacker& pack, const mrpt::obs::CObservationIMU::Ptr& reading, int& told) {
+  double yaw_rad = 0.0;
+  for (int i = 0; i <= 100; ++i) {
+    const auto input = pack(record(reading, i * 10'000'000LL));
+    if (!input) continue;
+    ++told;
+    yaw_rad = std::get<InertialInput>(*input).yaw_rad;
+  }
+  return yaw_rad;
+}
+
+TEST(ScanPacker, sums_up_the_turns_of_an_inertial_unit_and_tells_them_not_too_often) {
+  ScanPacker pack;
+  int told = 0;
+  EXPECT_NEAR(heading_after_a_second(pack, unit(0.5), told), 0.5, 0.02);
+  EXPECT_GE(told, 20);
+  EXPECT_LE(told, 26);
+  EXPECT_FALSE(pack(record(unit(0.5, "another"), 2'000'000'000LL))) << "the first unit's turns alone";
+}
+
+TEST(ScanPacker, turns_the_rates_of_an_inertial_unit_that_is_mounted_upside_down) {
+  auto reading = unit(0.5);
+  reading->sensorPose = mrpt::poses::CPose3D(0.0, 0.0, 0.0, 0.3, 0.0, M_PI);
+  ScanPacker pack;
+  int told = 0;
+  EXPECT_NEAR(heading_after_a_second(pack, reading, told), -0.5, 0.02);
+}
+
+TEST(ScanPacker, asks_no_inertial_unit_where_there_is_no_sweep) {
+  ScanInputOptions options;
+  options.sweep = SweepSource::none;
+  ScanPacker pack(options);
+  int told = 0;
+  heading_after_a_second(pack, unit(0.5), told);
+  EXPECT_EQ(told, 0);
+}
+
 }  // namespace
 }  // namespace mapweave::laser

@@ -22,6 +22,14 @@ inline std::shared_ptr<const ScanGeometry> scan_geometry(const simulation::Laser
   return std::make_shared<const ScanGeometry>(geometry);
 }
 
+// The same, and what it should know of the sweep.
+inline std::shared_ptr<const ScanGeometry> swept_geometry(const simulation::LaserOptions& laser) {
+  ScanGeometry geometry = *scan_geometry(laser);
+  geometry.first_ray_s = laser.first_ray_s();
+  geometry.ray_step_s = laser.ray_step_s();
+  return std::make_shared<const ScanGeometry>(geometry);
+}
+
 inline PackedScan packed(const std::vector<float>& ranges_m, std::shared_ptr<const ScanGeometry> geometry) {
   PackedScan scan{std::move(geometry), {}};
   scan.ranges.reserve(ranges_m.size());

@@ -21,9 +21,8 @@ inline Map truth_map(const simulation::SimulatedRobot& robot, const simulation::
   return laser::cut_into_submaps(MapId(robot.id.str()), session_of(robot), std::move(scans));
 }
 
-inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser, bool with_odometry = true,
+inline Map mapped(const simulation::SimulatedRobot& robot, const std::shared_ptr<const ScanGeometry>& geometry, bool with_odometry = true,
                   const laser::GraphMapperOptions& options = {}) {
-  const auto geometry = scan_geometry(laser);
   laser::GraphMapper mapper({robot.id, SensorId("laser")}, options);
   for (const auto& step : robot.steps) {
     if (with_odometry) mapper.add(laser::OdometryInput{step.stamp, spatial(step.odometry_from_robot)});
@@ -31,6 +30,10 @@ inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::Las
   }
   mapper.finish();
   return mapper.snapshot();
+}
+inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser, bool with_odometry = true,
+                  const laser::GraphMapperOptions& options = {}) {
+  return mapped(robot, scan_geometry(laser), with_odometry, options);
 }
 
 // Root mean square distance of the nodes from the truth, the first node laid on it. The map must hold one node per step.

@@ -12,7 +12,9 @@ std::unique_ptr<LaserMapper> make_laser_mapper(ClientId client, const LaserOptio
     case Engine::icp: return std::make_unique<ExternalMapper>(client, options.icp, options.external);
     case Engine::graph: break;
   }
-  return std::make_unique<GraphMapper>(client, options.graph);
+  GraphMapperOptions graph = options.graph;
+  if (options.scan.sweep != SweepSource::automatic) graph.sweep.estimate = false;
+  return std::make_unique<GraphMapper>(client, graph);
 }
 
 }  // namespace mapweave::laser

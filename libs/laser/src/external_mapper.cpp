@@ -102,6 +102,7 @@ void ExternalMapper::start(const std::string& program) {
 
 void ExternalMapper::add(const LaserInput& input) {
   MAPWEAVE_EXPECT(!finished_, "no input after finish()");
+  if (std::holds_alternative<InertialInput>(input)) return;
   const Stamp stamp = std::visit([](const auto& any) { return any.stamp; }, input);
   if (!first_stamp_) first_stamp_ = stamp;
   if (const auto* odometry = std::get_if<OdometryInput>(&input)) {

@@ -9,9 +9,10 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr double kLongestExtrapolation_s = 0.5;
 constexpr std::size_t kFewestPoints = 15;
 constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
+constexpr double kShortestMotion_s = 0.02, kLongestStep_s = 0.5;
+constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep
 constexpr double kClearlyBetter = 0.03;  // of the mean likelihood under the points
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
@@ -20,113 +21,181 @@ Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
 
+Stamp later(Stamp stamp, double seconds) { return {stamp.ns + std::llround(seconds * 1e9)}; }
+
 }  // namespace
-
-void OdometryTrack::add(Stamp stamp, const Pose2& odometry_from_robot) {
-  if (!readings_.empty() && !(readings_.back().first < stamp)) {
-    if (readings_.back().first == stamp) readings_.back().second = odometry_from_robot;
-    return;
-  }
-  readings_.emplace_back(stamp, odometry_from_robot);
-  if (readings_.size() > 64) readings_.pop_front();
-}
-
-std::optional<Pose2> OdometryTrack::at(Stamp stamp) const {
-  if (readings_.empty() || stamp < readings_.front().first) return std::nullopt;
-  const auto after =
-      std::lower_bound(readings_.begin(), readings_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
-  if (after != readings_.end() && after->first == stamp) return after->second;
-  const auto later = after != readings_.end() ? after : readings_.end() - 1;
-  if (after == readings_.end() && (readings_.size() < 2 || seconds_between(later->first, stamp) > kLongestExtrapolation_s)) {
-    return seconds_between(later->first, stamp) <= kLongestExtrapolation_s ? std::optional<Pose2>(later->second) : std::nullopt;
-  }
-  const auto earlier = later - 1;
-  const double span = seconds_between(earlier->first, later->first);
-  const double share = seconds_between(earlier->first, stamp) / span;
-  // Going on as before only where "before" is recent.
-  if (after == readings_.end() && span > kLongestExtrapolation_s) return later->second;
-  return compose(earlier->second, scaled(between(earlier->second, later->second), share));
-}
 
 void FrontEnd::add_odometry(const OdometryInput& odometry) { odometry_.add(odometry.stamp, planar(odometry.odometry_from_robot)); }
 
 Pose2 FrontEnd::predict(Stamp stamp, bool& from_odometry) const {
-  const auto odometry = odometry_.at(stamp);
+  const auto odometry = odometry_.at(taken_at(stamp));
   from_odometry = odometry.has_value() && last_odometry_.has_value();
   if (from_odometry) return between(*last_odometry_, *odometry);
   const double seconds = std::clamp(seconds_between(*last_stamp_, stamp), 0.0, 1.0);
   return scaled(last_motion_, seconds);
 }
 
-int FrontEnd::add_scan(const ScanInput& input, Map& map) {
+// Lasers whose sweep is not known keep the older thinning, and so their maps, byte for byte.
+std::vector<matching::WallPoint> FrontEnd::matched_points(const PackedScan& scan, const std::vector<matching::WallPoint>& all) const {
+  const auto most = static_cast<std::size_t>(options_.most_points);
+  return scan.geometry->has_sweep() ? matching::thinned_evenly(all, options_.thinning_m, most)
+                                    : matching::thinned(all, options_.thinning_m, most);
+}
+
+FrontEnd::Step FrontEnd::next_step(Stamp stamp) {
+  Step step;
+  step.motion = predict(stamp, step.from_odometry);
+  step.distance_m = std::hypot(step.motion.x, step.motion.y);
+  step.turn_rad = std::abs(step.motion.phi);
+  step.predicted = compose(local_from_last_, step.motion);
+  step.prior = {options_.odometry_sigma_m + options_.odometry_sigma_per_m * step.distance_m,
+                options_.odometry_sigma_yaw_rad + options_.odometry_sigma_yaw_per_rad * step.turn_rad};
+  if (step.from_odometry) {
+    heading_quality_.add_step(step.distance_m, step.motion.phi, step.prior.sigma_yaw_rad);
+    step.prior.sigma_yaw_rad *= heading_quality_.factor();
+  } else {
+    step.prior = {0.15 + 0.3 * step.distance_m, 0.1 + 0.3 * step.turn_rad};
+    heading_quality_.add_heading(std::nullopt);
+  }
+  return step;
+}
+
+FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, const Step& step) {
+  Matched result;
+  if (few.size() < kFewestPoints || active_.empty()) return result;
+  Active& against = active_.front();
+  against.field.settle();
+  const Pose2 guess = between(against.local_from_submap, step.predicted);
+  matching::SearchWindow window{options_.window_m + 0.25 * step.distance_m, options_.window_yaw_rad + 0.25 * step.turn_rad, 0.00873};
+  if (!step.from_odometry) {
+    window.radius_m += 0.2;
+    window.yaw_rad += 0.15;
+  }
+  window.radius_m = std::min(window.radius_m, 2.0);
+  const matching::PriorWeight loose{std::max(0.05, 2 * step.prior.sigma_m), std::max(0.06, 2 * step.prior.sigma_yaw_rad)};
+  auto coarse = matching::correlate(against.field, few, guess, window, loose);
+  if (coarse && coarse->at_border && coarse->score < 0.6) {
+    window.yaw_rad *= 2;
+    window.radius_m *= 1.5;
+    coarse = matching::correlate(against.field, few, guess, window, loose);
+  }
+  if (!coarse) return result;
+  result.coarse = coarse->field_from_scan;
+  // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
+  const double scale = std::sqrt(options_.point_information_scale);
+  const matching::PriorWeight relative{step.prior.sigma_m * scale, step.prior.sigma_yaw_rad * scale,
+                                       9.0 / options_.point_information_scale};
+  auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
+  // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that odometry is wrong.
+  const Pose2 shift = between(guess, coarse->field_from_scan);
+  if (step.from_odometry && (std::hypot(shift.x, shift.y) > kClearShift_m || std::abs(shift.phi) > kClearShift_rad)) {
+    const auto as_expected = matching::refine(against.field, few, guess, guess, &relative);
+    if (as_expected.inliers >= options_.min_inliers && as_expected.score > match.score - kClearlyBetter) match = as_expected;
+  }
+  if (match.inliers < options_.min_inliers) return result;
+  result.is_found = true;
+  result.submap_from_node = match.field_from_scan;
+  result.local_from_node = compose(against.local_from_submap, match.field_from_scan);
+  result.information = options_.point_information_scale * match.information;
+  const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-5, 2.5e-5, 7.6e-7).asDiagonal();  // 5 mm, 0.05 degrees
+  result.information = ((Eigen::Matrix3d::Identity() + result.information * floor).inverse() * result.information).eval();
+  result.information = (0.5 * (result.information + result.information.transpose())).eval();
+  return result;
+}
+
+// How good odometry is at headings is learned from matches that know nothing of it.
+void FrontEnd::learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) {
+  const Active& against = active_.front();
+  const auto free = matching::refine(against.field, few, submap_from_scan, {}, nullptr);
+  heading_quality_.add_heading(
+      free.inliers >= options_.min_inliers ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi) : std::nullopt);
+}
+
+double FrontEnd::needs_until_s(const ScanInput& input) const {
+  const ScanGeometry& geometry = *input.scan.geometry;
+  return std::max({geometry.ray_time_s(0), geometry.ray_time_s(geometry.ray_count - 1), 0.0}) - static_cast<double>(delay_ns_) * 1e-9;
+}
+
+Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
+  const ScanGeometry& geometry = *input.scan.geometry;
+  const double first_s = geometry.ray_time_s(0), last_s = geometry.ray_time_s(geometry.ray_count - 1);
+  // Shorter than this, readings do not resolve the motion.
+  const double middle_s = 0.5 * (first_s + last_s), half_s = std::max(kShortestMotion_s, 0.5 * std::abs(last_s - first_s));
+  const Stamp from = later(taken_at(input.stamp), middle_s - half_s), to = later(taken_at(input.stamp), middle_s + half_s);
+  Pose2 velocity = last_motion_;
+  const auto before = odometry_.at(from), after = odometry_.at(to);
+  if (before && after && from < to) {
+    const Pose2 motion = between(*before, *after);
+    velocity = scaled(motion, 0.5 / half_s);
+    // A robot drives along an arc, and the chord leaves at half of the turn.
+    const double turn = -velocity.phi * half_s;
+    velocity = {std::cos(turn) * velocity.x - std::sin(turn) * velocity.y, std::sin(turn) * velocity.x + std::cos(turn) * velocity.y,
+                velocity.phi};
+  }
+  if (inertial_.is_trusted())
+    if (const auto turn = inertial_.turn(from, to)) velocity.phi = *turn * 0.5 / half_s;
+  return is_finite(velocity) ? velocity : Pose2{};  // odometry may be absurd
+}
+
+// Where the match found that the robot moved otherwise than was taken for its motion during the sweep.
+std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
+                                                  const Matched& found) const {
+  const double seconds = seconds_between(*last_stamp_, input.stamp);
+  if (seconds < 1e-3 || seconds > kLongestStep_s) return std::nullopt;
+  const Pose2 moved = between(local_from_last_, found.local_from_node);
+  Pose2 better = velocity;
+  if (!step.from_odometry) {
+    better = scaled(moved, 1.0 / seconds);
+    if (inertial_.is_trusted()) better.phi = velocity.phi;
+  } else if (!inertial_.is_trusted()) {
+    const double missed = wrap_angle(moved.phi - step.motion.phi);
+    if (std::abs(missed) > 3.0 * step.prior.sigma_yaw_rad) better.phi += missed / seconds;
+  }
+  const ScanGeometry& geometry = *input.scan.geometry;
+  const double sweep_s = std::abs(geometry.ray_time_s(geometry.ray_count - 1) - geometry.ray_time_s(0));
+  const bool matters = std::abs(better.phi - velocity.phi) * sweep_s > kMatters_rad ||
+                       std::hypot(better.x - velocity.x, better.y - velocity.y) * sweep_s > kMatters_m;
+  return matters && is_finite(better) ? std::optional(better) : std::nullopt;
+}
+
+int FrontEnd::add_scan(const ScanInput& given, Map& map) {
+  ScanInput input = given;
+  const bool sweeps = input.scan.geometry->has_sweep();
+  Pose2 velocity;
+  if (sweeps) {
+    velocity = sweep_velocity(input);
+    input.scan.motion = sweep_motion(velocity);
+  }
   const NodeId id{session_, next_node_++};
   Node node{id, input.stamp, {}, nullptr};
-  const auto points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
-  const auto few = matching::thinned(points, options_.thinning_m, static_cast<std::size_t>(options_.most_points));
+  auto points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
+  auto few = matched_points(input.scan, points);
 
   bool inserted = false;
   int frozen = 0;
   if (!last_stamp_) {
     inserted = few.size() >= kFewestPoints;
   } else {
-    bool from_odometry = false;
-    const Pose2 motion = predict(input.stamp, from_odometry);
-    const double distance = std::hypot(motion.x, motion.y), turn = std::abs(motion.phi);
-    const Pose2 predicted = compose(local_from_last_, motion);
-    Pose2 local_from_node = predicted;
-    matching::PriorWeight prior{options_.odometry_sigma_m + options_.odometry_sigma_per_m * distance,
-                                options_.odometry_sigma_yaw_rad + options_.odometry_sigma_yaw_per_rad * turn};
-    if (from_odometry) {
-      heading_quality_.add_step(distance, motion.phi, prior.sigma_yaw_rad);
-      prior.sigma_yaw_rad *= heading_quality_.factor();
-    } else {
-      prior = {0.15 + 0.3 * distance, 0.1 + 0.3 * turn};
-      heading_quality_.add_heading(std::nullopt);
+    const Step step = next_step(input.stamp);
+    const bool from_odometry = step.from_odometry;
+    const Pose2& motion = step.motion;
+    const matching::PriorWeight& prior = step.prior;
+    auto found = match(few, step);
+    if (sweeps && found.is_found) {
+      inertial_.compare(taken_at(*last_stamp_), taken_at(input.stamp), wrap_angle(found.local_from_node.phi - local_from_last_.phi));
+      if (const auto better = corrected_velocity(input, velocity, step, found)) {
+        input.scan.motion = sweep_motion(*better);
+        points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
+        few = matched_points(input.scan, points);
+        found = match(few, step);
+      }
     }
-
-    bool matched = false;
-    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-    if (few.size() >= kFewestPoints && !active_.empty()) {
-      Active& against = active_.front();
-      against.field.settle();
-      const Pose2 guess = between(against.local_from_submap, predicted);
-      matching::SearchWindow window{options_.window_m + 0.25 * distance, options_.window_yaw_rad + 0.25 * turn, 0.00873};
-      if (!from_odometry) window.radius_m += 0.2, window.yaw_rad += 0.15;
-      window.radius_m = std::min(window.radius_m, 2.0);
-      const matching::PriorWeight loose{std::max(0.05, 2 * prior.sigma_m), std::max(0.06, 2 * prior.sigma_yaw_rad)};
-      auto coarse = matching::correlate(against.field, few, guess, window, loose);
-      if (coarse && coarse->at_border && coarse->score < 0.6) {
-        window.yaw_rad *= 2, window.radius_m *= 1.5;
-        coarse = matching::correlate(against.field, few, guess, window, loose);
-      }
-      if (coarse) {
-        // The points share errors; so that the prior weighs against them as it should, it is scaled instead.
-        const double scale = std::sqrt(options_.point_information_scale);
-        const matching::PriorWeight relative{prior.sigma_m * scale, prior.sigma_yaw_rad * scale, 9.0 / options_.point_information_scale};
-        auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
-        // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that odometry is wrong.
-        const Pose2 shift = between(guess, coarse->field_from_scan);
-        if (from_odometry && (std::hypot(shift.x, shift.y) > kClearShift_m || std::abs(shift.phi) > kClearShift_rad)) {
-          const auto as_expected = matching::refine(against.field, few, guess, guess, &relative);
-          if (as_expected.inliers >= options_.min_inliers && as_expected.score > match.score - kClearlyBetter) match = as_expected;
-        }
-        if (from_odometry && heading_quality_.wants_heading()) {
-          const auto free = matching::refine(against.field, few, coarse->field_from_scan, {}, nullptr);
-          heading_quality_.add_heading(free.inliers >= options_.min_inliers
-                                           ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi)
-                                           : std::nullopt);
-        }
-        if (match.inliers >= options_.min_inliers) {
-          matched = true;
-          local_from_node = compose(against.local_from_submap, match.field_from_scan);
-          information = options_.point_information_scale * match.information;
-          const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-5, 2.5e-5, 7.6e-7).asDiagonal();  // 5 mm, 0.05 degrees
-          information = ((Eigen::Matrix3d::Identity() + information * floor).inverse() * information).eval();
-          information = (0.5 * (information + information.transpose())).eval();
-          const ConstraintId name{ConstraintKind::scan_match, map.submaps.find(against.id)->anchor(), id, 0};
-          map.constraints.set(name, planar_constraint(name, match.field_from_scan, information));
-        }
-      }
+    if (found.coarse && from_odometry && heading_quality_.wants_heading()) learn_heading(few, *found.coarse);
+    const bool matched = last_is_matched_ = found.is_found;
+    const Pose2 local_from_node = matched ? found.local_from_node : step.predicted;
+    if (matched) {
+      const ConstraintId name{ConstraintKind::scan_match, map.submaps.find(active_.front().id)->anchor(), id, 0};
+      map.constraints.set(name, planar_constraint(name, found.submap_from_node, found.information));
     }
     const Pose2 moved = between(local_from_last_, local_from_node);
     if (from_odometry || !matched) {
@@ -164,7 +233,7 @@ int FrontEnd::add_scan(const ScanInput& input, Map& map) {
     }
   }
   last_stamp_ = input.stamp;
-  last_odometry_ = odometry_.at(input.stamp);
+  last_odometry_ = odometry_.at(taken_at(input.stamp));
   last_node_ = id;
   node.map_from_node = spatial(local_from_last_);
   if (inserted) node.payload = std::make_shared<const Payload>(input.scan);

@@ -2,6 +2,7 @@
 // Local SLAM: each scan matched to the submap under way. Drifts; never jumps.
 
 #include "heading_quality.h"
+#include "motion_tracks.h"
 
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/laser/laser_mapper.h>
@@ -12,24 +13,23 @@
 
 namespace mapweave::laser {
 
-// Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as before.
-class OdometryTrack {
- public:
-  void add(Stamp stamp, const Pose2& odometry_from_robot);
-  std::optional<Pose2> at(Stamp stamp) const;  // nullopt before the first reading and long after the last
-
- private:
-  std::deque<std::pair<Stamp, Pose2>> readings_;
-};
-
 class FrontEnd {
  public:
-  FrontEnd(SessionId session, const FrontEndOptions& options) : session_(session), options_(options) {}
+  // Scans show what was there `sweep.delay_s` before their stamps: there odometry is looked up.
+  FrontEnd(SessionId session, const FrontEndOptions& options, const SweepOptions& sweep)
+      : session_(session), options_(options), delay_ns_(std::llround(sweep.delay_s * 1e9)) {}
 
   void add_odometry(const OdometryInput& odometry);
+  // How long after a scan's stamp its last ray was measured: odometry until then helps. 0: no need to wait.
+  double needs_until_s(const ScanInput& input) const;
+  void add_inertial(const InertialInput& inertial) { inertial_.add(inertial.stamp, inertial.yaw_rad); }
+  // Where the laser sweeps, the scan becomes content with the robot's motion during the sweep: of odometry and the inertial unit, or else
+  // of the matches. Readings after the scan's stamp that were added before it help.
   // Appends a node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number of
   // submaps that were frozen.
   int add_scan(const ScanInput& scan, Map& map);
+  const Pose2& local_from_last() const { return local_from_last_; }  // where the last scan was taken
+  bool last_is_matched() const { return last_is_matched_; }
   // Freezes what is left. A submap under way that is wholly part of the one before it is dropped. Returns the number of submaps that were
   // frozen.
   int finish(Map& map);
@@ -42,6 +42,26 @@ class FrontEnd {
     int scans = 0;
     matching::WallField field;
   };
+  // From the last scan to the next, as it is expected.
+  struct Step {
+    Pose2 motion, predicted;  // local_from_robot
+    bool from_odometry = false;
+    double distance_m = 0.0, turn_rad = 0.0;
+    matching::PriorWeight prior;
+  };
+  struct Matched {
+    bool is_found = false;
+    std::optional<Pose2> coarse;  // submap_from_node, where anything was searched
+    Pose2 submap_from_node, local_from_node;
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  };
+  Stamp taken_at(Stamp stamp) const { return {stamp.ns - delay_ns_}; }
+  std::vector<matching::WallPoint> matched_points(const PackedScan& scan, const std::vector<matching::WallPoint>& all) const;
+  Step next_step(Stamp stamp);
+  Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
+  void learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan);
+  Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
+  std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step, const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
   void insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);
   void freeze(Active& active, Map& map);
@@ -49,7 +69,9 @@ class FrontEnd {
 
   SessionId session_;
   FrontEndOptions options_;
+  std::int64_t delay_ns_;
   OdometryTrack odometry_;
+  InertialTrack inertial_;
   HeadingQuality heading_quality_;
   std::deque<Active> active_;  // one or two; the older is matched against
   std::uint32_t next_node_ = 0, next_submap_ = 0;
@@ -60,6 +82,7 @@ class FrontEnd {
   Pose2 last_motion_;  // of the robot, per second: what stands in for odometry
   std::optional<Pose2> last_odometry_;
   std::optional<NodeId> last_node_;
+  bool last_is_matched_ = false;
 };
 
 }  // namespace mapweave::laser

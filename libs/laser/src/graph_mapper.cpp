@@ -1,25 +1,73 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/log.h>
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/laser/graph_mapper.h>
 
 #include "graph_front_end.h"
 #include "graph_loop_closer.h"
+#include "sweep_estimator.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace mapweave::laser {
+namespace {
 
-struct GraphMapper::State {
-  ClientId client;
-  GraphMapperOptions options;
-  std::optional<FrontEnd> front_end;  // once the first observation has named the session
+constexpr std::size_t kMostInputs = 200000;  // that are kept to be mapped again
+
+std::string described(const SweepEstimator& estimator) {
+  const SweepEstimate& estimate = estimator.estimate();
+  const auto number = [](const Estimated& one, bool counts) {
+    return std::to_string(std::lround(1e3 * one.value)) + " +- " + std::to_string(std::lround(1e3 * one.sigma)) + " ms" +
+           (counts ? "" : " (counts as nothing)");
+  };
+  std::string text = "the laser takes " + number(estimate.sweep_s, estimator.sweep_s() != 0.0) + " from its first ray to its last";
+  if (const auto& known = estimate.by_odometry)
+    text += "; its scans are stamped " + number(known->delay_s, estimator.delay_s() != 0.0) + " late";
+  return text + "; from " + std::to_string(estimate.pairs) + " pairs of scans";
+}
+
+// One pass over a stream: front end and loops.
+struct Mapping {
+  FrontEnd front_end;
   LoopCloser loops;
-  Map map;  // in the local frame until finish()
+  Map map;  // in the local frame
   std::vector<SubmapId> frozen;
-  std::size_t looked_at = 0;  // of `frozen`
-  bool finished = false;
+  std::size_t looked_at = 0;           // of `frozen`
+  std::optional<ScanInput> held_back;  // of a laser that sweeps: until odometry says how the robot moved meanwhile
 
-  State(ClientId c, const GraphMapperOptions& o) : client(c), options(o), loops(o) { map.id = MapId(c.robot.str()); }
+  Mapping(const SessionId& session, const GraphMapperOptions& options)
+      : front_end(session, options.front_end, options.sweep), loops(options) {
+    map.id = MapId(session.client.robot.str());
+  }
+
+  void add(const LaserInput& input) {
+    if (const auto* scan = std::get_if<ScanInput>(&input)) {
+      place_held_back();
+      held_back = *scan;
+      if (front_end.needs_until_s(*scan) <= 0.0) place_held_back();
+    } else if (const auto* inertial = std::get_if<InertialInput>(&input)) {
+      front_end.add_inertial(*inertial);
+    } else {
+      const auto& odometry = std::get<OdometryInput>(input);
+      front_end.add_odometry(odometry);
+      if (held_back && seconds_between(held_back->stamp, odometry.stamp) >= front_end.needs_until_s(*held_back)) place_held_back();
+    }
+  }
+
+  void place_held_back() {
+    if (!held_back) return;
+    const ScanInput input = std::move(*held_back);
+    held_back.reset();
+    if (front_end.add_scan(input, map) > 0) look_for_loops();
+  }
+
+  void finish() {
+    place_held_back();
+    front_end.finish(map);
+    look_for_loops();
+    loops.finish(map);
+  }
 
   void look_for_loops() {
     for (const auto& [id, submap] : map.submaps)
@@ -45,30 +93,99 @@ struct GraphMapper::State {
   }
 };
 
+}  // namespace
+
+struct GraphMapper::State {
+  ClientId client;
+  GraphMapperOptions options;
+  std::optional<SessionId> session;  // named by the first scan or odometry
+  std::unique_ptr<Mapping> mapping;
+  Map map;  // empty before finish()
+  bool finished = false;
+  SweepEstimator estimator;
+  bool is_estimating;
+  std::vector<LaserInput> inputs;                           // all of them, while it is not known whether the laser sweeps
+  std::shared_ptr<const ScanGeometry> unswept, with_sweep;  // a geometry as it comes, and with the estimated sweep
+
+  State(ClientId c, const GraphMapperOptions& o) : client(c), options(o), estimator(o.sweep), is_estimating(o.sweep.estimate) {
+    map.id = MapId(c.robot.str());
+  }
+
+  void add(const LaserInput& input) {
+    if (!session) {
+      if (std::holds_alternative<InertialInput>(input)) return;
+      session = SessionId{client, std::visit([](const auto& one) { return one.stamp.ns; }, input)};
+      mapping = std::make_unique<Mapping>(*session, options);
+    }
+    const auto* scan = std::get_if<ScanInput>(&input);
+    const bool is_known = scan != nullptr && scan->scan.geometry->has_sweep();
+    if (is_known || inputs.size() >= kMostInputs) {
+      is_estimating = false;
+      inputs = {};
+    }
+    if (is_estimating) inputs.push_back(input);
+    mapping->add(swept(input));
+    if (!is_estimating) return;
+    if (const auto* odometry = std::get_if<OdometryInput>(&input))
+      estimator.add_odometry(odometry->stamp, planar(odometry->odometry_from_robot));
+    if (scan == nullptr) return;
+    estimator.add(scan->stamp, scan->scan, mapping->front_end.local_from_last(), mapping->front_end.last_is_matched());
+    if (estimator.is_decided()) restart();
+  }
+
+  // The sweep is known now. Where there is one, what was mapped without it is mapped again.
+  void restart() {
+    is_estimating = false;
+    const std::vector<LaserInput> again = std::move(inputs);
+    inputs = {};
+    const bool is_needed = estimator.sweep_s() != 0.0 || estimator.delay_s() != 0.0;
+    log(is_needed ? LogLevel::info : LogLevel::debug, "robot " + client.robot.str() + ": " + described(estimator));
+    if (!is_needed) return;
+    if (estimator.delay_s() != 0.0) options.sweep.delay_s = estimator.delay_s();
+    mapping = std::make_unique<Mapping>(*session, options);
+    for (const LaserInput& input : again) mapping->add(swept(input));
+  }
+
+  // A scan whose laser is known to sweep, as estimated.
+  LaserInput swept(const LaserInput& input) {
+    const auto* scan = std::get_if<ScanInput>(&input);
+    if (scan == nullptr || is_estimating || estimator.sweep_s() == 0.0 || scan->scan.geometry->has_sweep() ||
+        scan->scan.geometry->ray_count < 2)
+      return input;
+    if (unswept != scan->scan.geometry) {
+      unswept = scan->scan.geometry;
+      auto geometry = std::make_shared<ScanGeometry>(*unswept);
+      // The delay is that of the middle of the sweep.
+      geometry->first_ray_s = -0.5 * estimator.sweep_s();
+      geometry->ray_step_s = estimator.sweep_s() / (geometry->ray_count - 1);
+      with_sweep = std::move(geometry);
+    }
+    ScanInput result = *scan;
+    result.scan.geometry = with_sweep;
+    return result;
+  }
+};
+
 GraphMapper::GraphMapper(ClientId client, const GraphMapperOptions& options) : state_(std::make_unique<State>(client, options)) {}
 GraphMapper::~GraphMapper() = default;
 
 void GraphMapper::add(const LaserInput& input) {
-  State& state = *state_;
-  MAPWEAVE_EXPECT(!state.finished, "nothing is added after finish()");
-  const Stamp stamp = std::visit([](const auto& one) { return one.stamp; }, input);
-  if (!state.front_end) state.front_end.emplace(SessionId{state.client, stamp.ns}, state.options.front_end);
-  if (const auto* odometry = std::get_if<OdometryInput>(&input)) {
-    state.front_end->add_odometry(*odometry);
-    return;
-  }
-  if (state.front_end->add_scan(std::get<ScanInput>(input), state.map) > 0) state.look_for_loops();
+  MAPWEAVE_EXPECT(!state_->finished, "nothing is added after finish()");
+  state_->add(input);
 }
 
 void GraphMapper::finish() {
   State& state = *state_;
   MAPWEAVE_EXPECT(!state.finished, "finish() is called once");
   state.finished = true;
-  if (!state.front_end) return;
-  state.front_end->finish(state.map);
-  state.look_for_loops();
-  state.loops.finish(state.map);
-  state.map = state.moved();
+  if (!state.mapping) return;
+  if (state.is_estimating) {
+    state.estimator.finish();
+    state.restart();
+  }
+  state.mapping->finish();
+  state.map = state.mapping->moved();
+  state.mapping.reset();
   graph::optimise(state.map, state.options.solve);
   WorkerPool pool(1);
   for (int round = 0; round < 2; ++round) {
@@ -92,6 +209,6 @@ void GraphMapper::finish() {
   }
 }
 
-Map GraphMapper::snapshot() const { return state_->finished ? state_->map : state_->moved(); }
+Map GraphMapper::snapshot() const { return state_->mapping ? state_->mapping->moved() : state_->map; }
 
 }  // namespace mapweave::laser

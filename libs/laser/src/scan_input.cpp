@@ -14,6 +14,7 @@ constexpr double kUnknownMaxRange_m = 100.0;  // for logs that do not say
 constexpr double kFarthest_m = 200.0;      // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
 constexpr double kJump_m = 1.0;            // beyond what the top speed allows
 constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
+constexpr double kInertialGap_s = 0.25, kInertialEvery_s = 0.039, kFastest_rad_s = 30.0;
 
 Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
   Pose3 result;
@@ -39,6 +40,12 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
   const auto& pose = scan.sensorPose;
   if (!std::isfinite(pose.yaw() + pose.pitch() + pose.roll()) || !(pose.norm() < kFarthest_m)) return std::nullopt;
   geometry.robot_from_laser = pose_from_mrpt(pose);
+  if (options.sweep == SweepSource::given && options.sweep_s > 0.0) {
+    // MRPT's scans do not tell how long they took; their rays stand in the order in which the laser turns.
+    const bool along = options.sweep_order == SweepOrder::along_rays;
+    geometry.ray_step_s = (along ? options.sweep_s : -options.sweep_s) / static_cast<double>(rays - 1);
+    geometry.first_ray_s = options.sweep_s * ((along ? 0.0 : 1.0) - options.sweep_stamp);
+  }
   return geometry;
 }
 
@@ -63,6 +70,41 @@ Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
   return result;
 }
 
+// Turn rates are summed up; a unit that tells headings alone is taken at its word.
+std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::CObservationIMU& reading) {
+  const bool has_rate = reading.has(mrpt::obs::IMU_WZ), has_heading = reading.has(mrpt::obs::IMU_YAW);
+  if (options_.sweep == SweepSource::none || !(has_rate || has_heading) || (inertial_ && inertial_->label != reading.sensorLabel))
+    return std::nullopt;
+  Inertial now;
+  now.label = reading.sensorLabel;
+  now.stamp = stamp;
+  if (has_rate) {
+    const auto part = [&](auto axis) { return reading.has(axis) ? reading.get(axis) : 0.0; };
+    const Eigen::Matrix3d robot_from_unit = reading.sensorPose.getRotationMatrix().asEigen();
+    now.rate_rad_s = robot_from_unit.row(2).dot(Eigen::Vector3d(part(mrpt::obs::IMU_WX), part(mrpt::obs::IMU_WY), part(mrpt::obs::IMU_WZ)));
+  } else {
+    now.heading_rad = reading.get(mrpt::obs::IMU_YAW);
+  }
+  if (!(std::abs(now.rate_rad_s) < kFastest_rad_s) || (now.heading_rad && !std::isfinite(*now.heading_rad))) {
+    ++unusable_;
+    return std::nullopt;
+  }
+  if (inertial_) {
+    const double seconds = seconds_between(inertial_->stamp, stamp);
+    if (seconds <= 0.0) return std::nullopt;
+    now.yaw_rad = inertial_->yaw_rad;
+    now.told = inertial_->told;
+    if (now.heading_rad && inertial_->heading_rad)
+      now.yaw_rad += wrap_angle(*now.heading_rad - *inertial_->heading_rad);
+    else if (seconds < kInertialGap_s)
+      now.yaw_rad += 0.5 * seconds * (inertial_->rate_rad_s + now.rate_rad_s);
+  }
+  const bool tell = !now.told || seconds_between(*now.told, stamp) >= kInertialEvery_s;
+  if (tell) now.told = stamp;
+  inertial_ = now;
+  return tell ? std::optional<LaserInput>(InertialInput{stamp, now.yaw_rad}) : std::nullopt;
+}
+
 std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
   using namespace mrpt::obs;
   if (const auto odometry = std::dynamic_pointer_cast<const CObservationOdometry>(record.observation)) {
@@ -71,6 +113,7 @@ std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
     ++unusable_;
     return std::nullopt;
   }
+  if (const auto unit = std::dynamic_pointer_cast<const CObservationIMU>(record.observation)) return inertial(record.stamp, *unit);
   const auto scan = std::dynamic_pointer_cast<const CObservation2DRangeScan>(record.observation);
   if (!scan) return std::nullopt;
   if (label_is_known_ && scan->sensorLabel != options_.label) {

@@ -10,6 +10,7 @@ std::optional<Sensed> RobotAgent::step(const rawlog::Record& record) {
   std::optional<laser::LaserInput> input = packer_(record);
   if (!input) return std::nullopt;
   const Stamp stamp = std::visit([](const auto& any) { return any.stamp; }, *input);
+  if (latest_ && stamp < *latest_ && std::holds_alternative<laser::InertialInput>(*input)) return std::nullopt;  // not worth a stream
   if (latest_ && stamp < *latest_)
     throw Error(ErrorCode::kBadInput,
                 "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " +
@@ -23,6 +24,8 @@ std::optional<Sensed> RobotAgent::step(const rawlog::Record& record) {
   Sensed sensed{robot_, ++sequence_, stamp, {}};
   if (auto* scan = std::get_if<laser::ScanInput>(&*input))
     sensed.body = std::move(scan->scan);
+  else if (const auto* inertial = std::get_if<laser::InertialInput>(&*input))
+    sensed.body = InertialYaw{inertial->yaw_rad};
   else
     sensed.body = std::get<laser::OdometryInput>(*input).odometry_from_robot;
   return sensed;

@@ -27,6 +27,9 @@ std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
     if (geometry_ != nullptr && *geometry_ == *scan->geometry) scan->geometry = geometry_;
     geometry_ = scan->geometry;
     mapper_->add(laser::ScanInput{sensed.stamp, std::move(*scan)});
+  } else if (const auto* inertial = std::get_if<InertialYaw>(&sensed.body)) {
+    mapper_->add(laser::InertialInput{sensed.stamp, inertial->yaw_rad});
+    return std::nullopt;  // no map comes of it alone
   } else {
     mapper_->add(laser::OdometryInput{sensed.stamp, std::get<Pose3>(sensed.body)});
   }

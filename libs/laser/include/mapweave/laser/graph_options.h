@@ -70,8 +70,26 @@ struct LoopOptions {
   }
 };
 
+// What a log does not say of when its rays were measured.
+struct SweepOptions {
+  bool estimate = true;
+  double delay_s = 0.0;
+  double shortest_s = 0.03;
+  double min_sigmas = 5.0;
+
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.flag("estimate", estimate,
+           "where no option says how long the laser takes to turn, learn it while the robot turns, and how late its scans are stamped");
+    v.number("delay_s", delay_s, -1.0, 1.0, "scans show what was there this long before their stamp; an estimate takes its place");
+    v.positive("shortest_s", shortest_s, "shorter sweeps and delays count as none");
+    v.positive("min_sigmas", min_sigmas, "an estimate is believed from this many standard deviations");
+  }
+};
+
 struct GraphMapperOptions {
   FrontEndOptions front_end;
+  SweepOptions sweep;
   LoopOptions loops;
   matching::JudgeOptions judge;
   matching::RematchOptions rematch;
@@ -79,6 +97,7 @@ struct GraphMapperOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("front_end", front_end, "matching each scan to the submap under way");
+    v.section("sweep", sweep, "scans bent by motion, because the laser takes time to turn");
     v.section("loops", loops, "where loops are looked for");
     v.section("judge", judge, "when two submaps show the same place");
     v.section("rematch", rematch, "matching every scan again once the loops are closed");

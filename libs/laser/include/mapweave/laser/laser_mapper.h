@@ -17,7 +17,11 @@ struct OdometryInput {
   Stamp stamp;
   Pose3 odometry_from_robot;  // accumulated since any start; may drift, never jumps but where the wheels slip
 };
-using LaserInput = std::variant<ScanInput, OdometryInput>;
+struct InertialInput {
+  Stamp stamp;
+  double yaw_rad = 0.0;  // heading accumulated since any start, not wrapped; drifts
+};
+using LaserInput = std::variant<ScanInput, OdometryInput, InertialInput>;
 
 // Not thread-safe. The map's frame is the robot's pose at the first scan.
 class LaserMapper {
@@ -27,7 +31,7 @@ class LaserMapper {
   virtual void add(const LaserInput&) = 0;
   // Last loops, final refinement. Called once; no add() after.
   virtual void finish() = 0;
-  // The map so far. Every scan is a node; scans that showed nothing new have no payload.
+  // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new have no payload.
   virtual Map snapshot() const = 0;
   // Processor time of child processes that have ended; for reports.
   virtual double helper_cpu_seconds() const { return 0.0; }

@@ -3,6 +3,7 @@
 
 #include <mapweave/laser/laser_mapper.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mrpt/obs/CObservationIMU.h>
 
 #include <map>
 #include <optional>
@@ -11,11 +12,24 @@
 
 namespace mapweave::laser {
 
+// How long a laser takes to turn.
+enum class SweepSource {
+  automatic,  // not known here: an engine may learn it from the scans
+  given,      // as the options say
+  none        // nothing: all rays at the stamp
+};
+// In which order the rays of a scan were measured.
+enum class SweepOrder { along_rays, against_rays };
+
 struct ScanInputOptions {
   std::string label;
   double min_range_m = 0.05;
   double max_range_m = 0.0;
   double max_speed_mps = 20.0;
+  SweepSource sweep = SweepSource::automatic;
+  double sweep_s = 0.0;
+  SweepOrder sweep_order = SweepOrder::along_rays;
+  double sweep_stamp = 0.0;
 
   template <class Visitor>
   void describe(Visitor& v) {
@@ -24,10 +38,20 @@ struct ScanInputOptions {
     v.non_negative("max_range_m", max_range_m, "readings at or past it are no returns; 0: the log's own maximum, 200 m at most");
     v.positive("max_speed_mps", max_speed_mps,
                "odometry that jumps farther started anew: the robot is taken to have stood still meanwhile");
+    v.choice("sweep", sweep,
+             {{"automatic", SweepSource::automatic}, {"given", SweepSource::given}, {"none", SweepSource::none}},
+             "how long the laser takes to turn, which bends the scans of a moving robot. automatic: the engine graph learns it from the "
+             "scans; given: sweep_s; none: all rays are measured at once");
+    v.number("sweep_s", sweep_s, 0.0, 5.0, "time from a scan's first ray to its last, where sweep is 'given'");
+    v.choice("sweep_order", sweep_order, {{"along_rays", SweepOrder::along_rays}, {"against_rays", SweepOrder::against_rays}},
+             "against_rays: the last ray of a scan is measured first");
+    v.fraction("sweep_stamp", sweep_stamp,
+               "the part of the sweep that is over at a scan's stamp; 0: the first ray that was measured, 1: the last one");
   }
 };
 
-// Of one robot's log, one call per record in order. Scans of the chosen laser and odometry are answered, all else is nullopt. Invalid
+// Of one robot's log, one call per record in order. Scans of the chosen laser, odometry and turns of the first inertial unit (at most 25 a
+// second; none where the laser does not sweep) are answered, all else is nullopt. Invalid
 // and out-of-range rays become no returns; a scan whose description makes no sense (fewer than 2 rays, an aperture or a sensor pose
 // that is not finite) is left out and counted, so is odometry that is not finite. Odometry that jumps farther than any robot drives goes on
 // from where it was.
@@ -48,9 +72,19 @@ class ScanPacker {
   std::shared_ptr<const ScanGeometry> geometry_;
   std::map<std::string, std::uint64_t> ignored_;
   std::uint64_t unusable_ = 0, odometry_jumps_ = 0;
+  std::optional<LaserInput> inertial(Stamp stamp, const mrpt::obs::CObservationIMU&);
   Pose2 steady(Stamp stamp, const Pose2& odometry_from_robot);
   Pose2 start_from_odometry_;
   std::optional<std::pair<Stamp, Pose2>> last_odometry_;
+  struct Inertial {
+    std::string label;
+    Stamp stamp;
+    double rate_rad_s = 0.0;
+    std::optional<double> heading_rad;
+    double yaw_rad = 0.0;
+    std::optional<Stamp> told;  // when it was answered last
+  };
+  std::optional<Inertial> inertial_;
 };
 
 }  // namespace mapweave::laser

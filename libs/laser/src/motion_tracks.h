@@ -1,0 +1,40 @@
+#pragma once
+// What wheels and the inertial unit say of the robot's motion, at any stamp.
+
+#include <mapweave/core/geometry.h>
+#include <mapweave/core/stamp.h>
+
+#include <deque>
+#include <optional>
+#include <utility>
+
+namespace mapweave::laser {
+
+// Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as before.
+class OdometryTrack {
+ public:
+  void add(Stamp stamp, const Pose2& odometry_from_robot);
+  std::optional<Pose2> at(Stamp stamp) const;  // nullopt before the first reading and long after the last
+  std::optional<Stamp> latest() const;
+
+ private:
+  std::deque<std::pair<Stamp, Pose2>> readings_;
+};
+
+// Turns by the inertial unit. It is believed once it agrees with scan matching over enough turning: mounted upside down, or in degrees, it
+// does not.
+class InertialTrack {
+ public:
+  void add(Stamp stamp, double yaw_rad);
+  // The turn between two stamps; nullopt where readings are missing.
+  std::optional<double> turn(Stamp from, Stamp to) const;
+  void compare(Stamp from, Stamp to, double matched_turn_rad);
+  bool is_trusted() const;
+
+ private:
+  std::optional<double> at(Stamp stamp) const;
+  std::deque<std::pair<Stamp, double>> readings_;
+  double turned_ = 0.0, agreed_ = 0.0, missed_ = 0.0;  // sums of squares and products, of late
+};
+
+}  // namespace mapweave::laser
