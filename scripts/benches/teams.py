@@ -11,6 +11,7 @@ Needs the program (scripts/build; vision also team_benchmark) and laser/ below M
   vision     camera teams as they were
   names      verdicts do not depend on names, order, threads or where odometry begins
   halmstad   grids of other makers
+  reliability  how often verdicts of rooms, strangers and overlap are right, by their probability: what those parts kept
 Robots' own maps are made once and kept (out/bench/teams/maps). Writes tables between <!-- bench:trust --> and <!-- /bench --> of README.md. Rows go to
 out/bench/teams.json; a partial run keeps the others. Pictures of every
 wrong or apart pair: out/bench/teams/pictures. Exit code 5 where a goal is missed. Everything takes hours; every part can be run by itself and in part.
@@ -22,7 +23,7 @@ from benches import common
 from benches.team_bench import inputs
 
 PARTS = {"teams": "cut_teams", "rooms": "small_rooms", "visits": "visits", "strangers": "strangers", "overlap": "overlaps", "cost": "costs", "mirror": "mirror_images",
-         "vision": "vision", "names": "names", "halmstad": "halmstad"}
+         "vision": "vision", "names": "names", "halmstad": "halmstad", "reliability": "reliability"}
 MAPS = {"maps": "cut_maps"}   # makes what `teams` needs, measures nothing
 VISION = ("tum_fr1_rpy", "hololens_office_part1", "apartment-3", "apartment-8", "single-camera", "another-day", "repeated-rooms-100", "both")
 COST = ("ten", "four", "cuts", "floor")

@@ -57,6 +57,10 @@ class Bench:
         path = self.out / "teams.json"
         return json.loads(path.read_text()) if path.exists() else {}
 
+    def stored_parts(self):
+        """What parts kept, of this run and earlier ones."""
+        return self._stored().get("parts", {})
+
     def keep(self, part, rows, **numbers):
         """Rows of this run beside those of earlier ones; all of them."""
         stored = self._stored()

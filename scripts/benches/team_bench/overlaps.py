@@ -71,7 +71,8 @@ def measure(bench, item):
     result = "apart" if off is None else "right" if off[0] <= RIGHT_M and off[1] <= RIGHT_DEG else "off"
     if result != "right":
         bench.picture(maps, f"overlap-{a.log}-{level}-{a.name}-{b.name}")
-    return {"log": a.log, "level": level, "a": a.name, "b": b.name, "overlap": shared, "result": result, "off_m": off and off[0], "off_deg": off and off[1],
+    fits = {window.name: placing.fit(window.map(bench)[1], truth) for window in (a, b)}
+    return {"log": a.log, "level": level, "beliefs": [found for verdict in merges if (found := placing.belief(verdict, fits))], "a": a.name, "b": b.name, "overlap": shared, "result": result, "off_m": off and off[0], "off_deg": off and off[1],
             "reason": merges[0]["reason"] if merges else "none", "cpu_s": done.cpu_s}
 
 

@@ -38,6 +38,19 @@ def of_verdict(b_from_a, fit_a, fit_b):
     return off_by(truth_from_a_frame, compose(truth_from_b_frame, b_from_a), at)
 
 
+def belief(verdict, fits, right_m=0.3, right_deg=2.0):
+    """[probability, whether the best alignment is right] of a verdict; None where there is no alignment. Maps without a common truth (fits of
+    other places) are given as None: no alignment of them is right."""
+    place = verdict["b_from_a"]
+    if place is None or "x" not in place:
+        return None
+    fit_a, fit_b = fits.get(verdict["a"]), fits.get(verdict["b"])
+    if fit_a is None or fit_b is None:
+        return [verdict["probability"], False]
+    metres, degrees = of_verdict((place["x"], place["y"], place["yaw"]), fit_a, fit_b)
+    return [verdict["probability"], metres <= right_m and degrees <= right_deg]
+
+
 def of_team(team, truths):
     """{(robot, robot): (m, deg), or None where they are apart}."""
     fits = {robot: fit(trajectory, truths[robot]) for robot, (_, trajectory) in team.items() if robot in truths}

@@ -34,7 +34,9 @@ def measure(bench, item):
     joined = [off for off in offs.values() if off]
     if summary["team"]["components"] > 1 or max((off[0] for off in joined), default=0) > 0.3:
         bench.picture(maps, key.replace("/", "-"))
-    return {"scene": name, "seed": seed, "robots": len(names), "maps": summary["team"]["components"], "exit_code": done.code, "cpu_s": done.cpu_s,
+    fits = {robot: placing.fit(judging.Trajectory.read(kept / f"{robot}.tum"), truths[robot]) for robot in names}
+    beliefs = [found for verdict in merges if (found := placing.belief(verdict, fits))]
+    return {"scene": name, "seed": seed, "beliefs": beliefs, "robots": len(names), "maps": summary["team"]["components"], "exit_code": done.code, "cpu_s": done.cpu_s,
             "off_m": judging.mean(off[0] for off in joined), "worst_m": max((off[0] for off in joined), default=None),
             "reasons": [verdict["reason"] for verdict in merges if not verdict["accepted"]]}
 

@@ -103,7 +103,7 @@ def is_right(verdict, a, b):
 def judged(maps, merges):
     """Counts, and the strangers that were joined."""
     verdicts = {frozenset((verdict["a"], verdict["b"])): verdict for verdict in merges}
-    count = {"strangers": 0, "of_one_building": 0, "joined": 0, "joined_rightly": 0, "without_verdict": 0}
+    count = {"beliefs": [], "strangers": 0, "of_one_building": 0, "joined": 0, "joined_rightly": 0, "without_verdict": 0}
     wrong = []
     for a, b in itertools.combinations(maps, 2):
         shares = share_nothing(a, b)
@@ -113,6 +113,8 @@ def judged(maps, merges):
         if verdict is None:
             count["without_verdict"] += 1
             continue
+        if found := placing.belief(verdict, {a.name: a.fit, b.name: b.fit} if a.place == b.place else {}, RIGHT_M, RIGHT_DEG):
+            count["beliefs"].append(found)
         right = verdict["accepted"] and a.place == b.place and is_right(verdict, a, b)
         if right:
             count["joined_rightly"] += 1
