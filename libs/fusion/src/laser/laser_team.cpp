@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kWideRadius_m = 12.0;
 constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
-constexpr std::size_t kFirstRound = 16;     // questions of a pair of maps, then four times as many
+constexpr std::size_t kFirstRound = 4;      // questions of a pair of maps, then four times as many
+constexpr double kCertain = 15.0;           // log odds from which a merge waits for no other
 constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
@@ -330,21 +331,39 @@ bool LaserMerger::is_same(const MergeHypothesis& one, const MergeHypothesis& oth
   return std::hypot(apart.x, apart.y) < 0.5 && std::abs(apart.phi) < 0.1;
 }
 
+// Pairs of teams, those first whose places match most.
+std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::likeliest_first() const {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> order;
+  for (std::size_t x = 0; x < teams_.size(); ++x)
+    for (std::size_t z = x + 1; z < teams_.size(); ++z) {
+      double weight = 0.0;
+      for (const SubmapAnswer* answer : answers_between(teams_[x], teams_[z]))
+        if (answer->holds) weight += log_odds(answer->hypotheses.front().probability) * answer->judgement.evidence.overlap_m2;
+      order.emplace_back(-weight, x, z);
+    }
+  std::sort(order.begin(), order.end());
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  for (const auto& [weight, x, z] : order) result.emplace_back(x, z);
+  return result;
+}
+
+// What is certain at once, the likeliest first; else the surest of all.
 bool LaserMerger::merge_surest() {
   double surest = options_.merge_probability;
   std::size_t best_x = 0, best_z = 0;
   const Evaluation* best = nullptr;
-  for (std::size_t x = 0; x < teams_.size(); ++x)
-    for (std::size_t z = x + 1; z < teams_.size(); ++z) {
-      const Evaluation& evaluation = evaluated(teams_[x], teams_[z]);
-      if (evaluation.hypotheses.empty() || evaluation.probability < surest || (best != nullptr && evaluation.probability == surest &&
-          evaluation.hypotheses.front().walls.distinctive_m <= best->hypotheses.front().walls.distinctive_m))
-        continue;
-      surest = evaluation.probability;
-      best_x = x;
-      best_z = z;
-      best = &evaluation;
-    }
+  for (const auto& [x, z] : likeliest_first()) {
+    const Evaluation& evaluation = evaluated(teams_[x], teams_[z]);
+    if (evaluation.hypotheses.empty() || evaluation.probability < surest) continue;
+    const MergeHypothesis& hypothesis = evaluation.hypotheses.front();
+    if (best != nullptr && evaluation.probability == surest && hypothesis.walls.distinctive_m <= best->hypotheses.front().walls.distinctive_m)
+      continue;
+    surest = evaluation.probability;
+    best_x = x;
+    best_z = z;
+    best = &evaluation;
+    if (hypothesis.log_odds >= kCertain && evaluation.rival <= options_.max_rival && !evaluation.repeats) break;
+  }
   if (best == nullptr) return false;
   const MergeHypothesis& chosen = best->hypotheses.front();
   LaserTeam& x = teams_[best_x];

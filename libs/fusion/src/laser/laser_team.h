@@ -84,6 +84,7 @@ class LaserMerger {
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
   bool looks_like_elsewhere(const MergeHypothesis& hypothesis);
+  std::vector<std::pair<std::size_t, std::size_t>> likeliest_first() const;
   bool merge_surest();
   void merge_all();
   void close_loops(LaserTeam& team);

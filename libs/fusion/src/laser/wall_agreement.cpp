@@ -157,13 +157,20 @@ class WallRaster {
       : x_m_(region.x_m - kFarthestShift_m), y_m_(region.y_m - kFarthestShift_m), cells_(static_cast<std::size_t>(kSide) * kSide, 0) {}
   void add(const WallSight& sight, const Pose2& team_from_submap) {
     const IntoSubmap into(team_from_submap);
-    for (int y = 0; y < kSide; ++y)
-      for (int x = 0; x < kSide; ++x) {
-        char& cell = cells_[static_cast<std::size_t>(y) * kSide + static_cast<std::size_t>(x)];
-        if (cell != 0) continue;
-        const Eigen::Vector2d at = into(x_m_ + (x + 0.5) * kCell_m, y_m_ + (y + 0.5) * kCell_m);
-        cell = sight.at(at.x(), at.y()) == Seen::wall ? 1 : 0;
-      }
+    const double c = std::cos(team_from_submap.phi), s = std::sin(team_from_submap.phi);
+    const double reach = 0.5 * WallSight::kBlock_m * (std::abs(c) + std::abs(s));
+    for (const Eigen::Vector2d& block : sight.wall_blocks()) {
+      const double x = c * block.x() - s * block.y() + team_from_submap.x - x_m_, y = s * block.x() + c * block.y() + team_from_submap.y - y_m_;
+      const int low_x = std::max(0, cell_of(x - reach, 1.0 / kCell_m)), high_x = std::min(kSide - 1, cell_of(x + reach, 1.0 / kCell_m));
+      const int low_y = std::max(0, cell_of(y - reach, 1.0 / kCell_m)), high_y = std::min(kSide - 1, cell_of(y + reach, 1.0 / kCell_m));
+      for (int j = low_y; j <= high_y; ++j)
+        for (int i = low_x; i <= high_x; ++i) {
+          char& cell = cells_[static_cast<std::size_t>(j) * kSide + static_cast<std::size_t>(i)];
+          if (cell != 0) continue;
+          const Eigen::Vector2d at = into(x_m_ + (i + 0.5) * kCell_m, y_m_ + (j + 0.5) * kCell_m);
+          cell = sight.at(at.x(), at.y()) == Seen::wall ? 1 : 0;
+        }
+    }
   }
   bool at(double x, double y) const {
     const int cx = cell_of(x - x_m_, 1.0 / kCell_m), cy = cell_of(y - y_m_, 1.0 / kCell_m);

@@ -87,6 +87,20 @@ Seen WallSight::at(double x_m, double y_m) const {
   return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
 }
 
+std::vector<Eigen::Vector2d> WallSight::wall_blocks() const {
+  static_assert(kTile * SubmapModel::kSightResolution > kBlock_m - 1e-9 && kTile * SubmapModel::kSightResolution < kBlock_m + 1e-9, "a tile is a block");
+  std::vector<Eigen::Vector2d> middles;
+  for (int y = index_.first_y(); y < index_.first_y() + index_.height(); ++y)
+    for (int x = index_.first_x(); x < index_.first_x() + index_.width(); ++x) {
+      const std::uint32_t index = index_.at(x, y);
+      if (index == 0) continue;
+      const Tile& tile = tiles_[index - 1U];
+      if (std::any_of(tile.begin(), tile.end(), [](std::uint8_t cell) { return (cell & 15U) != 0; }))
+        middles.emplace_back((x + 0.5) * kBlock_m, (y + 0.5) * kBlock_m);
+    }
+  return middles;
+}
+
 std::shared_ptr<const WallSight> WallSightCache::find(std::size_t submap) {
   const auto found = entries_.find(submap);
   if (found == entries_.end()) return nullptr;

@@ -3,6 +3,7 @@
 
 #include <mapweave/matching/submap_model.h>
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <list>
@@ -20,6 +21,9 @@ class WallSight {
  public:
   explicit WallSight(const matching::SubmapModel& model);
   Seen at(double x_m, double y_m) const;
+  // Middles of the squares of kBlock_m that hold walls, in the submap's frame.
+  std::vector<Eigen::Vector2d> wall_blocks() const;
+  static constexpr double kBlock_m = 1.6;
   std::size_t bytes() const { return tiles_.size() * sizeof(Tile) + index_.bytes(); }
 
  private:

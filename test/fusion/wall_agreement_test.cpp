@@ -1,0 +1,130 @@
+#include <gtest/gtest.h>
+#include <laser/team_audit.h>
+#include <mapweave/matching/submap_model.h>
+#include <support/simulated_maps.h>
+
+#include <map>
+
+namespace mapweave::fusion {
+namespace {
+
+// The frozen submaps of a simulated robot whose map is the truth, laid where they are or moved.
+class Placed {
+ public:
+  Placed(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser) : map_(test::mapped(robot, laser)) {
+    for (const auto& [id, submap] : map_.submaps) {
+      if (!submap.frozen) continue;
+      models_.push_back(std::make_unique<matching::SubmapModel>(submap, map_.nodes));
+      poses_.push_back(planar(map_.nodes.find(submap.anchor())->map_from_node));
+    }
+  }
+  const std::vector<std::unique_ptr<matching::SubmapModel>>& models() const { return models_; }
+  std::vector<PlacedSubmap> at(const Pose2& team_from_map, std::size_t first_number) const {
+    std::vector<PlacedSubmap> placed;
+    for (std::size_t i = 0; i < models_.size(); ++i) {
+      const Pose2 pose = compose(team_from_map, poses_[i]);
+      const Pose2 middle = compose(pose, Pose2{models_[i]->centre().x, models_[i]->centre().y, 0.0});
+      placed.push_back({first_number + i, pose, middle.x, middle.y, models_[i]->radius_m(), &models_[i]->walls()});
+    }
+    return placed;
+  }
+
+ private:
+  Map map_;
+  std::vector<std::unique_ptr<matching::SubmapModel>> models_;
+  std::vector<Pose2> poses_;
+};
+
+class WallAgreementOfTwoRobots : public testing::Test {
+ protected:
+  WallAgreementOfTwoRobots() : team_(make_team()), one_(team_.robots[0], team_.laser), other_(team_.robots[1], team_.laser) {
+    std::size_t number = 0;
+    for (const Placed* placed : {&one_, &other_})
+      for (const auto& model : placed->models()) sights_[number++] = std::make_shared<const WallSight>(*model);
+    sight_of_ = [this](std::size_t which) { return sights_.at(which); };
+  }
+  static simulation::SimulatedTeam make_team() {
+    simulation::TeamOptions options;
+    options.robots = 2;
+    options.shared = 0.7;
+    return simulation::make_apartment({}, options);
+  }
+  Pose2 one_from_other() const {
+    return between(team_.robots[0].steps.front().world_from_robot, team_.robots[1].steps.front().world_from_robot);
+  }
+  std::vector<PlacedSubmap> other_at(const Pose2& pose) const { return other_.at(pose, one_.models().size()); }
+
+  simulation::SimulatedTeam team_;
+  Placed one_, other_;
+  std::map<std::size_t, std::shared_ptr<const WallSight>> sights_;
+  SightOf sight_of_;
+};
+
+TEST_F(WallAgreementOfTwoRobots, is_the_same_from_either_side) {
+  const auto a = one_.at({}, 0), b = other_at(one_from_other());
+  const WallAgreement one = wall_agreement(a, 200.0, b, 200.0, sight_of_), other = wall_agreement(b, 200.0, a, 200.0, sight_of_);
+  EXPECT_GT(one.coinciding_m, 20.0);
+  EXPECT_NEAR(one.coinciding_m, other.coinciding_m, 1e-6);
+  EXPECT_NEAR(one.contradicted_m, other.contradicted_m, 1e-6);
+  EXPECT_NEAR(one.distinctive_m, other.distinctive_m, 1e-6);
+  EXPECT_NEAR(one.overlap, other.overlap, 1e-9);
+}
+
+TEST_F(WallAgreementOfTwoRobots, falls_and_is_contradicted_where_one_lies_a_metre_aside) {
+  const auto a = one_.at({}, 0);
+  const WallAgreement right = wall_agreement(a, 200.0, other_at(one_from_other()), 200.0, sight_of_);
+  const Pose2 aside = compose(one_from_other(), Pose2{0.7, 0.7, 0.0});
+  const WallAgreement wrong = wall_agreement(a, 200.0, other_at(aside), 200.0, sight_of_);
+  EXPECT_GT(right.share(), 0.9);
+  EXPECT_LT(right.conflict(), 0.02);
+  EXPECT_LT(wrong.share(), 0.5 * right.share());
+  EXPECT_GT(wrong.contradicted_m, 5.0);
+  ASSERT_FALSE(wrong.contradictions.empty());
+  EXPECT_GT(wrong.contradictions.front().length_m, 0.6);
+}
+
+TEST_F(WallAgreementOfTwoRobots, leaves_the_audit_of_a_right_team_without_ghosts_and_finds_those_of_a_wrong_one) {
+  const auto right = audit({one_.at({}, 0), other_at(one_from_other())}, {200.0, 100.0}, sight_of_);
+  ASSERT_EQ(right.pairs.size(), 1U);
+  EXPECT_GT(right.pairs[0].coinciding_m, 20.0);
+  EXPECT_EQ(right.pairs[0].ghosts_m, 0.0);
+  EXPECT_FALSE(right.taken_out.has_value());
+  const auto wrong = audit({one_.at({}, 0), other_at(compose(one_from_other(), Pose2{0.7, 0.7, 0.0}))}, {200.0, 100.0}, sight_of_);
+  ASSERT_EQ(wrong.pairs.size(), 1U);
+  EXPECT_GT(wrong.pairs[0].ghosts_m, 4.0);
+  EXPECT_EQ(wrong.taken_out, std::size_t{1}) << "of two that contradict each other the one with fewer walls goes";
+}
+
+TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {
+  RegionAgreement region;
+  region.coinciding_m = 60.0;
+  region.contradicted_m = 3.0;
+  region.unclear_m = 4.0;
+  EXPECT_FALSE(is_ghost(region));
+  region.coinciding_m = 6.0;
+  region.contradicted_m = 10.0;
+  EXPECT_TRUE(is_ghost(region));
+}
+
+TEST_F(WallAgreementOfTwoRobots, rests_on_a_sight_that_says_what_the_model_does) {
+  const matching::SubmapModel& model = *one_.models().front();
+  const WallSight sight(model);
+  std::size_t walls = 0, through = 0;
+  for (double y = -6.0; y < 6.0; y += 0.07)
+    for (double x = -6.0; x < 6.0; x += 0.07) {
+      const bool is_wall = model.field().likelihood().get(matching::cell_of(x, 20.0), matching::cell_of(y, 20.0)) > 60;
+      const Seen seen = sight.at(x, y);
+      EXPECT_EQ(seen == Seen::wall, is_wall) << x << ' ' << y;
+      walls += is_wall;
+      if (seen != Seen::through) continue;
+      ++through;
+      const int cx = matching::cell_of(x, 10.0), cy = matching::cell_of(y, 10.0);
+      for (int j = -2; j <= 2; ++j)
+        for (int i = -2; i <= 2; ++i) EXPECT_EQ(model.sight().get(cx + i, cy + j), matching::Sight::free);
+    }
+  EXPECT_GT(walls, 50U);
+  EXPECT_GT(through, 500U);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion
