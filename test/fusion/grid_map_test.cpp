@@ -58,6 +58,27 @@ TEST(GridMap, joins_with_a_robots_map_of_the_same_place) {
   }
 }
 
+TEST(GridMap, gives_back_its_grid_though_bent) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 20.0;
+  const OccupancyGrid grid = apartment_grid(simulation::make_apartment({}, options), 0);
+  Map map = map_of_grid(MapId("office"), grid);
+  for (auto it = std::next(map.nodes.begin()); it != map.nodes.end(); ++it) {
+    Node node = it->second;
+    node.map_from_node = spatial(compose(planar(node.map_from_node), Pose2(0.1, -0.2, 0.03)));
+    map.nodes.set(it->first, node);
+  }
+  const OccupancyGrid again = grid_of_map(map);
+  const int dx = static_cast<int>(std::lround((again.origin_x_m - grid.origin_x_m) / grid.resolution_m)),
+            dy = static_cast<int>(std::lround((again.origin_y_m - grid.origin_y_m) / grid.resolution_m));
+  std::size_t differing = 0;
+  for (int row = 0; row < grid.rows; ++row)
+    for (int column = 0; column < grid.columns; ++column)
+      differing += grid.at(column, row) != (again.inside(column - dx, row - dy) ? again.at(column - dx, row - dy) : 0);
+  EXPECT_EQ(differing, 0U);
+}
+
 TEST(GridMap, refuses_a_grid_that_knows_nothing) {
   OccupancyGrid grid;
   grid.columns = grid.rows = 10;

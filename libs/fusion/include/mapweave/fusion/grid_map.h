@@ -4,10 +4,17 @@
 
 #include <mapweave/maps/map.h>
 
+#include <map>
+
 namespace mapweave::fusion {
 
 // Session: robot named as the map, sensor "grid", run 0. The map's frame is the grid's. Throws Error(kBadInput) where every cell is
 // unknown.
 Map map_of_grid(MapId id, const OccupancyGrid& grid);
+
+// Where the tiles of such a map lay before anything bent it: the first as believed, the others by what holds them.
+std::map<NodeId, Pose2> unbent_tiles(const Map&);
+// The grid that such a map was made of, cut down to its tiles; empty where nodes are no tiles or were turned.
+OccupancyGrid grid_of_map(const Map&);
 
 }  // namespace mapweave::fusion
