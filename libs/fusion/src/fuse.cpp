@@ -235,8 +235,10 @@ class Fusing {
           compose(team_from_lasers, compose(lasers->solved.pose_of(graph.number(number, s)), inverse(map.map_from_submap[s]))));
     std::vector<Pose2> result;
     std::size_t current = 0;
+    const auto home_of = map.is_grid ? homes_of(map) : std::map<NodeId, std::size_t>();  // tiles have no order in time
     for (const auto& [id, node] : map.map->nodes) {
-      while (current + 1 < map.submaps.size() && !(id < map.submaps[current + 1]->anchor())) ++current;
+      if (map.is_grid) current = home_of.at(id);
+      while (!map.is_grid && current + 1 < map.submaps.size() && !(id < map.submaps[current + 1]->anchor())) ++current;
       result.push_back(compose(team_from_map[current], planar(node.map_from_node)));
     }
     return result;
@@ -319,8 +321,10 @@ class Fusing {
       join_in_plane(placement, team);
     }
     for (std::size_t i = 0; i < members.size(); ++i) {
-      const Map& map = *maps_[members[i]].map;
+      const Map& map = map_in(placement, i);
       const auto& [first, node] = first_within(map, team);
+      const double of_grid = members.size() > 1 ? judging_.grids().scale(members[i]) : 1.0;
+      if (of_grid != 1.0) component.scales.set(map.id, of_grid);
       const double scale = placement.team_from_map[i].scale;
       const Pose3& team_from_node = team.nodes.find(first)->map_from_node;
       component.team_from_map.set(map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
@@ -334,7 +338,7 @@ class Fusing {
     std::vector<std::pair<NodeId, Node>> nodes;
     std::vector<Constraint> constraints;
     for (std::size_t i = 0; i < members.size(); ++i) {
-      const Map& own = *maps_[members[i]].map;
+      const Map& own = map_in(placement, i);
       const double scale = placement.team_from_map[i].scale;
       const Map grown = scale != 1.0 ? rig::rescaled(own, scale) : Map();
       const Map& map = scale != 1.0 ? grown : own;
@@ -363,7 +367,7 @@ class Fusing {
     }
     for (const LaserTeam& lasers : judging_.lasers().teams())
       if (std::binary_search(members.begin(), members.end(), lasers.maps.front()))
-        for (const SubmapMatch& match : lasers.matches) constraints.push_back(constraint_of(match));
+        add_matches(lasers, constraints);
     for (const PairJoin& pair : pairs_) {
       if (!pair.is_accepted() || !std::binary_search(members.begin(), members.end(), pair.a)) continue;
       for (const auto& w : pair.seen)
@@ -374,6 +378,27 @@ class Fusing {
     add_all(team, matching::rematch(team, options_.rematch, pool_));
     graph::optimise(team, options_.solve);
     back_to_lowest(*maps_[members.front()].map, team);
+  }
+
+  // A grid that is alone keeps the scale that it was given with.
+  const Map& map_in(const Placement& placement, std::size_t i) const {
+    const std::size_t number = placement.members[i];
+    return placement.members.size() > 1 ? *maps_[number].map : judging_.grids().given(number);
+  }
+
+  // Two grids hold each other tile by tile, so that both can bend.
+  void add_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const {
+    const SubmapGraph& graph = judging_.lasers().graph();
+    std::set<std::pair<std::size_t, std::size_t>> grids;
+    for (const SubmapMatch& match : lasers.matches) {
+      const std::pair<std::size_t, std::size_t> pair = std::minmax(graph.map_of(match.from), graph.map_of(match.to));
+      if (judging_.grids().pair(pair.first, pair.second) == nullptr)
+        constraints.push_back(constraint_of(match));
+      else
+        grids.insert(pair);
+    }
+    for (const auto& [a, b] : grids)
+      for (Constraint& constraint : judging_.grids().constraints(a, b)) constraints.push_back(std::move(constraint));
   }
 
   Constraint constraint_of(const SubmapMatch& match) const {

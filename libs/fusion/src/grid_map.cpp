@@ -84,6 +84,31 @@ Map map_of_grid(MapId id, const OccupancyGrid& grid) {
   return map;
 }
 
+bool is_grid(const Map& map) {
+  return !map.nodes.empty() && std::all_of(map.nodes.begin(), map.nodes.end(), [](const auto& entry) {
+    return entry.second.payload != nullptr && std::holds_alternative<OccupancyGrid>(*entry.second.payload);
+  });
+}
+
+Map rescaled_grid(const Map& map, double scale) {
+  if (scale == 1.0) return map;
+  Map result = map;
+  for (auto& [id, node] : result.nodes) {
+    node.map_from_node.t *= scale;
+    OccupancyGrid tile = std::get<OccupancyGrid>(*node.payload);
+    tile.resolution_m *= scale;
+    tile.origin_x_m *= scale;
+    tile.origin_y_m *= scale;
+    node.payload = std::make_shared<const Payload>(std::move(tile));
+  }
+  for (auto& [id, constraint] : result.constraints) constraint.from_from_to.pose.t *= scale;
+  for (auto& [id, submap] : result.submaps) {
+    for (auto& member : submap.submap_from_node) member.second.t *= scale;
+    submap.content = content_hash(submap, result.nodes);
+  }
+  return result;
+}
+
 std::map<NodeId, Pose2> unbent_tiles(const Map& map) {
   std::map<NodeId, Pose2> poses;
   if (map.nodes.empty()) return poses;

@@ -28,6 +28,7 @@ constexpr double kTie_m = 0.04, kTie_rad = 0.008;          // no tie is surer th
 constexpr double kSupport_m = 16.8, kSupportSlope = 12.0;  // where each part of the probability is one half, and how fast it rises
 constexpr double kUnusual = 0.15, kUnusualSlope = 60.0;
 constexpr double kRival = 0.36, kRivalSlope = 16.0;
+constexpr double kOdds = 4.75;  // odds that the product of the three parts is multiplied by: calibrated, as merges of lasers are
 constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be told apart
 
 enum class Seen : std::uint8_t { nothing, fit, conflict };
@@ -248,8 +249,9 @@ double logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 // That much wall must speak for a place, of what fits not too little must be unusual, and no other placement may come near (DECISIONS.md,
 // 60).
 double probability_of(double support_m, double unusual, double rival) {
-  return logistic(kSupportSlope * std::log(support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
-         logistic(kRivalSlope * (kRival - rival));
+  const double product = logistic(kSupportSlope * std::log(support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
+                         logistic(kRivalSlope * (kRival - rival));
+  return kOdds * product / (1.0 + (kOdds - 1.0) * product);
 }
 
 std::string text(const char* format, double first, double second) {
@@ -290,10 +292,10 @@ bool goes_first(const matching::GridWalls& one, const matching::GridWalls& other
                                       [&](const WallPoint& p, const WallPoint& q) { return key(p) < key(q); });
 }
 
-void decide(GridPairResult& result, const GridVerification& best, double rival, const GridPairOptions& options) {
+void decide(GridPairResult& result, const GridVerification& best, double rival, double merge_probability) {
   const double unusual = best.support_m / std::max(best.mean_fit_m(), 1e-9);
   result.probability = probability_of(best.support_m, unusual, rival);
-  if (result.probability >= options.min_probability) return;
+  if (result.probability >= merge_probability) return;
   if (rival > kRival) {
     result.reason = Reason::ambiguous;
     result.note = text("another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
@@ -317,8 +319,8 @@ std::shared_ptr<const PreparedGrid> prepare_grid(const OccupancyGrid& grid) {
   return std::make_shared<const PreparedGrid>(matching::walls_of(grid));
 }
 
-GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options) {
-  if (goes_first(b.walls, a.walls)) return reversed(align_grids(b, a, options));
+GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options, double merge_probability) {
+  if (goes_first(b.walls, a.walls)) return reversed(align_grids(b, a, options, merge_probability));
   GridPairResult result;
   const double wall_m = result.wall_m = std::min(a.walls.wall_m(), b.walls.wall_m());
   if (wall_m < kLeastWall_m) {
@@ -352,13 +354,18 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   if (!result.images.empty()) rival_m = std::max(rival_m, result.images.front().support_m);
   result.evidence = evidence_of(a, b, best, rival_m);
   result.alignment = rigid(b, best);
-  decide(result, best.counts, std::max(rival_m, 0.0) / support_m, options);
+  decide(result, best.counts, std::max(rival_m, 0.0) / support_m, merge_probability);
   if (result.reason == Reason::none) result.ties = ties_of(b, best.bend);
   return result;
 }
 
-GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options) {
-  return align_grids(*prepare_grid(a), *prepare_grid(b), options);
+GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options, double merge_probability) {
+  return align_grids(*prepare_grid(a), *prepare_grid(b), options, merge_probability);
+}
+
+GridVerification verify_alignment(const PreparedGrid& a, const PreparedGrid& b, const PlanarSimilarity& a_from_b,
+                                  const GridPairOptions& options) {
+  return verified(a, b, a_from_b, options.proposals.scale_range).counts;
 }
 
 std::vector<Constraint> constraints_of(const std::vector<GridTie>& ties, const Map& a, const Map& b, const Hash& because) {

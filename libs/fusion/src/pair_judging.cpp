@@ -39,9 +39,16 @@ PairJudging::PairJudging(const FusionInput& input, const FusionOptions& options,
       memo_(memo) {}
 
 void PairJudging::prepare_maps() {
-  for (const Map* map : sorted(input_.maps)) {
-    maps_.push_back(prepare(*map, cache_, options_.stride_m, pool_));
-    seen_.emplace_back(*map, pool_, *input_.pictures);
+  const std::vector<const Map*> maps = sorted(input_.maps);
+  grids_.emplace(maps, input_.vetoed, options_, pool_);
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    maps_.push_back(prepare(grids_->rescaled(m), cache_, options_.stride_m, pool_));
+    seen_.emplace_back(*maps[m], pool_, *input_.pictures);
+  }
+  for (const auto& entry : grids_->pairs()) {
+    const Judgement& judgement = entry.second.judgement;
+    memo_.emplace(judgement.id, judgement);
+    judged_.push_back(judgement.id);
   }
   hearsay_.emplace(input_.borrowed, seen_);
   growth_.emplace(input_.teams, seen_, *hearsay_, options_.visual, pool_);
@@ -61,7 +68,7 @@ std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
   for (;;) {
     std::set<std::pair<std::size_t, std::size_t>> refused;
     for (const auto& entry : refused_) refused.insert(entry.first);
-    lasers_.emplace(maps_, input_, options_, refused, cache_, memo_, pool_);
+    lasers_.emplace(maps_, *grids_, input_, options_, refused, cache_, memo_, pool_);
     lasers_->run(progress);
     judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
     std::vector<PairJoin> pairs = compare_all(progress);
@@ -197,7 +204,7 @@ void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
     numbers.push_back(std::minmax(index_of(one), index_of(other)));
     MAPWEAVE_EXPECT(numbers.back().first != numbers.back().second, "a pair has two maps");
   }
-  lasers_.emplace(maps_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);
+  lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);
   lasers_->judge_first(numbers);
   judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
   for (std::size_t i = 0; i < numbers.size(); ++i) {

@@ -29,6 +29,7 @@ class PairJudging {
   // Before all else. Throws as fuse() does.
   void prepare_maps();
   const std::vector<PreparedMap>& maps() const { return maps_; }
+  const GridAlignments& grids() const { return *grids_; }
   const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
   const Hearsay& hearsay() const { return *hearsay_; }
 
@@ -53,7 +54,8 @@ class PairJudging {
   matching::ModelCache cache_;
   VisualJudge visual_judge_;
   Memo& memo_;
-  std::vector<PreparedMap> maps_;
+  std::optional<GridAlignments> grids_;
+  std::vector<PreparedMap> maps_;  // grids with their scales applied
   std::deque<VisualMap> seen_;
   std::optional<Hearsay> hearsay_;
   std::optional<Growth> growth_;

@@ -34,10 +34,11 @@ std::vector<std::size_t> united(const std::vector<std::size_t>& a, const std::ve
 
 }  // namespace
 
-LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const FusionInput& input, const FusionOptions& options,
-                         const std::set<std::pair<std::size_t, std::size_t>>& refused, matching::ModelCache& cache, Memo& memo,
-                         WorkerPool& pool)
+LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignments& grids, const FusionInput& input,
+                         const FusionOptions& options, const std::set<std::pair<std::size_t, std::size_t>>& refused,
+                         matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
     : maps_(maps),
+      grids_(grids),
       input_(input),
       options_(options),
       refused_(refused),
@@ -65,6 +66,7 @@ matching::WideWindow LaserMerger::window_for(std::size_t map_a, std::size_t a, s
 }
 
 std::vector<SubmapQuestion> LaserMerger::first_questions(std::size_t a, std::size_t b) const {
+  if (grids_.pair(a, b) != nullptr) return {};
   const PreparedMap &one = maps_[a], &other = maps_[b];
   std::vector<std::tuple<double, Hash, Hash, std::size_t, std::size_t>> ranked;
   const auto best_of = [&](const PreparedMap& from, const PreparedMap& to, bool swapped) {
@@ -230,7 +232,7 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
   matches.insert(matches.end(), hypothesis.matches.begin(), hypothesis.matches.end());
   const auto between_groups = [&](std::size_t i, std::size_t j) {
     const std::size_t a = graph_.map_of(i), b = graph_.map_of(j);
-    return contains(x.maps, a) != contains(x.maps, b) && refused_.count(std::minmax(a, b)) == 0;
+    return contains(x.maps, a) != contains(x.maps, b) && refused_.count(std::minmax(a, b)) == 0 && !are_grids(i, j);
   };
   ConstraintSearchResult found = search_.run(united(x.maps, z.maps), std::move(matches), between_groups, kMostRounds, false);
   hypothesis.matches.clear();
@@ -245,10 +247,11 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
 
 const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const LaserTeam& z) {
   Evaluation& evaluation = evaluations_[{x.maps, z.maps}];
-  const std::size_t answers = answers_between(x, z).size();
+  const std::size_t answers = answers_between(x, z).size() + 1;  // 0: never evaluated
   if (evaluation.answers == answers) return evaluation;
   evaluation = {answers, seeds(x, z), 0.0, false, 0.0};
   for (MergeHypothesis& hypothesis : evaluation.hypotheses) grow(hypothesis, x, z);
+  for (MergeHypothesis& hypothesis : grid_hypotheses(x, z)) evaluation.hypotheses.push_back(std::move(hypothesis));
   std::stable_sort(evaluation.hypotheses.begin(), evaluation.hypotheses.end(),
                    [](const MergeHypothesis& l, const MergeHypothesis& r) { return l.log_odds > r.log_odds; });
   double sum = 1.0;
@@ -267,7 +270,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   }
   if (evaluation.hypotheses.empty()) return evaluation;
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
-  if (evaluation.probability < options_.merge_probability) return evaluation;
+  if (evaluation.probability < options_.merge_probability || evaluation.hypotheses.front().is_of_grids) return evaluation;
   evaluation.repeats = looks_like_elsewhere(evaluation.hypotheses.front());
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
@@ -379,7 +382,7 @@ bool LaserMerger::merge_surest() {
 void LaserMerger::close_loops(LaserTeam& team) {
   if (team.maps.size() < 2) return;
   const auto in_scope = [&](std::size_t i, std::size_t j) {
-    return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0;
+    return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0 && !are_grids(i, j);
   };
   ConstraintSearchResult found = search_.run(team.maps, team.matches, in_scope, kMostRounds, true);
   team.matches = std::move(found.matches);
@@ -395,7 +398,9 @@ TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseO
     walls_m.push_back(maps_[map].walls_m);
   }
   for (const auto& side : placed_maps) sides.push_back(&side);
-  return audit(placed_maps, walls_m, sight_of(sides));
+  // Two grids were compared with each other by what grids of other makers may differ in.
+  const auto may_show_ghosts = [&](std::size_t a, std::size_t b) { return grids_.pair(maps[a], maps[b]) == nullptr; };
+  return audit(placed_maps, walls_m, sight_of(sides), may_show_ghosts);
 }
 
 // A map that the others contradict, at a loop that was not found or anywhere else, is taken out of its team.

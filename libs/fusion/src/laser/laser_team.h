@@ -3,6 +3,7 @@
 // is judged by the whole maps as the joint graph bends them.
 
 #include "constraint_search.h"
+#include "grid_alignments.h"
 #include "team_audit.h"
 
 #include <mapweave/core/progress.h>
@@ -27,6 +28,7 @@ struct MergeHypothesis {
   SolvedSubmaps solved;              // both groups, with all their matches
   WallAgreement walls;               // of the two groups
   double log_odds = 0.0;             // that it is right, by itself
+  bool is_of_grids = false;          // two map_server grids, aligned as a whole
 };
 
 struct LaserTeam {
@@ -41,7 +43,7 @@ using PoseOfSubmap = std::function<Pose2(std::size_t map, std::size_t submap)>;
 class LaserMerger {
  public:
   // Everything must outlive it. `refused`: pairs of maps (numbers, the lower first) that must not be matched to each other.
-  LaserMerger(const std::vector<PreparedMap>& maps, const FusionInput& input, const FusionOptions& options,
+  LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignments& grids, const FusionInput& input, const FusionOptions& options,
               const std::set<std::pair<std::size_t, std::size_t>>& refused, matching::ModelCache& cache, Memo& memo, WorkerPool& pool);
 
   void run(Progress& progress);
@@ -78,6 +80,14 @@ class LaserMerger {
   bool ask_more(std::size_t count);
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
+  // Of grids in one team with grids in the other.
+  std::vector<MergeHypothesis> grid_hypotheses(const LaserTeam& x, const LaserTeam& z) const;
+  bool add_grid_pair(MergeHypothesis& hypothesis, std::size_t a, std::size_t b) const;
+  Pose2 a_from_b(const SolvedSubmaps& solved, std::size_t a, std::size_t b) const;
+  void describe_grids(std::size_t a, std::size_t b, Verdict& verdict) const;
+  bool are_grids(std::size_t submap, std::size_t other) const {
+    return grids_.is_grid(graph_.map_of(submap)) && grids_.is_grid(graph_.map_of(other));
+  }
   void grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
   WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
@@ -94,6 +104,7 @@ class LaserMerger {
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
 
   const std::vector<PreparedMap>& maps_;
+  const GridAlignments& grids_;
   const FusionInput& input_;
   const FusionOptions& options_;
   std::set<MapPair> refused_, contradicted_, vetoed_;

@@ -95,11 +95,15 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   verdict.decision = Decision::refused;
   verdict.reason = Reason::little_overlap;
   const LaserTeam* team = team_of(a);
+  const bool are_two_grids = grids_.pair(a, b) != nullptr;
   std::vector<SubmapMatch> matches;
   if (team != nullptr && team == team_of(b))
     for (const SubmapMatch& match : team->matches)
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
-  if (!matches.empty()) {
+  if (are_two_grids) {
+    verdict.decision = matches.empty() ? Decision::deferred : Decision::accepted;
+    describe_grids(a, b, verdict);
+  } else if (!matches.empty()) {
     verdict.decision = Decision::accepted;
     verdict.reason = Reason::none;
     const WallAgreement walls = agreement(team->solved, {a}, {b});
@@ -144,7 +148,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
   alignment.covariance =
       spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
-  verdict.alignment = alignment;
+  if (!are_two_grids) verdict.alignment = alignment;
   return result;
 }
 

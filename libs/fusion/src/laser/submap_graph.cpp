@@ -1,5 +1,7 @@
 #include "submap_graph.h"
 
+#include "../grid_stiffness.h"
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <map>
@@ -15,8 +17,6 @@ constexpr std::size_t kFewestScans = 8;  // matched again in another submap, for
 constexpr std::size_t kNextOnes = 2;     // submaps this near along a trajectory share scans
 // Submaps bend when nodes move on their own: no match is stiffer.
 constexpr double kFloor_m2 = 2.5e-3, kFloor_rad2 = 2.5e-5;
-// Of raster tiles that share cells.
-constexpr double kRaster_m = 0.03, kRaster_rad = 0.003;
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad)).asDiagonal();
@@ -28,8 +28,9 @@ Eigen::Matrix3d softened(const Eigen::Matrix3d& information) {
   return 0.5 * (soft + soft.transpose());
 }
 
-// Which submap a node with a payload is most in the middle of.
-std::map<NodeId, std::size_t> homes(const PreparedMap& map) {
+}  // namespace
+
+std::map<NodeId, std::size_t> homes_of(const PreparedMap& map) {
   std::map<NodeId, std::pair<std::size_t, std::size_t>> best;  // distance from the middle, submap
   for (std::size_t s = 0; s < map.submaps.size(); ++s) {
     const auto& members = map.submaps[s]->submap_from_node;
@@ -43,8 +44,6 @@ std::map<NodeId, std::size_t> homes(const PreparedMap& map) {
   for (const auto& [id, home] : best) result.emplace_hint(result.end(), id, home.second);
   return result;
 }
-
-}  // namespace
 
 Eigen::Vector2d middle_of(const PreparedMap& map, std::size_t submap, const Pose2& team_from_submap) {
   const Pose2 moved = compose(team_from_submap, inverse(map.map_from_submap[submap]));
@@ -64,7 +63,7 @@ SubmapGraph::SubmapGraph(const std::vector<PreparedMap>& maps, const graph::Solv
 
 void SubmapGraph::add_own_edges(std::size_t map) {
   const PreparedMap& own = maps_[map];
-  const auto home_of = homes(own);
+  const auto home_of = homes_of(own);
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> scans;  // matched again, by pair of submaps
   for (const auto& [id, constraint] : own.map->constraints) {
     if (id.kind == ConstraintKind::odometry || (id.kind == ConstraintKind::scan_match && id.index == 0)) continue;
@@ -89,12 +88,12 @@ void SubmapGraph::add_own_edges(std::size_t map) {
     const Pose2 step = between(own.map_from_submap[s], own.map_from_submap[s + 1]);
     const double length = std::hypot(step.x, step.y);
     add(s, s + 1,
-        own.is_grid ? information_of(kRaster_m * (1.0 + 0.2 * length), kRaster_rad * (1.0 + 0.2 * length))
-                    : information_of(kStep_m + kDrift_per_m * length, kStep_rad),
-        false);
+        own.is_grid ? grid_stiffness(step.x, step.y) : information_of(kStep_m + kDrift_per_m * length, kStep_rad), false);
   }
-  for (const auto& [pair, count] : shared)
-    if (pair.second - pair.first > 1) add(pair.first, pair.second, information_of(kRaster_m, kRaster_rad), false);
+  for (const auto& [pair, count] : shared) {
+    const Pose2 step = between(own.map_from_submap[pair.first], own.map_from_submap[pair.second]);
+    if (pair.second - pair.first > 1) add(pair.first, pair.second, grid_stiffness(step.x, step.y), false);
+  }
   for (const auto& [pair, count] : scans)
     if (pair.second - pair.first > 1 && count >= kFewestScans)
       add(pair.first, pair.second, information_of(kRevisit_m, kRevisit_rad), pair.second - pair.first > kNextOnes);

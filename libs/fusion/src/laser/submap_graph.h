@@ -6,6 +6,7 @@
 
 #include <mapweave/graph/relative_covariance.h>
 
+#include <map>
 #include <vector>
 
 namespace mapweave::fusion {
@@ -36,6 +37,8 @@ struct SolvedSubmaps {
   graph::RelativeCovariance covariance() const { return {team_from_submap, edges, weights}; }
 };
 
+// Which submap a node with a payload is most in the middle of.
+std::map<NodeId, std::size_t> homes_of(const PreparedMap& map);
 // Where the middle of a submap's walls lies when the submap lies there.
 Eigen::Vector2d middle_of(const PreparedMap& map, std::size_t submap, const Pose2& team_from_submap);
 

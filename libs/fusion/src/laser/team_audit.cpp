@@ -18,7 +18,8 @@ double in_doubt_m(const RegionAgreement& region) { return region.contradicted_m 
 
 bool is_ghost(const RegionAgreement& region) { return in_doubt_m(region) > std::max(kGhost_m, kGhostShare * region.coinciding_m); }
 
-TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of) {
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of,
+                const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts) {
   std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
   std::vector<double> ghosts_m(maps.size(), 0.0);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
@@ -29,7 +30,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.contradicted_m += region.contradicted_m;
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
-    if (!is_ghost(region)) continue;
+    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b)) continue;
     pair.ghosts_m += in_doubt_m(region);
     ghosts_m[region.a] += in_doubt_m(region);
     ghosts_m[region.b] += in_doubt_m(region);

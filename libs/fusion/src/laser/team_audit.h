@@ -4,6 +4,7 @@
 
 #include "wall_agreement.h"
 
+#include <functional>
 #include <optional>
 
 namespace mapweave::fusion {
@@ -23,6 +24,8 @@ struct TeamAudit {
 // Whether so much in one region is a ghost, not furniture or a door that moved.
 bool is_ghost(const RegionAgreement& region);
 // `walls_m`: of each map. Of two maps that are contradicted as much the one with fewer walls is taken out.
-TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of);
+// Pairs of which `may_show_ghosts` is false are only described.
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of,
+                const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts);
 
 }  // namespace mapweave::fusion

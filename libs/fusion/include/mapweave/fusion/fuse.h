@@ -48,7 +48,7 @@ struct Component {
   // Of each member's map frame after fusion, by its first node. Where lengths grew, of what cameras saw and of where they were: a point of
   // the map, times the scale, lies there; robots are under their cameras, which sit on them in metres whatever lengths the map has.
   Table<MapId, Pose3> team_from_map;
-  Table<MapId, double> scales;  // of members whose lengths grew: one camera's do not know theirs
+  Table<MapId, double> scales;  // of members whose lengths grew: one camera does not know its scale, and a grid's may be wrong
   // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The members' own maps
   // still hold them, so that a join can be undone.
   Table<LandmarkId, LandmarkId> same_as;

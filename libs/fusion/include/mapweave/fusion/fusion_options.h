@@ -1,6 +1,7 @@
 #pragma once
 // Options of fuse().
 
+#include <mapweave/fusion/grid_pair.h>
 #include <mapweave/graph/pose_graph.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/rematch.h>
@@ -52,6 +53,7 @@ struct FusionOptions {
   matching::RematchOptions rematch;
   graph::SolveOptions solve;
   VisualFusionOptions visual;
+  GridPairOptions grids;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("candidates_per_submap", candidates_per_submap, 1, 1000,
@@ -74,6 +76,7 @@ struct FusionOptions {
     v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");
     v.section("solve", solve, "the joint pose graph");
     v.section("visual", visual, "maps of keyframes");
+    v.section("grids", grids, "map_server grids, each two of them");
   }
 };
 

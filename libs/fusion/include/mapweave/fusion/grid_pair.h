@@ -16,12 +16,10 @@ namespace mapweave::fusion {
 struct GridPairOptions {
   matching::GridProposalOptions proposals;
   int mirrored = 12;
-  double min_probability = 0.6;
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("proposals", proposals, "where one grid may lie on the other");
     v.integer("mirrored", mirrored, 1, 100, "placements of one grid's mirror image that the best alignment is compared with");
-    v.fraction("min_probability", min_probability, "of the best alignment, for two grids to join");
   }
 };
 
@@ -62,9 +60,13 @@ struct GridPairResult {
 struct PreparedGrid;
 // Thread-safe once made.
 std::shared_ptr<const PreparedGrid> prepare_grid(const OccupancyGrid&);
-// The same from either side, but for the direction of the transform. Pure; one thread.
-GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options = {});
-GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options = {});
+// The same from either side, but for the direction of the transform. Pure; one thread. Grids join from `merge_probability` on.
+GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options = {}, double merge_probability = 0.95);
+GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options = {},
+                           double merge_probability = 0.95);
+// How well the walls fit where others (a third grid) say that b lies, to 1.5 m. Without support_m.
+GridVerification verify_alignment(const PreparedGrid& a, const PreparedGrid& b, const matching::PlanarSimilarity& a_from_b,
+                                  const GridPairOptions& options = {});
 
 // The ties of two maps that map_of_grid() made, between the nodes that hold the places; of kind between_maps.
 std::vector<Constraint> constraints_of(const std::vector<GridTie>& ties, const Map& a, const Map& b, const Hash& because);
