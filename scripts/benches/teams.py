@@ -57,6 +57,8 @@ def add_arguments(parser):
     parser.add_argument("--pairs", default=20000, type=int, metavar="N", help="strangers: how many (default: %(default)s)")
     parser.add_argument("--overlap-pairs", default=200, type=int, metavar="N", help="overlap: pairs a level (default: %(default)s)")
     parser.add_argument("--halmstad-pairs", default=0, type=int, metavar="N", help="halmstad: the first N pairs; 0: all")
+    parser.add_argument("--halmstad-resolution", default=0.02, type=float, metavar="M", help="halmstad: metres a pixel, which the data set does not say (default: %(default)s)")
+    parser.add_argument("--halmstad-positives", action="store_true", help="halmstad: leave out the pairs that must not join")
     parser.add_argument("--cost", default=list(COST), type=some(COST, "cost"), metavar="NAME,...", help=f"cost: default: all of {','.join(COST)}")
     parser.add_argument("--curve", default=[5, 10, 20, 40], type=numbers, metavar="N,...", help="cost: numbers of robots (default: 5,10,20,40)")
     parser.add_argument("--vision", default=list(VISION), type=some(VISION, "team"), metavar="NAME,...", help=f"vision: default: all of {','.join(VISION)}")

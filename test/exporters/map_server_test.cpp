@@ -185,6 +185,9 @@ TEST_F(MapServer, names_file_line_and_remedy_of_what_makes_no_map) {
 
 TEST_F(MapServer, is_not_fooled_by_sizes_in_a_header) {
   EXPECT_THAT(complaint_about(kPlain, "P5\n40000 40000\n255\nabc"), HasSubstr("40000 x 40000 pixels; up to"));
+  const std::string too_large = complaint_about(kPlain, "P5\n20000 20000\n255\nabc");
+  EXPECT_THAT(too_large, HasSubstr("20000 x 20000 pixels; up to 268435456 can be read"));
+  EXPECT_THAT(too_large, HasSubstr("scale it down and multiply the key 'resolution' by the same factor"));
   EXPECT_THAT(complaint_about(kPlain, "P5\n10000 10000\n255\nabc"), HasSubstr("cut short"));
   EXPECT_THAT(complaint_about(kPlain, "P2\n10000 10000\n255\n1 2 3"), HasSubstr("cut short"));
   EXPECT_THAT(complaint_about(kPlain, "P5\n99999999999999999999 1\n255\nabc"), HasSubstr("larger than"));

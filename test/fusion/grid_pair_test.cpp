@@ -5,8 +5,6 @@
 #include <support/drawn_grids.h>
 #include <support/pose_matchers.h>
 
-#include <random>
-
 namespace mapweave::fusion {
 namespace {
 
@@ -30,14 +28,6 @@ double off_m(const GridPairResult& result, const DrawnGridOptions& a, const Draw
   const Point2 in_a = test::in_grid(a, place), in_b = test::in_grid(b, place);
   const Pose2 found = compose(planar(result.alignment->a_from_b.pose), Pose2(in_b.x, in_b.y, 0.0));
   return std::hypot(found.x - in_a.x, found.y - in_a.y);
-}
-
-OccupancyGrid flipped(const OccupancyGrid& grid) {
-  OccupancyGrid image = grid;
-  for (int row = 0; row < grid.rows; ++row)
-    std::copy_n(grid.log_odds.begin() + static_cast<std::ptrdiff_t>(row) * grid.columns, grid.columns,
-                image.log_odds.begin() + static_cast<std::ptrdiff_t>(grid.rows - 1 - row) * grid.columns);
-  return image;
 }
 
 TEST(GridPair, finds_a_grid_that_is_turned_scaled_bent_and_of_another_resolution) {
@@ -75,7 +65,7 @@ TEST(GridPair, says_the_same_from_either_side_and_wherever_a_grid_lies) {
 TEST(GridPair, refuses_mirror_images) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     const OccupancyGrid grid = drawn_grid(office(seed));
-    const auto result = align_grids(grid, flipped(grid));
+    const auto result = align_grids(grid, test::flipped(grid));
     EXPECT_NE(result.reason, Reason::none) << seed;
     EXPECT_FALSE(result.note.empty());
   }
@@ -146,64 +136,22 @@ TEST(GridPair, ties_bend_the_joint_graph_so_that_walls_coincide) {
   EXPECT_LT(after, 0.8 * before);
 }
 
-// What is no map at all.
-
-OccupancyGrid blank(int columns, int rows, std::int16_t value) {
-  OccupancyGrid grid;
-  grid.columns = columns;
-  grid.rows = rows;
-  grid.log_odds.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), value);
-  return grid;
-}
-
-// Lines of letters of 5 x 7 dots.
-OccupancyGrid page_of_text(unsigned seed) {
-  OccupancyGrid grid = blank(500, 400, -300);
-  std::mt19937 random(seed);
-  std::vector<std::array<unsigned, 7>> letters(26);
-  for (auto& letter : letters)
-    for (auto& dots : letter) dots = random() % 32;
-  for (int y = 20; y + 24 < 400; y += 30)
-    for (int x = 20; x + 20 < 500; x += 20) {
-      const auto& letter = letters[random() % 26];
-      for (int v = 0; v < 21; ++v)
-        for (int u = 0; u < 15; ++u)
-          if (letter[static_cast<std::size_t>(v / 3)] >> (u / 3) & 1U) grid.log_odds[static_cast<std::size_t>((y + v) * 500 + x + u)] = 300;
-    }
-  return grid;
-}
-
-// Smooth noise, as thresholds leave it of a picture.
-OccupancyGrid photograph(unsigned seed) {
-  OccupancyGrid grid = blank(500, 400, 0);
-  std::mt19937 random(seed);
-  std::vector<std::array<double, 4>> waves(40);
-  for (auto& wave : waves)
-    wave = {(random() % 1000 - 500.0) / 8000.0, (random() % 1000 - 500.0) / 8000.0, random() % 628 / 100.0, 1.0 + random() % 100 / 50.0};
-  for (int y = 0; y < 400; ++y)
-    for (int x = 0; x < 500; ++x) {
-      double shade = 0.0;
-      for (const auto& wave : waves) shade += wave[3] * std::sin(wave[0] * x + wave[1] * y + wave[2]);
-      grid.log_odds[static_cast<std::size_t>(y * 500 + x)] = shade > 5.0 ? 300 : shade < 0.0 ? -300 : 0;
-    }
-  return grid;
-}
-
 TEST(GridPair, refuses_text_and_photographs) {
   const OccupancyGrid building = drawn_grid(office(1));
   for (const unsigned seed : {1U, 2U}) {
-    EXPECT_NE(align_grids(building, page_of_text(seed)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(building, photograph(seed)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(page_of_text(seed), page_of_text(seed + 3)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(photograph(seed), photograph(seed + 3)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(photograph(seed), page_of_text(seed)).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(building, test::page_of_text(seed)).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(building, test::photograph(seed)).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(test::page_of_text(seed), test::page_of_text(seed + 3)).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(test::photograph(seed), test::photograph(seed + 3)).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(test::photograph(seed), test::page_of_text(seed)).reason, Reason::none) << seed;
   }
 }
 
 TEST(GridPair, says_that_grids_without_walls_show_no_place) {
   const OccupancyGrid building = drawn_grid(office(1));
-  OccupancyGrid single = blank(1, 1, 300);
-  for (const OccupancyGrid& nothing : {OccupancyGrid{}, blank(300, 200, 0), blank(300, 200, -300), blank(300, 200, 300), single}) {
+  OccupancyGrid single = test::blank_grid(1, 1, 300);
+  for (const OccupancyGrid& nothing :
+       {OccupancyGrid{}, test::blank_grid(300, 200, 0), test::blank_grid(300, 200, -300), test::blank_grid(300, 200, 300), single}) {
     for (const auto& result : {align_grids(building, nothing), align_grids(nothing, building), align_grids(nothing, nothing)}) {
       EXPECT_EQ(result.reason, Reason::unobservable);
       EXPECT_FALSE(result.alignment);
@@ -219,7 +167,7 @@ TEST(GridPair, refuses_a_grid_of_one_room) {
 }
 
 TEST(GridPair, works_on_no_more_than_2048_cells_across) {
-  OccupancyGrid huge = blank(6000, 5000, -300);
+  OccupancyGrid huge = test::blank_grid(6000, 5000, -300);
   for (int i = 0; i < 5000; ++i) huge.log_odds[static_cast<std::size_t>(i) * 6000 + static_cast<std::size_t>(i)] = 300;
   const auto walls = matching::walls_of(huge);
   EXPECT_LE(walls.columns, 2048);

@@ -5,7 +5,9 @@
 #include <mapweave/simulation/floor_plan.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
 #include <utility>
 #include <vector>
 
@@ -80,6 +82,58 @@ inline OccupancyGrid drawn_grid(const simulation::FloorPlan& plan, const DrawnGr
     for (const auto& [dx, dy] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) reach(column + dx, row + dy);
   }
   std::replace(grid.log_odds.begin(), grid.log_odds.end(), kReachable, OccupancyGrid::kUnknown);
+  return grid;
+}
+
+// The mirror image.
+inline OccupancyGrid flipped(const OccupancyGrid& grid) {
+  OccupancyGrid image = grid;
+  for (int row = 0; row < grid.rows; ++row)
+    std::copy_n(grid.log_odds.begin() + static_cast<std::ptrdiff_t>(row) * grid.columns, grid.columns,
+                image.log_odds.begin() + static_cast<std::ptrdiff_t>(grid.rows - 1 - row) * grid.columns);
+  return image;
+}
+
+// What is no map at all.
+
+inline OccupancyGrid blank_grid(int columns, int rows, std::int16_t value) {
+  OccupancyGrid grid;
+  grid.columns = columns;
+  grid.rows = rows;
+  grid.log_odds.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), value);
+  return grid;
+}
+
+// Lines of letters of 5 x 7 dots.
+inline OccupancyGrid page_of_text(unsigned seed) {
+  OccupancyGrid grid = blank_grid(500, 400, -300);
+  std::mt19937 random(seed);
+  std::vector<std::array<unsigned, 7>> letters(26);
+  for (auto& letter : letters)
+    for (auto& dots : letter) dots = random() % 32;
+  for (int y = 20; y + 24 < 400; y += 30)
+    for (int x = 20; x + 20 < 500; x += 20) {
+      const auto& letter = letters[random() % 26];
+      for (int v = 0; v < 21; ++v)
+        for (int u = 0; u < 15; ++u)
+          if (letter[static_cast<std::size_t>(v / 3)] >> (u / 3) & 1U) grid.log_odds[static_cast<std::size_t>((y + v) * 500 + x + u)] = 300;
+    }
+  return grid;
+}
+
+// Smooth noise, as thresholds leave it of a picture.
+inline OccupancyGrid photograph(unsigned seed) {
+  OccupancyGrid grid = blank_grid(500, 400, 0);
+  std::mt19937 random(seed);
+  std::vector<std::array<double, 4>> waves(40);
+  for (auto& wave : waves)
+    wave = {(random() % 1000 - 500.0) / 8000.0, (random() % 1000 - 500.0) / 8000.0, random() % 628 / 100.0, 1.0 + random() % 100 / 50.0};
+  for (int y = 0; y < 400; ++y)
+    for (int x = 0; x < 500; ++x) {
+      double shade = 0.0;
+      for (const auto& wave : waves) shade += wave[3] * std::sin(wave[0] * x + wave[1] * y + wave[2]);
+      grid.log_odds[static_cast<std::size_t>(y * 500 + x)] = shade > 5.0 ? 300 : shade < 0.0 ? -300 : 0;
+    }
   return grid;
 }
 

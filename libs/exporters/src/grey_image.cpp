@@ -21,7 +21,7 @@ void check_size(std::int64_t columns, std::int64_t rows, const std::string& wher
     throw Error(ErrorCode::kUnsupported,
                 "the image has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; up to " +
                     std::to_string(kMostPixels) + " can be read",
-                where, "cut or scale it down");
+                where, "cut it, or scale it down and multiply the key 'resolution' by the same factor");
 }
 
 // Reads the numbers of a PGM header, and of the pixels of P2.

@@ -28,7 +28,9 @@ constexpr double kTie_m = 0.04, kTie_rad = 0.008;          // no tie is surer th
 constexpr double kSupport_m = 16.8, kSupportSlope = 12.0;  // where each part of the probability is one half, and how fast it rises
 constexpr double kUnusual = 0.15, kUnusualSlope = 60.0;
 constexpr double kRival = 0.36, kRivalSlope = 16.0;
-constexpr double kOdds = 4.75;  // odds that the product of the three parts is multiplied by: calibrated, as merges of lasers are
+// Of what conflicts as a share of what fits. Little overlap leaves more places to chance: then less of it is no accident.
+constexpr double kConflict = 0.2, kConflictOverlap = 0.3, kConflictSlope = 40.0;
+constexpr double kOdds = 4.75;  // odds that the product of the parts is multiplied by: calibrated, as merges of lasers are
 constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be told apart
 
 enum class Seen : std::uint8_t { nothing, fit, conflict };
@@ -246,11 +248,14 @@ Evidence evidence_of(const PreparedGrid& a, const PreparedGrid& b, const Verifie
 
 double logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 
-// That much wall must speak for a place, of what fits not too little must be unusual, and no other placement may come near (DECISIONS.md,
-// 60).
-double probability_of(double support_m, double unusual, double rival) {
-  const double product = logistic(kSupportSlope * std::log(support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
-                         logistic(kRivalSlope * (kRival - rival));
+double usual_conflict(const GridVerification& counts) { return kConflict + kConflictOverlap * counts.overlap; }
+double conflict_of(const GridVerification& counts) { return counts.mean_conflict_m() / std::max(counts.mean_fit_m(), 1e-9); }
+
+// That much wall must speak for a place, of what fits not too little must be unusual, not too much may lie in free space, and no other
+// placement may come near (DECISIONS.md, 60).
+double probability_of(const GridVerification& best, double unusual, double rival) {
+  const double product = logistic(kSupportSlope * std::log(best.support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
+                         logistic(kConflictSlope * (usual_conflict(best) - conflict_of(best))) * logistic(kRivalSlope * (kRival - rival));
   return kOdds * product / (1.0 + (kOdds - 1.0) * product);
 }
 
@@ -294,13 +299,13 @@ bool goes_first(const matching::GridWalls& one, const matching::GridWalls& other
 
 void decide(GridPairResult& result, const GridVerification& best, double rival, double merge_probability) {
   const double unusual = best.support_m / std::max(best.mean_fit_m(), 1e-9);
-  result.probability = probability_of(best.support_m, unusual, rival);
+  result.probability = probability_of(best, unusual, rival);
   if (result.probability >= merge_probability) return;
   if (rival > kRival) {
     result.reason = Reason::ambiguous;
     result.note = text("another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
                        100.0 * rival, best.support_m);
-  } else if (best.mean_conflict_m() > 0.5 * best.mean_fit_m()) {
+  } else if (conflict_of(best) > usual_conflict(best) - 2.0 / kConflictSlope) {
     result.reason = Reason::contradiction;
     result.note = text("under the best alignment %.0f m of wall coincide and %.0f m lie in free space of the other grid", best.mean_fit_m(),
                        best.mean_conflict_m());

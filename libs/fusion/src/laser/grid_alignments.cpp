@@ -20,7 +20,8 @@ Hash pair_id(const Map& a, const Map& b, const GridPairOptions& options) {
   Hasher hasher;
   hasher.add("grid pair 1").add(content_hash(a)).add(content_hash(b));
   hasher.add(options.proposals.scale_range).add(options.proposals.scale_step);
-  for (const int value : {options.proposals.rotations, options.proposals.most, options.mirrored}) hasher.add(static_cast<std::int64_t>(value));
+  for (const int value : {options.proposals.rotations, options.proposals.most, options.mirrored})
+    hasher.add(static_cast<std::int64_t>(value));
   return hasher.finish();
 }
 
@@ -42,7 +43,8 @@ Judgement judgement_of(const Map& a, const Map& b, const GridPairResult& result,
 }
 
 Pose2 submap_from(const Submap& submap, const NodeId& node) {
-  const auto member = std::find_if(submap.submap_from_node.begin(), submap.submap_from_node.end(), [&](const auto& one) { return one.first == node; });
+  const auto& members = submap.submap_from_node;
+  const auto member = std::find_if(members.begin(), members.end(), [&](const auto& one) { return one.first == node; });
   return planar(member->second);
 }
 
@@ -164,8 +166,8 @@ std::vector<SubmapMatch> GridAlignments::matches(std::size_t a, std::size_t b, c
   for (const Constraint& constraint : constraints(a, b)) {
     const std::size_t from = homes_a.at(constraint.id.from), to = homes_b.at(constraint.id.to);
     const Pose2 tile_from_submap = inverse(submap_from(*prepared[b].submaps[to], constraint.id.to));
-    const Pose2 from_from_to = compose(compose(submap_from(*prepared[a].submaps[from], constraint.id.from), planar(constraint.from_from_to.pose)),
-                                       tile_from_submap);
+    const Pose2 submap_from_tile = submap_from(*prepared[a].submaps[from], constraint.id.from);
+    const Pose2 from_from_to = compose(compose(submap_from_tile, planar(constraint.from_from_to.pose)), tile_from_submap);
     const Eigen::Matrix3d carry = adjoint(tile_from_submap);
     sums[{from, to}].add(from_from_to, carry.transpose() * planar(constraint.information) * carry);
   }

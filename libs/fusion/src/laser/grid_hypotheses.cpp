@@ -9,8 +9,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kLeastProbability = 0.5;   // of a pair of grids that speaks for or against a merge
-constexpr double kSurest = 0.99;            // no pair of grids is surer than this
+constexpr double kSurest = 0.99;  // no pair of grids is surer than this
 constexpr double kAlike_m = 2.0, kAlike_rad = 0.15;
 
 struct GridsOfTeams {
@@ -31,7 +30,8 @@ Pose2 LaserMerger::a_from_b(const SolvedSubmaps& solved, std::size_t a, std::siz
   std::tuple<double, std::size_t, std::size_t> nearest{1e300, 0, 0};
   for (std::size_t i = 0; i < maps_[a].submaps.size(); ++i)
     for (std::size_t j = 0; j < maps_[b].submaps.size(); ++j) {
-      const Eigen::Vector2d apart = middle_of(maps_[a], i, solved.pose_of(graph_.number(a, i))) - middle_of(maps_[b], j, solved.pose_of(graph_.number(b, j)));
+      const Eigen::Vector2d apart = middle_of(maps_[a], i, solved.pose_of(graph_.number(a, i))) -
+                                    middle_of(maps_[b], j, solved.pose_of(graph_.number(b, j)));
       nearest = std::min(nearest, {apart.norm(), i, j});
     }
   const auto team_from = [&](std::size_t map, std::size_t s) {
@@ -107,8 +107,9 @@ void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict)
     verdict.reason = Reason::vetoed;
   else if (pair.is_sure)
     verdict.reason = Reason::inconsistent;  // with a third grid
-  const bool may_yet_join = verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable || verdict.reason == Reason::inconsistent;
-  verdict.decision = may_yet_join ? Decision::deferred : Decision::refused;
+  const bool is_open =
+      verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable || verdict.reason == Reason::inconsistent;
+  verdict.decision = is_open ? Decision::deferred : Decision::refused;
 }
 
 }  // namespace mapweave::fusion

@@ -61,7 +61,8 @@ struct PreparedGrid;
 // Thread-safe once made.
 std::shared_ptr<const PreparedGrid> prepare_grid(const OccupancyGrid&);
 // The same from either side, but for the direction of the transform. Pure; one thread. Grids join from `merge_probability` on.
-GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options = {}, double merge_probability = 0.95);
+GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options = {},
+                           double merge_probability = 0.95);
 GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options = {},
                            double merge_probability = 0.95);
 // How well the walls fit where others (a third grid) say that b lies, to 1.5 m. Without support_m.
