@@ -84,12 +84,12 @@ TEST_F(WallAgreementOfTwoRobots, falls_and_is_contradicted_where_one_lies_a_metr
 }
 
 TEST_F(WallAgreementOfTwoRobots, leaves_the_audit_of_a_right_team_without_ghosts_and_finds_those_of_a_wrong_one) {
-  const auto right = audit({one_.at({}, 0), other_at(one_from_other())}, {200.0, 100.0}, sight_of_);
+  const auto right = audit({one_.at({}, 0), other_at(one_from_other())}, {200.0, 100.0}, sight_of_, [](std::size_t, std::size_t) { return true; });
   ASSERT_EQ(right.pairs.size(), 1U);
   EXPECT_GT(right.pairs[0].coinciding_m, 20.0);
   EXPECT_EQ(right.pairs[0].ghosts_m, 0.0);
   EXPECT_FALSE(right.taken_out.has_value());
-  const auto wrong = audit({one_.at({}, 0), other_at(compose(one_from_other(), Pose2{0.7, 0.7, 0.0}))}, {200.0, 100.0}, sight_of_);
+  const auto wrong = audit({one_.at({}, 0), other_at(compose(one_from_other(), Pose2{0.7, 0.7, 0.0}))}, {200.0, 100.0}, sight_of_, [](std::size_t, std::size_t) { return true; });
   ASSERT_EQ(wrong.pairs.size(), 1U);
   EXPECT_GT(wrong.pairs[0].ghosts_m, 4.0);
   EXPECT_EQ(wrong.taken_out, std::size_t{1}) << "of two that contradict each other the one with fewer walls goes";

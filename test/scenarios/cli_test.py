@@ -205,7 +205,7 @@ class Team(support.Scenario):
         self.assertEqual(done.returncode, DONE if components == 1 else APART)
         self.assertEqual((out / "team-1").exists(), components == 2)
         self.assertEqual([stage["name"] for stage in summary["stages"] if stage["tier"] == "cloud"],
-                         ["features", "pairwise matching", "component connection", "transform optimisation", "composing"])
+                         ["features", "pairwise matching", "component connection", "transform optimisation", "audit", "composing"])
         members = {"alpha.tum", "beta.tum"} if components == 1 else {"alpha.tum"}
         self.assertLessEqual(members, names(out / "team/trajectories") | {"alpha.tum"})
         for merge in self.read_json("team/merges.json"):

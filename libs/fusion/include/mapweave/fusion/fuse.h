@@ -68,7 +68,7 @@ struct PairAudit {
 };
 
 struct StageTime {
-  std::string name;  // features, pairwise matching, component connection, transform optimisation; who draws (compose_grid) adds composing
+  std::string name;  // features, pairwise matching, component connection, transform optimisation, audit; who draws (compose_grid) adds composing
   double seconds = 0.0;
 };
 
