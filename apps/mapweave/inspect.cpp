@@ -99,6 +99,7 @@ Json of_store(const std::filesystem::path& path) {
           {"maps", maps},
           {"judgements", store.judgements},
           {"verdicts", store.verdicts},
+          {"members", store.members},
           {"metadata", store.metadata},
           {"identity", to_hex(store.identity)}};
 }

@@ -183,6 +183,41 @@ TEST(MapStore, of_schema_1_is_believed_no_more_than_others) {
   }
 }
 
+TEST(MapStore, gives_back_the_own_maps_of_a_teams_members) {
+  const TemporaryFolder folder;
+  StoredMaps stored = some_maps(5, 60);
+  const std::vector<Map> own{stored.maps[0], stored.maps[1]};
+  Map& team = stored.maps[2];
+  const NodeId lacking = own[1].nodes.front().first;  // what the team map lacks comes from the member
+  team.nodes.erase(lacking);
+  for (const Map& map : own) {
+    for (const auto& [id, submap] : map.submaps)
+      if (submap.anchor() != lacking) team.submaps.set(id, submap);
+    for (const auto& [id, constraint] : map.constraints)
+      if (id.from != lacking) team.constraints.set(id, constraint);
+  }
+  for (auto& [id, node] : team.nodes) node.map_from_node = compose(spatial(Pose2{3.0, -1.0, 0.4}), node.map_from_node);
+  stored.maps = {team};
+  const Hash before = identity(stored);
+  write_store(folder / "before.mwdb", stored);
+  for (const Map& map : own) stored.members.push_back({team.id, map});
+  EXPECT_NE(identity(stored), before);
+  write_store(folder / "team.mwdb", stored);
+  const StoredMaps again = read_store(folder / "team.mwdb");
+  EXPECT_EQ(identity(again), identity(stored));
+  ASSERT_EQ(again.members.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    StoredMaps expected, found;
+    expected.maps = {own[i]};
+    found.maps = {again.members[i].own};
+    EXPECT_EQ(again.members[i].team, team.id);
+    EXPECT_EQ(identity(found), identity(expected)) << i;
+  }
+  const StoreSummary summary = summarize_store(folder / "team.mwdb");
+  EXPECT_EQ(summary.schema, kSchemaVersion);
+  EXPECT_EQ(summary.members, 2U);
+}
+
 TEST(MapStore, takes_any_file_name) {
   const TemporaryFolder folder;
   const auto path = folder / "a b?mode=memory#100%\xc3\xa4.mwdb";
@@ -203,7 +238,7 @@ TEST(MapStore, is_summarised_without_reading_the_maps) {
   const StoredMaps stored = some_maps(4, 40);
   write_store(folder / "map.mwdb", stored);
   const StoreSummary summary = summarize_store(folder / "map.mwdb");
-  EXPECT_EQ(summary.schema, kSchemaVersion);
+  EXPECT_EQ(summary.schema, 2);
   EXPECT_EQ(summary.file_bytes, std::filesystem::file_size(folder / "map.mwdb"));
   EXPECT_EQ(summary.judgements, 5U);
   EXPECT_EQ(summary.verdicts, 1U);

@@ -97,7 +97,7 @@ TEST_F(DamagedStore, is_noticed_or_does_no_harm_when_pages_are_mixed_up) {
 
 TEST_F(DamagedStore, of_a_newer_schema_is_refused_with_both_versions) {
   change("PRAGMA user_version = 7");
-  expect_refused(ErrorCode::kUnsupported, "schema 7; this program knows schemas up to 2; read it with a newer mapweave");
+  expect_refused(ErrorCode::kUnsupported, "schema 7; this program knows schemas up to 3; read it with a newer mapweave");
 }
 
 TEST_F(DamagedStore, of_another_program_is_refused) {

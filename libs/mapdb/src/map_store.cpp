@@ -1,7 +1,7 @@
 #include <fcntl.h>
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/map_store.h>
-#include <mapweave/maps/map_update.h>
+#include <mapweave/maps/member_update.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -100,8 +100,19 @@ struct Ordered {
         verdicts(sorted(stored.verdicts,
                         [](const Verdict& a, const Verdict& b) { return std::tie(a.a, a.b, a.by) < std::tie(b.a, b.b, b.by); })) {
     for (const Map* map : maps) MAPWEAVE_EXPECT(is_valid_name(map->id.str()), "a map has a valid name: '" + map->id.str() + "'");
+    for (const MemberMap* member :
+         sorted(stored.members, [](const MemberMap& a, const MemberMap& b) { return std::tie(a.team, a.own.id) < std::tie(b.team, b.own.id); })) {
+      const auto team = std::find_if(maps.begin(), maps.end(), [&](const Map* map) { return map->id == member->team; });
+      MAPWEAVE_EXPECT(team != maps.end(), "a member's team map is in the store: '" + member->team.str() + "'");
+      members.push_back({team - maps.begin(), encode(member_update(**team, member->own))});
+    }
   }
+  struct Member {
+    std::int64_t team;  // place among the maps
+    std::string update;
+  };
   std::vector<const Map*> maps;
+  std::vector<Member> members;
   std::vector<const Judgement*> judgements;
   std::vector<const Verdict*> verdicts;
 };
@@ -114,6 +125,9 @@ Hash identity(const Ordered& ordered) {
   for (const Judgement* judgement : ordered.judgements) hasher.add(encode(*judgement));
   hasher.add("verdicts").add(static_cast<std::int64_t>(ordered.verdicts.size()));
   for (const Verdict* verdict : ordered.verdicts) hasher.add(encode(*verdict));
+  if (ordered.members.empty()) return hasher.finish();
+  hasher.add("members").add(static_cast<std::int64_t>(ordered.members.size()));
+  for (const Ordered::Member& member : ordered.members) hasher.add(member.team).add(member.update);
   return hasher.finish();
 }
 
@@ -154,12 +168,12 @@ class PartialFile {
 
 void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) {
   StoreIndex index;
-  index.summary.schema = kSchemaVersion;
+  index.summary.schema = ordered.members.empty() ? kSchemaVersion - 1 : kSchemaVersion;
   index.summary.metadata = stored.metadata;
   index.summary.judgements = ordered.judgements.size();
   index.summary.verdicts = ordered.verdicts.size();
   index.summary.identity = identity(ordered);
-  create_tables(database);
+  create_tables(database, index.summary.schema);
   for (const Map* map : ordered.maps) {
     const auto place = static_cast<std::int64_t>(index.summary.maps.size());
     for (const auto& [id, submap] : map->submaps)
@@ -175,6 +189,7 @@ void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) 
     insert_blob(database, index, BlobKind::judgements, 0, encode(update));
   }
   for (const Verdict* verdict : ordered.verdicts) insert_blob(database, index, BlobKind::verdict, 0, encode(*verdict));
+  for (const Ordered::Member& member : ordered.members) insert_blob(database, index, BlobKind::member, member.team, member.update);
   write_index(database, index);
 }
 
@@ -221,6 +236,11 @@ StoredMaps read_store(const fs::path& path) {
       Map& map = stored.maps[static_cast<std::size_t>(entry.owner)];
       map =
           updated(std::move(map), decode_map_update(read_blob(database, BlobKind::update, entry), where + ", map '" + map.id.str() + "'"));
+    }
+    for (const BlobEntry& entry : index.members) {
+      const Map& team = stored.maps[static_cast<std::size_t>(entry.owner)];
+      const MapUpdate update = decode_map_update(read_blob(database, BlobKind::member, entry), where + ", members of '" + team.id.str() + "'");
+      stored.members.push_back({team.id, member_of(team, update)});
     }
   } catch (const Error& error) {
     if (error.code() != ErrorCode::kBadInput) throw;

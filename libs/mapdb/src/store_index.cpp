@@ -1,6 +1,7 @@
 #include "store_index.h"
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 
 namespace mapweave::mapdb {
@@ -14,7 +15,7 @@ constexpr const char* kMapsOfSchema1 =
     "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
     "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL) STRICT";
 
-// Schema 2; in schema 1 the first was without keyframes and landmarks. WITHOUT ROWID where rows are small and found by their key.
+// Schema 3; in schema 2 the last was not there, in schema 1 the first was without keyframes and landmarks. WITHOUT ROWID where rows are small and found by their key.
 constexpr const char* kTables[] = {
     "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
     "NOT NULL, "
@@ -29,7 +30,14 @@ constexpr const char* kTables[] = {
     "CREATE TABLE judgements (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
     "CREATE TABLE verdicts (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
     "CREATE TABLE metadata (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID",
-    "CREATE TABLE seal (identity BLOB NOT NULL, judgements INTEGER NOT NULL, verdicts INTEGER NOT NULL, sha256 BLOB NOT NULL) STRICT"};
+    "CREATE TABLE seal (identity BLOB NOT NULL, judgements INTEGER NOT NULL, verdicts INTEGER NOT NULL, sha256 BLOB NOT NULL) STRICT",
+    "CREATE TABLE members (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT "
+    "NULL, "
+    "PRIMARY KEY (map, sequence)) STRICT"};
+constexpr int kSchemaWithMembers = 3;
+
+// How many of the tables a schema has.
+std::size_t tables_of(int schema) { return std::size(kTables) - (schema < kSchemaWithMembers ? 1 : 0); }
 
 std::string_view bytes_of(const Hash& hash) { return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()}; }
 
@@ -98,12 +106,19 @@ Hash seal_of(const StoreIndex& index) {
   add(hasher, index.updates);
   add(hasher, index.judgements);
   add(hasher, index.verdicts);
+  if (summary.schema >= kSchemaWithMembers) add(hasher, index.members);
   for (const auto& [key, value] : summary.metadata) hasher.add(key).add(value);
   return hasher.finish();
 }
 
 std::vector<BlobEntry>& entries_of(StoreIndex& index, BlobKind kind) {
-  return kind == BlobKind::update ? index.updates : kind == BlobKind::judgements ? index.judgements : index.verdicts;
+  switch (kind) {
+    case BlobKind::update: return index.updates;
+    case BlobKind::judgements: return index.judgements;
+    case BlobKind::verdict: return index.verdicts;
+    case BlobKind::member: break;
+  }
+  return index.members;
 }
 
 std::vector<BlobEntry> read_entries(Database& database, const char* sql) {
@@ -150,9 +165,9 @@ MapSummary summary_of(const Map& map) {
   return summary;
 }
 
-void create_tables(Database& database) {
-  database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(kSchemaVersion));
-  for (const char* table : kTables) database.run(table);
+void create_tables(Database& database, int schema) {
+  database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(schema));
+  for (std::size_t i = 0; i < tables_of(schema); ++i) database.run(kTables[i]);
 }
 
 int expect_tables(Database& database) {
@@ -165,8 +180,8 @@ int expect_tables(Database& database) {
         database.shown().string(), "read it with a newer mapweave, or make it again with this one");
   if (version < 1) database.corrupt("its schema is " + std::to_string(version));
   Statement rows(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid");
-  for (const char* table : kTables)
-    if (!rows.step() || rows.text(0) != (version == 1 && table == kTables[0] ? kMapsOfSchema1 : table))
+  for (std::size_t i = 0; i < tables_of(static_cast<int>(version)); ++i)
+    if (!rows.step() || rows.text(0) != (version == 1 && i == 0 ? kMapsOfSchema1 : kTables[i]))
       database.corrupt("its tables are not those of schema " + std::to_string(version));
   if (rows.step()) database.corrupt("it holds more tables than those of schema " + std::to_string(version));
   return static_cast<int>(version);
@@ -178,8 +193,8 @@ void insert_blob(Database& database, StoreIndex& index, BlobKind kind, std::int6
   const PackedBlob blob = pack(plain);
   entries.push_back({owner, follows ? entries.back().sequence + 1 : 1, blob.bytes, number(blob.zstd.size()), blob.sha256});
   const BlobEntry& entry = entries.back();
-  if (kind == BlobKind::update) {
-    Statement insert(database, "INSERT INTO updates VALUES (?, ?, ?, ?, ?)");
+  if (kind == BlobKind::update || kind == BlobKind::member) {
+    Statement insert(database, kind == BlobKind::update ? "INSERT INTO updates VALUES (?, ?, ?, ?, ?)" : "INSERT INTO members VALUES (?, ?, ?, ?, ?)");
     insert.bind(owner).bind(entry.sequence).bind(entry.bytes).bind_bytes(bytes_of(entry.sha256)).bind_bytes(blob.zstd).run();
   } else {
     Statement insert(
@@ -263,6 +278,10 @@ StoreIndex read_index(Database& database, int schema) {
   index.updates = read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM updates ORDER BY map, sequence");
   index.judgements = read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM judgements ORDER BY sequence");
   index.verdicts = read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM verdicts ORDER BY sequence");
+  if (schema >= kSchemaWithMembers)
+    index.members = read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM members ORDER BY map, sequence");
+  summary.members = index.members.size();
+  for (const BlobEntry& entry : index.members) map_of(entry.owner);
   for (const BlobEntry& entry : index.updates) {
     MapSummary& map = map_of(entry.owner);
     map.bytes += count_from(entry.bytes, database);
@@ -285,11 +304,12 @@ StoreIndex read_index(Database& database, int schema) {
 
 std::string read_blob(Database& database, BlobKind kind, const BlobEntry& entry) {
   const char* sql = kind == BlobKind::update       ? "SELECT zstd FROM updates WHERE sequence = ? AND map = ?"
-                    : kind == BlobKind::judgements ? "SELECT zstd FROM judgements WHERE sequence = ?"
-                                                   : "SELECT zstd FROM verdicts WHERE sequence = ?";
+                    : kind == BlobKind::member     ? "SELECT zstd FROM members WHERE sequence = ? AND map = ?"
+                   : kind == BlobKind::judgements ? "SELECT zstd FROM judgements WHERE sequence = ?"
+                                                  : "SELECT zstd FROM verdicts WHERE sequence = ?";
   Statement row(database, sql);
   row.bind(entry.sequence);
-  if (kind == BlobKind::update) row.bind(entry.owner);
+  if (kind == BlobKind::update || kind == BlobKind::member) row.bind(entry.owner);
   if (!row.step()) database.corrupt("a blob is missing");
   return unpack(row.bytes(0), entry.bytes, entry.sha256, database.shown().string());
 }

@@ -8,10 +8,10 @@
 
 namespace mapweave::mapdb {
 
-enum class BlobKind { update, judgements, verdict };
+enum class BlobKind { update, judgements, verdict, member };
 
 struct BlobEntry {
-  std::int64_t owner = 0;     // of an update: the map's place among the maps; else 0
+  std::int64_t owner = 0;     // of an update or a member: the map's place among the maps; else 0
   std::int64_t sequence = 0;  // from 1 per owner
   std::int64_t bytes = 0, stored_bytes = 0;
   Hash sha256;
@@ -19,10 +19,10 @@ struct BlobEntry {
 
 struct StoreIndex {
   StoreSummary summary;
-  std::vector<BlobEntry> updates, judgements, verdicts;
+  std::vector<BlobEntry> updates, judgements, verdicts, members;
 };
 
-void create_tables(Database&);
+void create_tables(Database&, int schema);
 // The schema. Throws unless the tables are those of it: kUnsupported where it is newer than this program's.
 int expect_tables(Database&);
 

@@ -12,10 +12,18 @@
 
 namespace mapweave::mapdb {
 
-inline constexpr int kSchemaVersion = 2;  // PRAGMA user_version; what is written. Schema 1, which knew no keyframes, is read too
+// PRAGMA user_version. Schema 1, which knew no keyframes, is read too; schema 2 is written where there are no members.
+inline constexpr int kSchemaVersion = 3;
+
+// One robot's own map, beside a team map of the same store that it is part of.
+struct MemberMap {
+  MapId team;
+  Map own;
+};
 
 struct StoredMaps {
   std::vector<Map> maps;                        // ids differ
+  std::vector<MemberMap> members;               // of those maps; ids differ. Takes little more room than the poses of their nodes
   std::vector<Judgement> judgements;            // ids differ
   std::vector<Verdict> verdicts;                // their `seconds` are not kept
   std::map<std::string, std::string> metadata;  // whatever the writer wants to be known: versions, options, checksums; UTF-8
@@ -58,7 +66,7 @@ struct StoreSummary {
   int schema = 0;
   std::uint64_t file_bytes = 0;
   std::vector<MapSummary> maps;
-  std::uint64_t judgements = 0, verdicts = 0;
+  std::uint64_t judgements = 0, verdicts = 0, members = 0;
   std::map<std::string, std::string> metadata;
   Hash identity;  // of the StoredMaps
 };
