@@ -31,6 +31,8 @@ const std::vector<Command> commands = {
     {"evaluate", "how good a trajectory or a grid is",
      "mapweave evaluate relations --trajectory team/trajectory.tum --relations intel.relations --max translation_mean_m=0.05",
      set_up_evaluate},
+    {"explain", "a folder of results, two robots -> why their maps were merged or stayed apart", "mapweave explain maps/office alpha beta",
+     set_up_explain},
     {"plan", "robots, what their maps share, edges -> which robot to which edge", "mapweave plan problem.json --method default --json",
      set_up_plan},
     {"profile", "folders of results -> how long things take, for plan", "mapweave profile maps/office --out model.json", set_up_profile},

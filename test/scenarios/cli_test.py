@@ -8,7 +8,7 @@ import struct
 import support
 from support import APART, BAD_INPUT, CANNOT_WRITE, DONE, GATE_FAILED, USAGE
 
-VERBS = ("run", "slam", "merge", "split", "convert", "simulate", "inspect", "export", "evaluate", "plan", "profile", "config", "vocabulary")
+VERBS = ("run", "slam", "merge", "split", "convert", "simulate", "inspect", "export", "evaluate", "explain", "plan", "profile", "config", "vocabulary")
 ONE_MAP = {"config.yaml", "manifest.json", "summary.json", "map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"}
 OF_A_FOLDER = {name for name in ONE_MAP if name.startswith("map.")} | {"trajectory.tum"}
 

@@ -115,6 +115,7 @@ class Fusing {
     result_.stages.push_back({"component connection", connecting_s});
     result_.stages.push_back({"transform optimisation", optimising_s});
     result_.stages.push_back({"audit", watch.lap()});
+    check_priors();
     for (auto& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
     result_.judgements = judging_.judgements();
     return std::move(result_);
@@ -162,6 +163,22 @@ class Fusing {
       is_new = judging_.refuse(pair.a, pair.b, why) || is_new;
     }
     return is_new;
+  }
+
+  // By where the maps were merged; of those that stayed apart, by where they most probably lie.
+  void check_priors() {
+    if (input_.priors.empty()) return;
+    for (PairJoin& pair : pairs_) {
+      Verdict& verdict = pair.result.verdict;
+      std::optional<Pose2> a_from_b;
+      constexpr double kProbable = 0.5;
+      if (verdict.alignment && verdict.probability > kProbable) a_from_b = planar(verdict.alignment->a_from_b.pose);
+      for (const Component& component : result_.components) {
+        const Pose3 *a = component.team_from_map.find(verdict.a), *b = component.team_from_map.find(verdict.b);
+        if (a != nullptr && b != nullptr) a_from_b = planar(compose(inverse(*a), *b));
+      }
+      verdict.prior = judging_.lasers().check_of_prior(pair.a, pair.b, a_from_b);
+    }
   }
 
   bool in_space(const std::vector<std::size_t>& members) const {

@@ -51,6 +51,13 @@ void PairJudging::prepare_maps() {
     judged_.push_back(judgement.id);
   }
   hearsay_.emplace(input_.borrowed, seen_);
+  std::vector<const Map*> all;
+  for (const PreparedMap& map : maps_) all.push_back(map.map);
+  const bool is_preview = !input_.teams.empty() || !input_.judged.empty();
+  copies_ = is_preview ? std::vector<std::optional<CopyOf>>(all.size()) : copies_among(all);
+  for (std::size_t a = 0; a < maps_.size(); ++a)
+    for (std::size_t b = a + 1; b < maps_.size(); ++b)
+      if (copies_[a] || copies_[b] || input_.refused.count({maps_[a].map->id, maps_[b].map->id}) != 0) excluded_.emplace(a, b);
   growth_.emplace(input_.teams, seen_, *hearsay_, options_.visual, pool_);
 }
 
@@ -66,7 +73,7 @@ bool PairJudging::refuse(std::size_t a, std::size_t b, const Verdict& why) { ret
 
 std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
   for (;;) {
-    std::set<std::pair<std::size_t, std::size_t>> refused;
+    std::set<std::pair<std::size_t, std::size_t>> refused = excluded_;
     for (const auto& entry : refused_) refused.insert(entry.first);
     lasers_.emplace(maps_, *grids_, input_, options_, refused, cache_, memo_, pool_);
     lasers_->run(progress);
@@ -95,6 +102,8 @@ std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
   const int task = progress.begin("deciding", count, "pairs of maps");
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b) {
+      // A copy is told with its original alone.
+      if ((copies_[a] && copies_[a]->original != b) || (copies_[b] && copies_[b]->original != a)) continue;
       Stopwatch watch;
       pairs.push_back(compared(a, b));
       auto& result = pairs.back().result;
@@ -125,6 +134,19 @@ void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
   }
 }
 
+// Nothing was compared.
+Verdict PairJudging::set_aside(std::size_t a, std::size_t b, Reason reason) const {
+  Verdict verdict;
+  verdict.a = maps_[a].map->id;
+  verdict.b = maps_[b].map->id;
+  verdict.by = input_.by;
+  const bool by_laser = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
+  verdict.kind = maps_[a].is_grid || maps_[b].is_grid ? "grid" : by_laser ? "laser" : "vision";
+  verdict.decision = Decision::refused;
+  verdict.reason = reason;
+  return verdict;
+}
+
 VisualPairResult PairJudging::seen_by_cameras(std::size_t a, std::size_t b) {
   auto questions = growth_->questions(a, b);
   if (!questions) questions.emplace().first = hearsay_->pairs(a, b);
@@ -133,6 +155,12 @@ VisualPairResult PairJudging::seen_by_cameras(std::size_t a, std::size_t b) {
 
 PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
   PairJoin join{a, b, {}, {}, {}};
+  if (excluded_.count({a, b}) != 0) {
+    const auto& copy = copies_[a] ? copies_[a] : copies_[b];
+    join.result.verdict = set_aside(a, b, copy ? Reason::same_recording : Reason::excluded);
+    if (copy) join.result.verdict.overlap = copy->share;
+    return join;
+  }
   const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
   if (lasers || !cameras) join.result = lasers_->result_of(a, b);
   join.is_matched_by_lasers = !join.result.witnesses.empty();
@@ -161,6 +189,7 @@ Verdict PairJudging::combined(const Verdict& laser, const Verdict& seen, std::si
   }
   if (by_camera) {
     Verdict verdict = seen;
+    verdict.hypotheses = laser.hypotheses;
     verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)));
     if (verdict.conflict > options_.max_wall_conflict) verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;
     return verdict;

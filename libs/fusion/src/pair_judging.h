@@ -5,6 +5,7 @@
 #include "laser/laser_team.h"
 #include "map_pair.h"
 #include "repetition.h"
+#include "same_recording.h"
 
 #include <deque>
 #include <optional>
@@ -44,6 +45,7 @@ class PairJudging {
   void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
   std::vector<PairJoin> compare_all(Progress& progress);
   PairJoin compared(std::size_t a, std::size_t b);
+  Verdict set_aside(std::size_t a, std::size_t b, Reason reason) const;
   VisualPairResult seen_by_cameras(std::size_t a, std::size_t b);
   Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
   double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b);
@@ -55,7 +57,9 @@ class PairJudging {
   VisualJudge visual_judge_;
   Memo& memo_;
   std::optional<GridAlignments> grids_;
-  std::vector<PreparedMap> maps_;  // grids with their scales applied
+  std::vector<PreparedMap> maps_;                           // grids with their scales applied
+  std::set<std::pair<std::size_t, std::size_t>> excluded_;  // pairs that the input refuses, or of a copy
+  std::vector<std::optional<CopyOf>> copies_;               // of each map
   std::deque<VisualMap> seen_;
   std::optional<Hearsay> hearsay_;
   std::optional<Growth> growth_;

@@ -12,6 +12,8 @@ std::string_view to_text(Reason reason) {
     case Reason::inconsistent: return "inconsistent";
     case Reason::vetoed: return "vetoed";
     case Reason::too_few_witnesses: return "too_few_witnesses";
+    case Reason::excluded: return "excluded";
+    case Reason::same_recording: return "same_recording";
   }
   return "unknown";
 }

@@ -1,5 +1,7 @@
 #include "soundness.h"
 
+#include <mapweave/maps/reasons.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -176,7 +178,7 @@ std::string flaw(const Verdict& verdict) {
       !std::all_of(verdict.proposer.begin(), verdict.proposer.end(), [](char c) { return c >= ' ' && c <= '~'; }))
     return "a verdict's proposer is not up to 256 printable letters";
   if (verdict.decision > Decision::deferred) return "a verdict has unknown decision " + std::to_string(static_cast<int>(verdict.decision));
-  if (verdict.reason > Reason::too_few_witnesses) return "a verdict has unknown reason " + std::to_string(static_cast<int>(verdict.reason));
+  if (verdict.reason > kLastReason) return "a verdict has unknown reason " + std::to_string(static_cast<int>(verdict.reason));
   if (!is_probability(verdict.probability)) return "a verdict's probability is not within 0..1";
   for (const double number : {verdict.overlap, verdict.conflict, verdict.second_best})
     if (!std::isfinite(number)) return "a number of a verdict is not finite";

@@ -4,6 +4,7 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/merge_requests.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/runtime/robot_task.h>
 #include <mapweave/scheduling/overlap_estimate.h>
@@ -155,6 +156,11 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   // Edges, where they join, fuse what their robots left and tell the cloud, which fuses everything again.
   std::vector<tiers::EdgeServer> edges;
   tiers::CloudMerger cloud(cloud_tier(), configuration.fusion);
+  std::vector<StartedMap> started;
+  for (const tiers::RobotOutcome& outcome : outcomes)
+    if (outcome.map) started.push_back({&*outcome.map, robot_entry(configuration, outcome.robot).start});
+  const std::vector<fusion::MapPrior> priors = priors_of_starts(started);
+  cloud.set_priors(priors);
   fusion::FusionResult team;
   const auto fuse_at_edges = [&] {
     for (const TierId& id : plan.edges) {
@@ -167,6 +173,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
         if (robot.edge == id) members.push_back(robot.id);
       if (members.empty()) continue;  // the coordinator gave it none
       tiers::EdgeServer edge(id, members, configuration.fusion);
+      edge.set_priors(priors);
       for (tiers::RobotOutcome& outcome : outcomes) {
         if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
         const auto effects = edge.step(outcome, pool, progress);
@@ -251,6 +258,12 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     const std::string name = outcomes[i].robot.str();
     add(results, "robots/" + name, "robot " + name, false, *outcomes[i].map, cameras[i]);
   }
+  std::vector<const Map*> own_maps;
+  for (const tiers::RobotOutcome& outcome : outcomes) {
+    if (outcome.map) own_maps.push_back(&*outcome.map);
+    for (const Map& map : outcome.apart) own_maps.push_back(&map);
+  }
+  results.set_own_maps(own_maps);
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     const std::string name = edge.id().str();
@@ -258,6 +271,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   }
   report.team = Results::report_of(cloud_tier(), team);
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
+  results.set_own_maps({});
   for (const PushWork& pushed : report.work.pushes) {
     const std::string name = pushed.robot.str();
     fusion::FusionResult told;

@@ -40,19 +40,21 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   }
   const std::string ending = path.extension().string();
   if (ending == ".mwdb") {
-    MapInput input{mapdb::read_store(path).maps, {path}};
+    mapdb::StoredMaps stored = mapdb::read_store(path);
+    MapInput input{std::move(stored.maps), {}, {path}};
+    for (mapdb::MemberMap& member : stored.members) input.members.push_back(std::move(member.own));
     if (input.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
     return input;
   }
   if (ending == ".mwj") {
-    MapInput input{maps_of_journal(path), mapdb::UpdateJournal::files_of(path)};
+    MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path)};
     if (input.maps.empty())
       throw Error(ErrorCode::kBadInput, "there is no map in it: no client told its server anything", path.string(),
                   "take a journal that holds maps");
     return input;
   }
   if (ending == ".yaml" || ending == ".yml")
-    return {{fusion::map_of_grid(name, exporters::read_map_server(path))}, {path, exporters::image_of_map_server(path)}};
+    return {{fusion::map_of_grid(name, exporters::read_map_server(path))}, {}, {path, exporters::image_of_map_server(path)}};
   throw Error(ErrorCode::kBadInput, "is neither a map store (.mwdb) nor a server's journal (.mwj) nor a map_server grid (.yaml)",
               path.string(), "name one of these");
 }

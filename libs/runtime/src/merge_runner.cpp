@@ -5,6 +5,7 @@
 #include <mapweave/runtime/merge_runner.h>
 
 #include <algorithm>
+#include <map>
 
 namespace mapweave::runtime {
 namespace {
@@ -15,20 +16,77 @@ struct Inputs {
   std::vector<std::string> notes;
 };
 
-void read_input(const std::filesystem::path& path, MapId name, Inputs& inputs) {
-  MapInput input = read_map_input(path, name);
-  for (Map& map : input.maps) {
-    map.id = input.maps.size() == 1 ? name : MapId(name.str() + "." + map.id.str());
-    inputs.maps.push_back(std::move(map));
+// Of a folder of results: the stores of its teams, which hold the robots' own maps.
+std::vector<std::filesystem::path> with_teams_of_results(const std::vector<std::filesystem::path>& paths) {
+  std::vector<std::filesystem::path> result;
+  for (const std::filesystem::path& path : paths) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(path / "team/map.mwdb", ignored)) {
+      result.push_back(path);
+      continue;
+    }
+    result.push_back(path / "team/map.mwdb");
+    for (int i = 1; std::filesystem::exists(path / ("team-" + std::to_string(i)) / "map.mwdb", ignored); ++i)
+      result.push_back(path / ("team-" + std::to_string(i)) / "map.mwdb");
   }
-  if (name.str() != name_of_file(path)) inputs.notes.push_back(path.string() + " is called '" + name.str() + "' here");
-  for (const std::filesystem::path& file : input.files) inputs.files.push_back({file.string(), hash_of_file(file)});
+  return result;
 }
 
-Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {
+struct NamedInput {
+  std::filesystem::path path;
+  MapId name;  // of the file
+  MapInput content;
+};
+
+// Members of teams keep their names, unless something else has the same.
+void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
+  std::map<MapId, int> holders;
+  for (const NamedInput& input : read) {
+    if (input.content.members.empty()) ++holders[input.name];
+    for (const Map& member : input.content.members) ++holders[member.id];
+  }
+  for (NamedInput& input : read)
+    for (Map& member : input.content.members) {
+      if (holders[member.id] > 1) member.id = MapId(input.name.str() + "." + member.id.str());
+      inputs.maps.push_back(std::move(member));
+    }
+}
+
+void expect_one_robot_each(const NamedInput& input, const MergeRequests& requests) {
+  const auto is_left_out = [&](const RobotId& robot) {
+    return std::find(requests.without.begin(), requests.without.end(), robot.str()) != requests.without.end();
+  };
+  for (const Map& map : input.content.maps)
+    if (const auto robots = map.robots(); robots.size() > 1 && std::any_of(robots.begin(), robots.end(), is_left_out))
+      throw Error(ErrorCode::kBadInput, "this team map does not hold its robots' own maps", input.path.string(),
+                  "give the robots' own maps (robots/*/map.mwdb of the same results), or make the team again with this version");
+}
+
+Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeRequests& requests) {
   Inputs inputs;
+  const std::vector<std::filesystem::path> paths = with_teams_of_results(given);
   const std::vector<MapId> names = names_of(paths);
-  for (std::size_t i = 0; i < paths.size(); ++i) read_input(paths[i], names[i], inputs);
+  std::vector<NamedInput> read;
+  for (std::size_t i = 0; i < paths.size(); ++i) read.push_back({paths[i], names[i], read_map_input(paths[i], names[i])});
+  for (NamedInput& input : read) {
+    for (const std::filesystem::path& file : input.content.files) inputs.files.push_back({file.string(), hash_of_file(file)});
+    if (!input.content.members.empty()) continue;
+    expect_one_robot_each(input, requests);
+    std::vector<Map>& maps = input.content.maps;
+    for (Map& map : maps) {
+      map.id = maps.size() == 1 ? input.name : MapId(input.name.str() + "." + map.id.str());
+      inputs.maps.push_back(std::move(map));
+    }
+    if (input.name.str() != name_of_file(input.path)) inputs.notes.push_back(input.path.string() + " is called '" + input.name.str() + "' here");
+  }
+  take_members(read, inputs);
+  const std::size_t count = inputs.maps.size();
+  inputs.maps = without(std::move(inputs.maps), requests.without);
+  if (inputs.maps.size() < count) {
+    std::string left_out;
+    for (const std::string& name : requests.without) left_out += (left_out.empty() ? "" : ", ") + name;
+    inputs.notes.push_back("left out: " + left_out);
+  }
   inputs.maps = with_robots_apart(std::move(inputs.maps), inputs.notes);
   std::sort(inputs.files.begin(), inputs.files.end(), [](const InputFile& a, const InputFile& b) { return a.path < b.path; });
   return inputs;
@@ -39,18 +97,22 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& paths) {
 Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
                  WorkerPool& pool, Progress& progress) {
   Results results(settings.out, settings.force, configuration, pool, progress);
-  const Inputs inputs = read_inputs(paths);
+  const Inputs inputs = read_inputs(paths, settings.requests);
   Report report;
   report.notes = inputs.notes;
 
   fusion::FusionInput input;
   input.by = cloud_tier();
   input.maps = inputs.maps;
+  apply(settings.requests, input);
   fusion::Memo memo;
   const fusion::FusionResult team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
   report.team = Results::report_of(cloud_tier(), team);
 
   for (const Map& map : inputs.maps) results.add_map("robots/" + map.id.str(), "map " + map.id.str(), map);
+  std::vector<const Map*> own_maps;
+  for (const Map& map : inputs.maps) own_maps.push_back(&map);
+  results.set_own_maps(own_maps);
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;

@@ -2,6 +2,7 @@
 
 #include <mapweave/core/hash.h>
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/reasons.h>
 
 #include <nlohmann/json.hpp>
 
@@ -62,6 +63,35 @@ Json covariance(const Alignment& a_from_b) {
   return matrix;
 }
 
+Json hypothesis_json(const PairHypothesis& hypothesis) {
+  Json contradictions = Json::array();
+  for (const PairHypothesis::Place& place : hypothesis.contradictions)
+    contradictions.push_back({{"x_m", place.x_m}, {"y_m", place.y_m}, {"length_m", place.length_m}});
+  return {{"b_from_a", b_from_a(hypothesis.a_from_b)},
+          {"probability", 1.0 / (1.0 + std::exp(-hypothesis.log_odds))},
+          {"log_odds", hypothesis.log_odds},
+          {"prior_log_odds", hypothesis.prior_log_odds},
+          {"matches", hypothesis.matches},
+          {"coinciding_m", hypothesis.coinciding_m},
+          {"distinctive_m", hypothesis.distinctive_m},
+          {"contradicted_m", hypothesis.contradicted_m},
+          {"unclear_m", hypothesis.unclear_m},
+          {"overlap", hypothesis.overlap},
+          {"contradictions", contradictions}};
+}
+
+Json prior_json(const PriorCheck& prior) {
+  return {{"a_from_b", {{"x", prior.a_from_b.x}, {"y", prior.a_from_b.y}, {"yaw", prior.a_from_b.phi}}},
+          {"sigma_m", prior.sigma_m},
+          {"sigma_rad", prior.sigma_rad},
+          {"contradicted", prior.is_contradicted},
+          {"off_m", prior.off_m ? Json(*prior.off_m) : Json()},
+          {"off_rad", prior.off_rad ? Json(*prior.off_rad) : Json()},
+          {"coinciding_m", prior.coinciding_m},
+          {"contradicted_m", prior.contradicted_m},
+          {"because", in_words(prior)}};
+}
+
 // Of the two maps, where one came to be.
 const fusion::PairAudit* audit_of(const FusionReport& fusion, const Verdict& verdict) {
   const auto audit = std::find_if(fusion.audits.begin(), fusion.audits.end(),
@@ -83,6 +113,8 @@ Json audit_json(const fusion::PairAudit* audit) {
 Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::PairAudit* audit) {
   Json witnesses = Json::array();
   for (const Hash& witness : verdict.witnesses) witnesses.push_back(to_hex(witness));
+  Json hypotheses = Json::array();
+  for (const PairHypothesis& hypothesis : verdict.hypotheses) hypotheses.push_back(hypothesis_json(hypothesis));
   return {{"tier", tier.str()},
           {"a", verdict.a.str()},
           {"b", verdict.b.str()},
@@ -90,6 +122,7 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
           {"accepted", verdict.decision == Decision::accepted},
           {"decision", to_text(verdict.decision)},
           {"reason", to_text(verdict.reason)},
+          {"because", in_words(verdict.reason)},
           {"proposer", verdict.proposer},
           {"probability", verdict.probability},
           {"b_from_a", verdict.alignment ? b_from_a(verdict.alignment->a_from_b) : Json()},
@@ -99,6 +132,8 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
           {"second_best", verdict.second_best},
           {"witnesses", witnesses},
           {"audit", audit_json(audit)},
+          {"hypotheses", hypotheses},
+          {"prior", verdict.prior ? prior_json(*verdict.prior) : Json()},
           {"seconds", verdict.seconds}};
 }
 
@@ -207,20 +242,6 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
   return text;
 }
 
-const char* reason_in_words(Reason reason) {
-  switch (reason) {
-    case Reason::none: return "no doubt";
-    case Reason::little_overlap: return "they show too little common ground";
-    case Reason::contradiction: return "one saw through walls of the other";
-    case Reason::ambiguous: return "they fit together in more than one way";
-    case Reason::unobservable: return "they could slide along each other";
-    case Reason::inconsistent: return "it disagrees with other alignments";
-    case Reason::vetoed: return "it was forbidden";
-    case Reason::too_few_witnesses: return "too few places agree on how they fit";
-  }
-  return "no reason given";
-}
-
 }  // namespace
 
 int Report::exit_code() const {
@@ -289,17 +310,32 @@ std::string in_words(const Verdict& verdict) {
     case Decision::accepted: {
       std::string line = pair + format("joined (%s, %zu place%s agree%s)", numbers.c_str(), verdict.witnesses.size(),
                                        verdict.witnesses.size() == 1 ? "" : "s", verdict.witnesses.size() == 1 ? "s" : "");
-      if (verdict.reason != Reason::none) line += format("; %s", reason_in_words(verdict.reason));
+      if (verdict.reason != Reason::none) line += "; " + std::string(in_words(verdict.reason));
       return line;
     }
     case Decision::refused:
+      if (verdict.reason == Reason::excluded) return pair + "kept apart: " + std::string(in_words(verdict.reason));
+      if (verdict.reason == Reason::same_recording)
+        return pair + "kept apart: " + std::string(in_words(verdict.reason)) +
+               format(" (%.0f %% of the scans of one are in the other)", 100.0 * verdict.overlap);
       // Without any alignment there is nothing to count.
       if (verdict.reason == Reason::little_overlap && verdict.probability == 0.0)
         return pair + "kept apart: no place that both show was found";
-      return pair + "kept apart: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
-    case Decision::deferred: return pair + "not decided: " + reason_in_words(verdict.reason) + " (" + numbers + ")";
+      return pair + "kept apart: " + std::string(in_words(verdict.reason)) + " (" + numbers + ")";
+    case Decision::deferred: return pair + "not decided: " + std::string(in_words(verdict.reason)) + " (" + numbers + ")";
   }
   return pair;
+}
+
+std::string in_words(const PriorCheck& prior) {
+  const double degrees = prior.off_rad.value_or(0.0) * 180.0 / M_PI;
+  if (prior.off_m && prior.is_contradicted)
+    return format("the prior is contradicted: the maps lie %.1f m and %.0f degrees from where it puts them", *prior.off_m, degrees);
+  if (prior.off_m) return format("the maps agree with the prior within %.2f m and %.1f degrees", *prior.off_m, degrees);
+  if (prior.is_contradicted)
+    return format("the prior is contradicted: where it puts the maps, %.1f m of walls were seen through, and %.1f m coincide",
+                  prior.contradicted_m, prior.coinciding_m);
+  return "the prior is not confirmed: no place was found that fits as it says";
 }
 
 // Where a map that was merged showed something twice.
@@ -314,6 +350,7 @@ std::string in_words(const FusionReport& fusion, const std::string& who) {
   for (const Verdict& verdict : fusion.verdicts) {
     const fusion::PairAudit* audit = audit_of(fusion, verdict);
     text += who + ": " + in_words(verdict) + (audit != nullptr ? in_words(*audit) : "") + "\n";
+    if (verdict.prior) text += "note: " + verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(*verdict.prior) + "\n";
   }
   return text;
 }

@@ -17,9 +17,11 @@ namespace mapweave::runtime {
 namespace {
 
 // What a component's map rests on.
-mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused) {
+mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused, const std::vector<const Map*>& own_maps) {
   mapdb::StoredMaps result;
   result.maps = {component.map};
+  for (const Map* own : own_maps)
+    if (std::binary_search(component.members.begin(), component.members.end(), own->id)) result.members.push_back({component.map.id, *own});
   for (const Judgement& judgement : fused.judgements)
     if (holds(component.map, judgement.a) && holds(component.map, judgement.b)) result.judgements.push_back(judgement);
   const auto is_member = [&](const MapId& id) { return std::binary_search(component.members.begin(), component.members.end(), id); };
@@ -226,7 +228,7 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
     for (const CamerasOutcome& outcome : cameras)
       for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
     if (tier == cloud_tier()) draw_dense(place, name, depth);
-    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused));
+    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused, own_maps_));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;

@@ -33,6 +33,9 @@ class Results {
   // into the report. `cameras`: what the fused maps of keyframes came from, for the frames between them. Depth is the cloud's alone.
   void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title, bool robot_trajectories,
                       const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras, Report& report);
+  // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be undone. They must
+  // outlive it.
+  void set_own_maps(std::vector<const Map*> maps) { own_maps_ = std::move(maps); }
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the
   // folder appears.
   void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report);
@@ -61,6 +64,7 @@ class Results {
   double composing_seconds_ = 0.0, output_seconds_ = 0.0;
   bool interrupted_ = false, saw_depth_ = false;
   std::vector<std::string> notes_;
+  std::vector<const Map*> own_maps_;
 };
 
 }  // namespace mapweave::runtime

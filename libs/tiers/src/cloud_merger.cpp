@@ -64,6 +64,7 @@ std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges) con
 fusion::FusionResult CloudMerger::seal(WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input;
   input.by = cloud_;
+  input.priors = priors_;
   for (const auto& [id, inbox] : inboxes_) {
     if (const Receipt receipt = inbox.receipt(); receipt.awaited > 0)
       throw Error(ErrorCode::kMissing, "update " + std::to_string(receipt.awaited) + " of map '" + id.str() + "' never came",

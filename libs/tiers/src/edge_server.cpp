@@ -32,6 +32,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   if (maps_.empty()) return effects;
   fusion::FusionInput input;
   input.by = edge_;
+  input.priors = priors_;
   for (const auto& [id, map] : maps_) input.maps.push_back(map);
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);

@@ -20,7 +20,8 @@ constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hy
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12;
 constexpr double kAsGoodAFit = 0.9;
-
+constexpr std::size_t kBesidePrior = 16;    // questions of a pair that a prior is compared with, at first
+constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
 
 double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
 
@@ -44,6 +45,7 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       refused_(refused),
       memo_(memo),
       graph_(maps, options.solve),
+      priors_(maps, graph_, input.priors),
       judge_(maps, graph_, options, input.vetoed, cache, memo, pool),
       search_(maps, graph_, judge_) {}
 
@@ -104,7 +106,8 @@ bool LaserMerger::ask_more(std::size_t count) {
   for (auto& [pair, state] : pairs_) {
     if (state.open.empty() || refused_.count(pair) != 0) continue;
     if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
-    const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(count, state.open.size()));
+    const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count, state.open.size()));
+    state.of_prior = 0;
     for (auto question = state.open.begin(); question != end; ++question) {
       questions.push_back(*question);
       whose.push_back(&state);
@@ -161,7 +164,7 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
     std::vector<double> weights;
     for (std::size_t i = 0; i < left.size(); ++i) {
       const SubmapMatch& match = entries[left[i]].match;
-      weights.push_back(std::max(0.05, log_odds(match.probability)) * (match.is_observable ? 1.0 : 0.3));
+      weights.push_back(std::max(0.05, log_odds(match.probability)) * (match.is_observable ? 1.0 : 0.3) + priors_.weight(match));
       for (std::size_t j = 0; j < left.size(); ++j) consistent[i * left.size() + j] = agree[left[i] * count + left[j]] != 0;
     }
     MergeHypothesis hypothesis;
@@ -242,7 +245,8 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
   hypothesis.log_odds = -kSurestLogOdds;
   if (hypothesis.matches.empty() || found.is_hopeless) return;
   hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
-  hypothesis.log_odds = log_odds_of(hypothesis.walls);
+  hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
+  hypothesis.log_odds = std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
 }
 
 const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const LaserTeam& z) {
@@ -265,13 +269,16 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
     if (is_same(hypothesis, best)) continue;
     // Who lays as much wall on wall is a rival, however much of it would fit elsewhere too.
     const bool fits_as_well = fit_of(hypothesis.walls) >= kAsGoodAFit * fit_of(best.walls) && fit_of(best.walls) > 0.0;
-    sum += fits_as_well ? std::max(odds, std::exp(best.log_odds)) : odds;
-    evaluation.rival = fits_as_well ? 1.0 : std::max(evaluation.rival, odds / std::exp(best.log_odds));
+    const double as_well = std::max(odds, std::exp(best.log_odds - best.prior_log_odds + hypothesis.prior_log_odds));
+    sum += fits_as_well ? as_well : odds;
+    evaluation.rival = std::max(evaluation.rival, std::min(1.0, (fits_as_well ? as_well : odds) / std::exp(best.log_odds)));
   }
   if (evaluation.hypotheses.empty()) return evaluation;
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
-  if (evaluation.probability < options_.merge_probability || evaluation.hypotheses.front().is_of_grids) return evaluation;
-  evaluation.repeats = looks_like_elsewhere(evaluation.hypotheses.front());
+  const MergeHypothesis& surest = evaluation.hypotheses.front();
+  if (evaluation.probability < options_.merge_probability || surest.is_of_grids) return evaluation;
+  // A prior tells places apart that look alike.
+  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && looks_like_elsewhere(surest);
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
 }
@@ -412,6 +419,7 @@ bool LaserMerger::take_back() {
     if (!audit.taken_out) continue;
     const std::size_t who = team.maps[*audit.taken_out];
     for (PairAudit& ghost : ghosts_of(audit, team.maps, who, pose_of)) taken_apart_.push_back(std::move(ghost));
+    remember_taken_back(team, audit, who);
     for (const std::size_t other : team.maps)
       if (other != who) {
         const MapPair pair = std::minmax(who, other);
@@ -473,7 +481,13 @@ void LaserMerger::split_unconnected() {
 void LaserMerger::run(Progress& progress) {
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b)
-      if (!maps_[a].submaps.empty() && !maps_[b].submaps.empty()) pairs_[{a, b}].open = first_questions(a, b);
+      if (!maps_[a].submaps.empty() && !maps_[b].submaps.empty() && refused_.count({a, b}) == 0) {
+        PairState& state = pairs_[{a, b}];
+        state.open = priors_.questions(a, b);
+        state.of_prior = state.open.size();
+        const auto others = first_questions(a, b);
+        state.open.insert(state.open.end(), others.begin(), others.end());
+      }
   if (pairs_.empty()) {
     merge_all();
     return;

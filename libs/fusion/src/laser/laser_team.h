@@ -4,6 +4,7 @@
 
 #include "constraint_search.h"
 #include "grid_alignments.h"
+#include "prior_evidence.h"
 #include "team_audit.h"
 
 #include <mapweave/core/progress.h>
@@ -28,6 +29,7 @@ struct MergeHypothesis {
   SolvedSubmaps solved;              // both groups, with all their matches
   WallAgreement walls;               // of the two groups
   double log_odds = 0.0;             // that it is right, by itself
+  double prior_log_odds = 0.0;       // of these, what priors add
   bool is_of_grids = false;          // two map_server grids, aligned as a whole
 };
 
@@ -58,6 +60,8 @@ class LaserMerger {
   std::vector<PairAudit> ghosts_of(const TeamAudit& audit, const std::vector<std::size_t>& maps, std::size_t with,
                                    const PoseOfSubmap& pose_of) const;
   const std::vector<PairAudit>& taken_apart() const { return taken_apart_; }  // by the audit of run()
+  // What became of the prior of two maps, a < b, that were merged so, else fit best so. Nothing without one.
+  std::optional<PriorCheck> check_of_prior(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b) const;
   const std::vector<Hash>& judged() const { return judge_.asked(); }
   // The wide searches that run() begins with, of these pairs alone.
   void judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs);
@@ -65,7 +69,8 @@ class LaserMerger {
  private:
   using MapPair = std::pair<std::size_t, std::size_t>;
   struct PairState {
-    std::vector<SubmapQuestion> open;  // most alike first
+    std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
+    std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
     std::vector<SubmapAnswer> answers;
   };
   struct Evaluation {
@@ -102,6 +107,10 @@ class LaserMerger {
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
+  void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
+  std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;
+  PairHypothesis told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
+  std::vector<PairHypothesis> hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const;
 
   const std::vector<PreparedMap>& maps_;
   const GridAlignments& grids_;
@@ -110,9 +119,11 @@ class LaserMerger {
   std::set<MapPair> refused_, contradicted_, vetoed_;
   Memo& memo_;
   SubmapGraph graph_;
+  PriorEvidence priors_;
   mutable SubmapJudge judge_;  // keeps what it looked at
   ConstraintSearch search_;
   std::map<MapPair, PairState> pairs_;
+  std::map<MapPair, PairHypothesis> taken_back_;  // how they lay in the team that the audit took them out of
   std::vector<LaserTeam> teams_;
   std::vector<PairAudit> taken_apart_;
   std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;

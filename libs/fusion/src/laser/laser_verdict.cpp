@@ -109,7 +109,8 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     const WallAgreement walls = agreement(team->solved, {a}, {b});
     verdict.conflict = walls.conflict();
     verdict.overlap = walls.overlap;
-    verdict.probability = 1.0 / (1.0 + std::exp(-log_odds_of(walls)));
+    verdict.hypotheses = hypotheses_of(a, b, &walls);
+    verdict.probability = 1.0 / (1.0 + std::exp(-log_odds_of(walls) - priors_.log_odds(team->solved, {a}, {b})));
   } else if (vetoed_.count({a, b}) != 0) {
     verdict.reason = Reason::vetoed;
   } else if (contradicted_.count({a, b}) != 0) {
@@ -120,6 +121,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   } else {
     matches = doubted(a, b, verdict);
   }
+  if (verdict.decision != Decision::accepted) verdict.hypotheses = hypotheses_of(a, b, nullptr);
   for (const SubmapMatch& match : matches) verdict.witnesses.push_back(match.judgement);
   std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
   verdict.witnesses.erase(std::unique(verdict.witnesses.begin(), verdict.witnesses.end()), verdict.witnesses.end());

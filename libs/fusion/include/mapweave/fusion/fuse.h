@@ -25,6 +25,13 @@ struct StandingTeam {
   bool is_adjusted_again = false;       // all of them, not what is new alone
 };
 
+// Where somebody says that a map lies in another one: measured with a tape, or known starts. Evidence beside others: walls may contradict it.
+struct MapPrior {
+  MapId a, b;
+  Pose2 a_from_b;  // b's map frame in a's
+  double sigma_m = 0.5, sigma_rad = 0.1;
+};
+
 struct FusionInput {
   std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
   std::set<Hash> vetoed;  // judgements not to be believed
@@ -40,6 +47,8 @@ struct FusionInput {
   // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.
   std::vector<LandmarkChange> borrowed = {};
   std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next joining
+  std::set<std::pair<MapId, MapId>> refused = {};  // never to be matched to each other, the lower id first; unknown ids say nothing
+  std::vector<MapPrior> priors = {};                               // for lasers; at most one of two maps counts. Unknown ids say nothing
 };
 
 struct Component {

@@ -40,7 +40,9 @@ enum class Reason : std::uint8_t {
   unobservable = 4,
   inconsistent = 5,
   vetoed = 6,
-  too_few_witnesses = 7
+  too_few_witnesses = 7,
+  excluded = 8,       // the user wants the two maps not to be matched
+  same_recording = 9  // the two maps hold the same scans
 };
 
 struct Judgement {
@@ -56,6 +58,34 @@ struct Judgement {
 
 enum class Decision : std::uint8_t { accepted = 0, refused = 1, deferred = 2 };
 
+// One way in which two maps may lie to each other, with what speaks for and against it: metres of wall of both.
+struct PairHypothesis {
+  Sim3 a_from_b;
+  std::uint32_t matches = 0;     // of places of both maps that agree on it
+  double log_odds = 0.0;         // that it is right, by itself; the prior's are among them
+  double prior_log_odds = 0.0;   // that a prior adds
+  double coinciding_m = 0.0;     // walls of both
+  double distinctive_m = 0.0;    // that fit here and nowhere around
+  double contradicted_m = 0.0;   // that the other one saw through
+  double unclear_m = 0.0;        // where the other one looked and saw neither
+  double overlap = 0.0;          // share of the smaller map's walls that lie where the other one looked
+  struct Place {
+    double x_m = 0.0, y_m = 0.0;  // a's map frame
+    double length_m = 0.0;
+  };
+  std::vector<Place> contradictions;  // longest first
+};
+constexpr std::size_t kMostPairHypotheses = 4;  // that a verdict tells
+
+// Where somebody said that two maps lie to each other, and what the maps say to it.
+struct PriorCheck {
+  Pose2 a_from_b;  // as it was given
+  double sigma_m = 0.0, sigma_rad = 0.0;
+  bool is_contradicted = false;
+  std::optional<double> off_m, off_rad;  // from it to where the maps were merged, or else fit best
+  double coinciding_m = 0.0, contradicted_m = 0.0;  // walls, where it puts the maps
+};
+
 // Whether two maps join, and how we know.
 struct Verdict {
   MapId a, b;  // a < b
@@ -69,6 +99,9 @@ struct Verdict {
   double overlap = 0.0, conflict = 0.0, second_best = 0.0;  // of the two maps under the alignment
   std::vector<Hash> witnesses, contradicted;                // judgements that hold, and that were overruled
   double seconds = 0.0;                                     // spent on it; not part of a sealed result
+  // What else is told of the pair; stores do not keep it.
+  std::vector<PairHypothesis> hypotheses;  // most probable first; of the accepted one, as the team has it
+  std::optional<PriorCheck> prior;
 };
 
 std::string_view to_text(Reason);

@@ -10,6 +10,7 @@ namespace mapweave::runtime {
 
 struct MapInput {
   std::vector<Map> maps;
+  std::vector<Map> members;  // of a team's store: the robots' own maps, as they were before they were merged; may be empty
   std::vector<std::filesystem::path> files;  // all that was read: of a map_server grid its image too
 };
 

@@ -2,16 +2,19 @@
 // `mapweave merge`: maps that exist already -> team maps.
 
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/merge_requests.h>
 
 namespace mapweave::runtime {
 
 struct MergeSettings {
   std::filesystem::path out;
   bool force = false;
+  MergeRequests requests = {};
 };
 
-// `paths`: stores (.mwdb), journals of live map servers (.mwj), map_server grids (.yaml) and folders of one map, in any order. Throws
-// Error: what read_map_input() throws, kCannotWrite, kInterrupted.
+// `paths`: stores (.mwdb), journals of live map servers (.mwj), map_server grids (.yaml), folders of one map and folders of results, in any
+// order. A team's store, and a folder of results, stand for the robots' own maps that they were made of, under the same names. Throws
+// Error: what read_map_input(), without() and apply() throw, kCannotWrite, kInterrupted.
 Report run_merge(const RunConfiguration&, const std::vector<std::filesystem::path>& paths, const MergeSettings&, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

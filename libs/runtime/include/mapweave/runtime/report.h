@@ -100,6 +100,8 @@ nlohmann::ordered_json merges_json(const Report&);
 // A verdict in one line: "alpha + beta: accepted (probability 0.99, overlap 0.41, 3 witnesses)", "...: refused: not enough common ground
 // (...)".
 std::string in_words(const Verdict&);
+// What became of a prior: "the prior is contradicted: the maps lie 9.8 m and 2 degrees from where it puts them".
+std::string in_words(const PriorCheck&);
 // The short summary that a person reads at the end. `folder`: where the results are.
 std::string in_words(const Report&, const std::string& folder);
 

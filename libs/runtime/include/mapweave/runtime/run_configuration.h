@@ -32,10 +32,24 @@ struct RoutePoint {
   }
 };
 
+// Where a robot was when its log began, in a frame that all robots share.
+struct StartPose {
+  double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0, sigma_m = 0.0, sigma_rad = 0.1;
+  template <class Visitor>
+  void describe(Visitor& v) {
+    v.number("x_m", x_m, -1e6, 1e6, "in a frame that all robots share");
+    v.number("y_m", y_m, -1e6, 1e6, "in a frame that all robots share");
+    v.number("yaw_rad", yaw_rad, -7.0, 7.0, "heading in this frame, counter-clockwise from its x axis");
+    v.non_negative("sigma_m", sigma_m, "standard deviation of the position; 0: the start is not known");
+    v.positive("sigma_rad", sigma_rad, "standard deviation of the heading");
+  }
+};
+
 struct RobotEntry {
   std::string id, log, edge;
   double from_s = 0.0;
   std::vector<RoutePoint> route = {};
+  StartPose start = {};
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
@@ -43,6 +57,7 @@ struct RobotEntry {
     v.text("edge", edge, "the edge that maps it, with a coordinator at first; empty: as the coordinator decides, else the edges in turn");
     v.non_negative("from_s", from_s, "it begins then, in seconds since the team did (with a coordinator)");
     v.list("route", route, "the way that it is going to drive, for the coordinator to know before there is a map");
+    v.section("start", start, "where it began, if that is known: a prior for merging its map, which walls may contradict");
   }
 };
 

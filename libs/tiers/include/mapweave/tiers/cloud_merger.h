@@ -18,6 +18,8 @@ class CloudMerger {
  public:
   CloudMerger(TierId cloud, fusion::FusionOptions options);
 
+  // Where maps lie to each other, for seal().
+  void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
   // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt, kBadInput) for one that
   // cannot be decoded, that does not fit what it builds on (this one, or one that waited for it), or that names a map of another tier;
   // nothing is stored of it then.
@@ -34,6 +36,7 @@ class CloudMerger {
  private:
   TierId cloud_;
   fusion::FusionOptions options_;
+  std::vector<fusion::MapPrior> priors_;
   std::map<MapId, UpdateInbox> inboxes_;
   fusion::Memo memo_;
 };

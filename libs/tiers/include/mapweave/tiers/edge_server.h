@@ -22,6 +22,9 @@ class EdgeServer {
   // `robots`: those that will ship to this edge.
   EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options);
 
+  // Where maps lie to each other, for result(). Before the last robot ends.
+  void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
+
   // What one event makes the edge do.
   struct Effects {
     std::vector<std::string> for_cloud;  // encoded MapUpdates, in the order of their sequence
@@ -43,6 +46,7 @@ class EdgeServer {
  private:
   TierId edge_;
   fusion::FusionOptions options_;
+  std::vector<fusion::MapPrior> priors_;
   std::vector<std::string> told(const std::vector<Judgement>&);
   std::set<RobotId> awaited_;
   std::map<MapId, std::uint64_t> sequence_;  // of the last update about each map

@@ -1,0 +1,133 @@
+#include "prior_evidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace mapweave::fusion {
+namespace {
+
+// A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be wrong altogether.
+constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
+constexpr double kSeedWeight = 2.0;     // of a match that agrees, log odds
+constexpr double kDrift_per_m = 0.02;   // of a robot's own map, from where it began
+constexpr double kNear_m = 6.0, kFarthest_m = 14.0;  // between middles of submaps that may show the same
+constexpr double kFarthestReach_m = 12.0, kSigmas = 3.0;
+constexpr std::size_t kNearest = 2, kMostQuestions = 16;
+constexpr double kLeastContradiction_m = 1.0;
+constexpr double kContradicted = 11.3;  // 99 % of what agrees is nearer
+
+double reach(const matching::Point2f& centre) { return std::hypot(centre.x, centre.y); }
+
+}  // namespace
+
+PriorEvidence::PriorEvidence(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const std::vector<MapPrior>& priors)
+    : maps_(maps), graph_(graph) {
+  const auto number_of = [&](const MapId& id) {
+    return static_cast<std::size_t>(
+        std::find_if(maps.begin(), maps.end(), [&](const PreparedMap& map) { return map.map->id == id; }) - maps.begin());
+  };
+  for (const MapPrior& prior : priors) {
+    const std::size_t a = number_of(prior.a), b = number_of(prior.b);
+    if (a < maps.size() && b < maps.size() && a != b && of(std::min(a, b), std::max(a, b)) == nullptr)
+      priors_.push_back({a, b, prior.a_from_b, prior.sigma_m, prior.sigma_rad});
+  }
+}
+
+const PriorEvidence::Prior* PriorEvidence::of(std::size_t a, std::size_t b) const {
+  for (const Prior& prior : priors_)
+    if (std::minmax(prior.a, prior.b) == std::minmax(a, b)) return &prior;
+  return nullptr;
+}
+
+double PriorEvidence::distance2(const Prior& prior, const Pose2& a_from_b, double drift_m) {
+  const Pose2 error = between(prior.a_from_b, a_from_b);
+  return (error.x * error.x + error.y * error.y) / (prior.sigma_m * prior.sigma_m + drift_m * drift_m) +
+         error.phi * error.phi / (prior.sigma_rad * prior.sigma_rad);
+}
+
+std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t b) const {
+  const Prior* prior = of(a, b);
+  std::vector<SubmapQuestion> result;
+  if (prior == nullptr) return result;
+  const Pose2 a_from_b = prior->a == a ? prior->a_from_b : inverse(prior->a_from_b);
+  const PreparedMap &one = maps_[a], &other = maps_[b];
+  std::vector<std::tuple<double, Hash, Hash, SubmapQuestion>> ranked;
+  for (const std::size_t j : other.representatives) {
+    const Eigen::Vector2d there = middle_of(other, j, compose(a_from_b, other.map_from_submap[j]));
+    std::vector<std::tuple<double, Hash, std::size_t, double>> near;
+    for (const std::size_t i : one.representatives) {
+      const double distance = std::hypot(one.centres[i].x - there.x(), one.centres[i].y - there.y());
+      const double lever_m = reach(prior->a == a ? other.centres[j] : one.centres[i]);
+      const double drift_m = kDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
+      const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m + lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
+      if (distance < std::min(kFarthest_m, kNear_m + 2.0 * sigma_m)) near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
+    }
+    std::sort(near.begin(), near.end());
+    for (std::size_t k = 0; k < std::min(kNearest, near.size()); ++k) {
+      const auto& [distance, print, i, sigma_m] = near[k];
+      SubmapQuestion question{graph_.number(a, i), graph_.number(b, j), {}};
+      question.from_from_to.a_from_b = between(one.map_from_submap[i], compose(a_from_b, other.map_from_submap[j]));
+      question.from_from_to.radius_m = std::clamp(kSigmas * sigma_m, 0.5, kFarthestReach_m);
+      question.from_from_to.yaw_rad = std::min(M_PI, 0.04 + kSigmas * prior->sigma_rad);
+      const auto prints = std::minmax(print, other.fingerprints[j]);
+      ranked.emplace_back(distance, prints.first, prints.second, question);
+    }
+  }
+  std::stable_sort(ranked.begin(), ranked.end(), [](const auto& l, const auto& r) {
+    return std::tie(std::get<0>(l), std::get<1>(l), std::get<2>(l)) < std::tie(std::get<0>(r), std::get<1>(r), std::get<2>(r));
+  });
+  for (std::size_t k = 0; k < std::min(kMostQuestions, ranked.size()); ++k) result.push_back(std::get<3>(ranked[k]));
+  return result;
+}
+
+double PriorEvidence::weight(const SubmapMatch& match) const {
+  const std::size_t from = graph_.map_of(match.from), to = graph_.map_of(match.to);
+  const Prior* prior = of(from, to);
+  if (prior == nullptr) return 0.0;
+  const std::size_t i = graph_.submap_of(match.from), j = graph_.submap_of(match.to);
+  const Pose2 from_from_to = compose(compose(maps_[from].map_from_submap[i], match.from_from_to), inverse(maps_[to].map_from_submap[j]));
+  const double drift_m = kDrift_per_m * (reach(maps_[from].centres[i]) + reach(maps_[to].centres[j]));
+  return kSeedWeight * std::exp(-0.5 * distance2(*prior, prior->a == from ? from_from_to : inverse(from_from_to), drift_m));
+}
+
+double PriorEvidence::log_odds(const SolvedSubmaps& solved, const std::vector<std::size_t>& x, const std::vector<std::size_t>& z) const {
+  double sum = 0.0;
+  std::size_t count = 0;
+  const auto contains = [](const std::vector<std::size_t>& group, std::size_t map) { return std::binary_search(group.begin(), group.end(), map); };
+  const auto map_frame = [&](std::size_t map) {
+    return compose(solved.pose_of(graph_.number(map, 0)), inverse(maps_[map].map_from_submap.front()));
+  };
+  for (const Prior& prior : priors_) {
+    if (!(contains(x, prior.a) && contains(z, prior.b)) && !(contains(z, prior.a) && contains(x, prior.b))) continue;
+    const double d2 = distance2(prior, between(map_frame(prior.a), map_frame(prior.b)), 0.0);
+    sum += std::log(kWrong + std::exp(kMostLogOdds - 0.5 * d2));
+    ++count;
+  }
+  // Priors of one group come from the same starts: together they say no more than one does.
+  return count == 0 ? 0.0 : sum / static_cast<double>(count);
+}
+
+std::optional<PriorCheck> PriorEvidence::check(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b,
+                                               const std::function<WallAgreement(const Pose2& a_from_b)>& walls_at) const {
+  const Prior* prior = of(a, b);
+  if (prior == nullptr) return std::nullopt;
+  PriorCheck check;
+  check.a_from_b = prior->a == a ? prior->a_from_b : inverse(prior->a_from_b);
+  check.sigma_m = prior->sigma_m;
+  check.sigma_rad = prior->sigma_rad;
+  if (a_from_b) {
+    const Pose2 error = between(check.a_from_b, *a_from_b);
+    check.off_m = std::hypot(error.x, error.y);
+    check.off_rad = std::abs(error.phi);
+    check.is_contradicted = distance2(*prior, prior->a == a ? *a_from_b : inverse(*a_from_b), 0.0) > kContradicted;
+  }
+  if (maps_[a].submaps.empty() || maps_[b].submaps.empty()) return check;
+  const WallAgreement walls = walls_at(check.a_from_b);
+  check.coinciding_m = walls.coinciding_m;
+  check.contradicted_m = walls.contradicted_m;
+  if (!a_from_b) check.is_contradicted = walls.contradicted_m > std::max(kLeastContradiction_m, 0.5 * walls.coinciding_m);
+  return check;
+}
+
+}  // namespace mapweave::fusion

@@ -1,0 +1,16 @@
+#pragma once
+// Why maps stay apart, in words: the same on the console, in merges.json and in the README's table.
+
+#include <mapweave/maps/judgement.h>
+
+#include <string_view>
+
+namespace mapweave {
+
+// Of a pair of maps, to stand after "kept apart: ".
+std::string_view in_words(Reason);
+// What somebody can do about it; may be empty.
+std::string_view what_helps(Reason);
+constexpr Reason kLastReason = Reason::same_recording;
+
+}  // namespace mapweave

@@ -1,0 +1,47 @@
+#pragma once
+// What a user asks of a merge beside its maps: robots left out, pairs excluded, priors.
+
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/runtime/run_configuration.h>
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace mapweave::runtime {
+
+struct Anchor {
+  std::string a, b;  // maps or robots
+  Pose2 a_from_b;    // b's map frame in a's
+  double sigma_m = 0.5, sigma_rad = 0.1;
+};
+
+struct MergeRequests {
+  std::vector<std::string> without;                          // maps or robots to leave out
+  std::vector<std::pair<std::string, std::string>> refused;  // pairs of maps or robots never to be matched
+  std::vector<Anchor> anchors;                               // priors
+};
+
+// "A,B". Throws Error(kUsage) for anything else.
+std::pair<std::string, std::string> parse_pair(std::string_view text, const std::string& option);
+
+// "A,B,x,y,yaw[,sigma[,sigma_yaw]]": metres and radians. Throws Error(kUsage) for anything else.
+Anchor parse_anchor(std::string_view text);
+
+// Without the maps that are to be left out: those called so, and those of robots called so. Throws Error(kUsage), with the names there are,
+// for a name of neither, or where nothing would be left.
+std::vector<Map> without(std::vector<Map> maps, const std::vector<std::string>& names);
+// Puts the other requests into the input, whose maps are those that were left. Throws Error(kUsage) as without(), for a
+// pair of one map, and for two anchors of one pair.
+void apply(const MergeRequests&, fusion::FusionInput&);
+
+// A robot's own map, and where its log began.
+struct StartedMap {
+  const Map* map;
+  StartPose start;
+};
+// Of each two maps whose starts are known.
+std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>&);
+
+}  // namespace mapweave::runtime

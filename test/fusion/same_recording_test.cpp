@@ -1,0 +1,140 @@
+#include "same_recording.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mapweave/fusion/fuse.h>
+#include <mapweave/fusion/grid_map.h>
+#include <support/pose_matchers.h>
+#include <support/simulated_maps.h>
+
+namespace mapweave::fusion {
+namespace {
+
+FusionResult fused(std::vector<Map> maps) {
+  WorkerPool pool(1);
+  Memo memo;
+  const auto progress = make_silent_progress();
+  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
+}
+
+const simulation::SimulatedTeam& apartment() {
+  static const simulation::SimulatedTeam team = [] {
+    simulation::TeamOptions options;
+    options.robots = 2;
+    options.shared = 0.6;
+    return simulation::make_apartment({}, options);
+  }();
+  return team;
+}
+
+simulation::SimulatedRobot renamed(simulation::SimulatedRobot robot, const char* name, double later_s = 0.0) {
+  robot.id = RobotId(name);
+  for (auto& step : robot.steps) step.stamp.ns += static_cast<std::int64_t>(later_s * 1e9);
+  return robot;
+}
+
+Map mapped(const simulation::SimulatedRobot& robot) { return test::mapped(robot, apartment().laser); }
+
+TEST(SameRecording, under_another_name_counts_once) {
+  const auto result = fused({mapped(apartment().robots[0]), mapped(apartment().robots[1]), mapped(renamed(apartment().robots[0], "again"))});
+  ASSERT_EQ(result.components.size(), 2U);
+  EXPECT_THAT(result.components[0].members.size() + result.components[1].members.size(), 3U);
+  ASSERT_EQ(result.verdicts.size(), 2U);
+  const auto copy = std::find_if(result.verdicts.begin(), result.verdicts.end(), [](const Verdict& v) { return v.reason == Reason::same_recording; });
+  ASSERT_NE(copy, result.verdicts.end());
+  EXPECT_EQ(copy->a.str(), "again");
+  EXPECT_EQ(copy->b.str(), "robot0");
+  EXPECT_EQ(copy->decision, Decision::refused);
+  EXPECT_GT(copy->overlap, 0.95);
+}
+
+TEST(SameRecording, shifted_in_time_counts_once) {
+  const auto result = fused({mapped(apartment().robots[0]), mapped(renamed(apartment().robots[0], "later", 3600.25))});
+  EXPECT_EQ(result.components.size(), 2U);
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::same_recording);
+}
+
+TEST(SameRecording, of_the_first_half_alone_counts_once) {
+  auto half = renamed(apartment().robots[0], "half");
+  half.steps.resize(half.steps.size() / 2);
+  const auto result = fused({mapped(apartment().robots[0]), mapped(half)});
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::same_recording);
+}
+
+TEST(SameRecording, is_not_two_parts_of_one_log_that_share_some_seconds) {
+  auto first = renamed(apartment().robots[0], "first"), second = renamed(apartment().robots[0], "second");
+  const std::size_t count = first.steps.size();
+  first.steps.resize(2 * count / 3);
+  second.steps.erase(second.steps.begin(), second.steps.begin() + static_cast<std::ptrdiff_t>(count / 3));
+  const auto result = fused({mapped(first), mapped(second)});
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_NE(result.verdicts[0].reason, Reason::same_recording);
+  EXPECT_EQ(result.components.size(), 1U);
+}
+
+TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) {
+  auto still = apartment().robots[1];
+  for (auto& step : still.steps) step.odometry_from_robot = still.steps.front().odometry_from_robot, step.ranges = still.steps.front().ranges;
+  const auto result = fused({mapped(renamed(still, "still")), mapped(renamed(still, "stiller", 60.0))});
+  EXPECT_EQ(result.components.size(), 2U);
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  EXPECT_EQ(result.verdicts[0].reason, Reason::same_recording);
+  // Beside a robot that drives it is merged rightly, or stays apart and says why.
+  const auto beside = fused({mapped(apartment().robots[0]), mapped(renamed(still, "still"))});
+  ASSERT_EQ(beside.verdicts.size(), 1U);
+  if (beside.verdicts[0].decision == Decision::accepted) {
+    const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot, apartment().robots[1].steps.front().world_from_robot);
+    EXPECT_THAT(planar(beside.verdicts[0].alignment->a_from_b.pose), test::IsNear(truth, 0.3, 0.05));
+  } else {
+    EXPECT_NE(beside.verdicts[0].reason, Reason::none);
+  }
+}
+
+TEST(SameRecording, of_maps_that_show_nothing_is_not_told) {
+  Map one, other;
+  one.id = MapId("one");
+  other.id = MapId("other");
+  for (Map* map : {&one, &other}) {
+    ScanGeometry geometry;
+    geometry.ray_count = 90;
+    const auto shared = std::make_shared<const ScanGeometry>(geometry);
+    for (std::uint32_t i = 0; i < 5; ++i) {
+      Node node;
+      node.id = {{{RobotId(map->id.str()), SensorId("laser")}, 1}, i};
+      node.payload = std::make_shared<const Payload>(PackedScan{shared, std::vector<std::uint16_t>(90, 0)});
+      map->nodes.set(node.id, node);
+    }
+  }
+  const auto copies = copies_among({&one, &other});
+  EXPECT_FALSE(copies[0]);
+  EXPECT_FALSE(copies[1]);
+}
+
+TEST(SameRecording, of_which_there_are_three_counts_once) {
+  const Map map = mapped(apartment().robots[0]);
+  const auto copies = copies_among({&map, &map, &map});
+  EXPECT_FALSE(copies[0]);
+  ASSERT_TRUE(copies[1] && copies[2]);
+  EXPECT_EQ(copies[1]->original, 0U);
+  EXPECT_EQ(copies[2]->original, 0U);
+}
+
+// A map with one submap: merged rightly, or apart with a reason; never wrongly.
+TEST(LaserTeam, with_a_map_of_one_submap_is_right_or_says_why) {
+  auto brief = apartment().robots[1];
+  brief.steps.resize(8);
+  const Map map = mapped(brief);
+  ASSERT_EQ(map.submaps.size(), 1U);
+  const auto result = fused({mapped(apartment().robots[0]), map});
+  ASSERT_EQ(result.verdicts.size(), 1U);
+  const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot, apartment().robots[1].steps.front().world_from_robot);
+  if (result.components.size() == 1)
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), test::IsNear(truth, 0.3, 0.05));
+  else
+    EXPECT_NE(result.verdicts[0].reason, Reason::none);
+}
+
+}  // namespace
+}  // namespace mapweave::fusion
