@@ -27,17 +27,17 @@ int export_map(Arguments arguments) {
   auto& files = arguments.files;
   if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o)) files.png = files.pgm = files.pcd = files.tum = true;
   runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
-  const auto [maps, inputs] = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
+  const runtime::MapInput input = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
 
   expect_outside(arguments.flags.out, {arguments.map});
   OutputFolder folder(arguments.flags.out, arguments.flags.force);
   WorkerPool pool(threads_of(arguments.flags));
   std::vector<std::string> written;
-  for (const Map& map : maps) {
+  for (const Map& map : input.maps) {
     exporters::MapFolderOptions options = runtime::folder_options(configuration.output, "map " + map.id.str());
     options.files = files;
     options.files.robot_trajectories = files.tum && map.robots().size() > 1;
-    const std::filesystem::path below = maps.size() == 1 ? "" : map.id.str();
+    const std::filesystem::path below = input.maps.size() == 1 ? "" : map.id.str();
     for (const auto& file :
          exporters::write_map_folder(folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
       written.push_back((below / file).string());
@@ -46,7 +46,7 @@ int export_map(Arguments arguments) {
   output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum, output.g2o = files.g2o;
   write_file(folder.staging() / "config.yaml", to_yaml(configuration));
   std::vector<runtime::InputFile> read;
-  for (const std::filesystem::path& file : inputs) read.push_back({file.string(), hash_of_file(file)});
+  for (const std::filesystem::path& file : input.files) read.push_back({file.string(), hash_of_file(file)});
   const auto manifest = runtime::manifest_json("export", configuration.seed, read, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
