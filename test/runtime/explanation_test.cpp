@@ -3,6 +3,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/maps/reasons.h>
 #include <mapweave/runtime/explanation.h>
 #include <mapweave/runtime/merge_runner.h>
 #include <nlohmann/json.hpp>
@@ -75,7 +76,7 @@ TEST(Explanation, of_strangers_says_why_and_what_helps) {
                                     [](const Verdict& v) { return v.a.str() == "robot0" && v.b.str() == "stranger"; });
   ASSERT_NE(verdict, merged().report.team.verdicts.end());
   ASSERT_NE(verdict->decision, Decision::accepted);
-  EXPECT_THAT(page.text, testing::AllOf(HasSubstr(std::string(in_words(verdict->reason))), HasSubstr("what helps: "), HasSubstr("prior: the prior is ")));
+  EXPECT_THAT(page.text, testing::AllOf(HasSubstr(std::string(mapweave::in_words(verdict->reason))), HasSubstr("what helps: "), HasSubstr("prior: the prior is ")));
   EXPECT_EQ(page.png.substr(1, 3), "PNG");
 }
 

@@ -29,7 +29,7 @@ std::vector<Map> maps_of_the_server() {
   return server.maps();
 }
 
-Hash identity_of(std::vector<Map> maps) { return mapdb::identity({std::move(maps), {}, {}, {}}); }
+Hash identity_of(std::vector<Map> maps) { return mapdb::identity({std::move(maps), {}, {}, {}, {}}); }
 
 struct JournalAsInput : testing::Test {
   std::string refusal(ErrorCode expected) const {
@@ -73,7 +73,7 @@ TEST_F(JournalAsInput, gives_all_that_a_killed_server_had_kept) {
 TEST_F(JournalAsInput, is_merged_as_a_store_of_the_same_maps_is) {
   mapdb::UpdateJournal(path).append(entries());
   fs::create_directory(folder / "store");
-  mapdb::write_store(folder / "store/edge.mwdb", {maps_of_the_server(), {}, {}, {}});
+  mapdb::write_store(folder / "store/edge.mwdb", {maps_of_the_server(), {}, {}, {}, {}});
   WorkerPool pool(1);
   const auto merge = [&](const fs::path& input, const std::string& out) {
     const Report report = run_merge({}, {input}, {folder / out, false}, pool, *make_silent_progress());
@@ -91,7 +91,7 @@ TEST_F(JournalAsInput, is_refused_where_it_is_damaged) {
 }
 
 TEST_F(JournalAsInput, is_refused_where_it_is_a_store) {
-  mapdb::write_store(path, {maps_of_the_server(), {}, {}, {}});
+  mapdb::write_store(path, {maps_of_the_server(), {}, {}, {}, {}});
   EXPECT_THAT(refusal(ErrorCode::kCorrupt), testing::HasSubstr("of another program"));
 }
 
