@@ -40,7 +40,12 @@ PairJudging::PairJudging(const FusionInput& input, const FusionOptions& options,
 
 void PairJudging::prepare_maps() {
   const std::vector<const Map*> maps = sorted(input_.maps);
-  grids_.emplace(maps, input_.vetoed, options_, pool_);
+  const bool is_preview = !input_.teams.empty() || !input_.judged.empty();
+  copies_ = is_preview ? std::vector<std::optional<CopyOf>>(maps.size()) : copies_among(maps);
+  for (std::size_t a = 0; a < maps.size(); ++a)
+    for (std::size_t b = a + 1; b < maps.size(); ++b)
+      if (copies_[a] || copies_[b] || input_.refused.count({maps[a]->id, maps[b]->id}) != 0) excluded_.emplace(a, b);
+  grids_.emplace(maps, input_.vetoed, options_, pool_, excluded_);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     maps_.push_back(prepare(grids_->rescaled(m), cache_, options_.stride_m, pool_));
     seen_.emplace_back(*maps[m], pool_, *input_.pictures);
@@ -51,13 +56,6 @@ void PairJudging::prepare_maps() {
     judged_.push_back(judgement.id);
   }
   hearsay_.emplace(input_.borrowed, seen_);
-  std::vector<const Map*> all;
-  for (const PreparedMap& map : maps_) all.push_back(map.map);
-  const bool is_preview = !input_.teams.empty() || !input_.judged.empty();
-  copies_ = is_preview ? std::vector<std::optional<CopyOf>>(all.size()) : copies_among(all);
-  for (std::size_t a = 0; a < maps_.size(); ++a)
-    for (std::size_t b = a + 1; b < maps_.size(); ++b)
-      if (copies_[a] || copies_[b] || input_.refused.count({maps_[a].map->id, maps_[b].map->id}) != 0) excluded_.emplace(a, b);
   growth_.emplace(input_.teams, seen_, *hearsay_, options_.visual, pool_);
 }
 

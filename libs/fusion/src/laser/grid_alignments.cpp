@@ -68,9 +68,10 @@ struct MatchSum {
 
 }  // namespace
 
-GridAlignments::GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool)
+GridAlignments::GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool,
+                               const std::set<std::pair<std::size_t, std::size_t>>& excluded)
     : maps_(std::move(maps)), options_(options), grids_(maps_.size()), scales_(maps_.size(), 1.0) {
-  align_all(vetoed, pool);
+  align_all(vetoed, excluded, pool);
   estimate_scales();
 }
 
@@ -79,7 +80,7 @@ const GridAlignments::Pair* GridAlignments::pair(std::size_t a, std::size_t b) c
   return known == pairs_.end() ? nullptr : &known->second;
 }
 
-void GridAlignments::align_all(const std::set<Hash>& vetoed, WorkerPool& pool) {
+void GridAlignments::align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool) {
   std::vector<std::size_t> numbers;
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (fusion::is_grid(*maps_[m])) numbers.push_back(m);
@@ -90,7 +91,8 @@ void GridAlignments::align_all(const std::set<Hash>& vetoed, WorkerPool& pool) {
   }
   std::vector<std::pair<std::size_t, std::size_t>> names;
   for (std::size_t i = 0; i < numbers.size(); ++i)
-    for (std::size_t j = i + 1; j < numbers.size(); ++j) names.emplace_back(numbers[i], numbers[j]);
+    for (std::size_t j = i + 1; j < numbers.size(); ++j)
+      if (excluded.count({numbers[i], numbers[j]}) == 0) names.emplace_back(numbers[i], numbers[j]);
   const auto results = pool.map(names.size(), [&](std::size_t i) {
     throw_if_interrupted();
     return align_grids(*grids_[names[i].first], *grids_[names[i].second], options_.grids, options_.merge_probability);

@@ -22,8 +22,9 @@ class GridAlignments {
     bool is_vetoed = false;
   };
 
-  // `maps` must outlive it. Aligns all pairs of grids, side by side.
-  GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool);
+  // `maps` must outlive it. Aligns all pairs of grids but the excluded ones (numbers, the lower first), side by side.
+  GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool,
+                 const std::set<std::pair<std::size_t, std::size_t>>& excluded = {});
 
   bool is_grid(std::size_t map) const { return grids_[map] != nullptr; }
   // Against the grid with the lowest number that it is surely aligned with, through others or not; 1 where the difference is none.
@@ -41,7 +42,7 @@ class GridAlignments {
   bool may_lie(std::size_t a, std::size_t b, const Pose2& a_from_b) const;
 
  private:
-  void align_all(const std::set<Hash>& vetoed, WorkerPool& pool);
+  void align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool);
   void estimate_scales();
 
   std::vector<const Map*> maps_;

@@ -87,6 +87,8 @@ std::vector<MergeHypothesis> LaserMerger::grid_hypotheses(const LaserTeam& x, co
   for (std::size_t i = 1; i < known.size(); ++i)
     if (!add_grid_pair(hypothesis, known[i].a, known[i].b)) hypothesis.log_odds = -kSurestLogOdds;
   if (known.size() > 1) solve();
+  hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
+  hypothesis.log_odds = std::max(-kSurestLogOdds, hypothesis.log_odds + hypothesis.prior_log_odds);
   hypothesis.walls.coinciding_m = best.support_m;
   result.push_back(std::move(hypothesis));
   return result;
