@@ -194,7 +194,7 @@ TEST(MapStore, gives_back_the_own_maps_of_a_teams_members) {
     for (const auto& [id, submap] : map.submaps)
       if (submap.anchor() != lacking) team.submaps.set(id, submap);
     for (const auto& [id, constraint] : map.constraints)
-      if (id.from != lacking) team.constraints.set(id, constraint);
+      if (id.from != lacking && id.to != lacking) team.constraints.set(id, constraint);
   }
   for (auto& [id, node] : team.nodes) node.map_from_node = compose(spatial(Pose2{3.0, -1.0, 0.4}), node.map_from_node);
   stored.maps = {team};

@@ -59,11 +59,11 @@ class FakeMapper : public laser::LaserMapper {
 };
 
 // A finished map of `scans` scans along x.
-inline Map make_map(const std::string& robot, int scans, double start_s = 100.0) {
+inline Map make_map(const std::string& robot, int scans, double start_s = 100.0, double first_range_m = 2.0) {
   FakeMapper mapper{RobotId(robot)};
   for (int i = 0; i < scans; ++i) {
     mapper.add(make_odometry(start_s + i, 0.5 * i));
-    mapper.add(make_scan(start_s + i, 2.0 + 0.1 * i));
+    mapper.add(make_scan(start_s + i, first_range_m + 0.1 * i));
   }
   mapper.finish();
   return mapper.snapshot();

@@ -48,8 +48,8 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
   EdgeServer edge(TierId("north"), {RobotId("alpha"), RobotId("beta")}, {});
   std::size_t judgements = 0;
   CloudMerger without(TierId("cloud"), {});
-  for (const auto& [robot, scans] : {std::pair("alpha", 6), std::pair("beta", 6)}) {
-    const auto effects = edge.step({RobotId(robot), test::make_map(robot, scans), std::nullopt}, pool, *progress);
+  for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)}) {
+    const auto effects = edge.step({RobotId(robot), test::make_map(robot, 6, 100.0, first_range_m), std::nullopt}, pool, *progress);
     for (const std::string& bytes : effects.for_cloud) {
       const MapUpdate update = decode_map_update(bytes, "test");
       judgements += update.judgements.size();

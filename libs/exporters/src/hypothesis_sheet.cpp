@@ -128,7 +128,8 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
     lines = std::max(lines, panels[i].caption.size());
   }
   const auto count = static_cast<int>(panels.size());
-  Sheet sheet(kGap_px + count * (kSide_px + kGap_px), kTop_px + kSide_px + static_cast<int>(lines + 1) * kLine_px + kGap_px, kCapital_px);
+  const int title_px = 2 * kGap_px + Sheet::width_of(ascii(title), kCapital_px, 1.2);
+  Sheet sheet(std::max(title_px, kGap_px + count * (kSide_px + kGap_px)), kTop_px + kSide_px + static_cast<int>(lines + 1) * kLine_px + kGap_px, kCapital_px);
   sheet.write(ascii(title), kGap_px, 26, kInk, 1.2);
   double left = kGap_px;
   const auto legend = [&](const std::string& text, const cv::Scalar& colour) {
@@ -146,7 +147,7 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
     draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b), panel, side_m, bounds[static_cast<std::size_t>(i)]);
     const double bar_m = scale_bar_m(side_m), bar_px = bar_m * kSide_px / side_m;
     sheet.line({{x + 10.0, kTop_px + kSide_px - 12.0}, {x + 10.0 + bar_px, kTop_px + kSide_px - 12.0}}, kInk, 2);
-    sheet.write(metres(bar_m, 0), x + 14.0 + bar_px, kTop_px + kSide_px - 8.0, kInk, 0.9, true);
+    sheet.write(metres(bar_m, bar_m < 1.0 ? 1 : 0), x + 14.0 + bar_px, kTop_px + kSide_px - 8.0, kInk, 0.9, true);
     for (std::size_t line = 0; line < panel.caption.size(); ++line)
       sheet.write(ascii(panel.caption[line]), x, kTop_px + kSide_px + static_cast<double>(line + 1) * kLine_px, kInk);
   }
