@@ -38,14 +38,18 @@ constexpr std::size_t kMostPanels = 4;
 
 double degrees(double radians) { return radians * 180.0 / M_PI; }
 
+// Near enough to be drawn; false for what is no number.
+bool is_near(const Pose2& pose) {
+  constexpr double kFarthest_m = 1e5;
+  return std::hypot(pose.x, pose.y) < kFarthest_m && std::abs(pose.phi) < kFarthest_m;
+}
+
 // Planar, as merges.json has it: of b's frame in a's.
 std::optional<Pose2> a_from_b_of(const Json& holder) {
   const auto pose = holder.find("b_from_a");
   if (pose == holder.end() || !pose->is_object() || !pose->contains("yaw")) return std::nullopt;
   const Pose2 b_from_a{pose->at("x").get<double>(), pose->at("y").get<double>(), pose->at("yaw").get<double>()};
-  constexpr double kFarthest_m = 1e5;
-  if (!(std::hypot(b_from_a.x, b_from_a.y) < kFarthest_m) || !(std::abs(b_from_a.phi) < kFarthest_m)) return std::nullopt;
-  return inverse(b_from_a);
+  return is_near(b_from_a) ? std::optional(inverse(b_from_a)) : std::nullopt;
 }
 
 Reason reason_of(const std::string& text) {
@@ -55,7 +59,7 @@ Reason reason_of(const std::string& text) {
 }
 
 // The last tier's verdict of the two.
-const Json& verdict_of(const Json& merges, const std::string& one, const std::string& other, const fs::path& file) {
+Json verdict_of(const Json& merges, const std::string& one, const std::string& other, const fs::path& file) {
   const Json* found = nullptr;
   std::set<std::string> names;
   for (const Json& verdict : merges) {
@@ -95,6 +99,8 @@ struct Hypothesis {
   Pose2 a_from_b;
   Json numbers;
   double of(const char* key) const { return numbers.value(key, 0.0); }
+  // A team had the maps so until its audit took them apart; how unusual is what fits was not weighed.
+  bool is_taken_apart() const { return of("coinciding_m") > 0.0 && of("distinctive_m") == 0.0 && of("overlap") == 0.0; }
   double fit_m() const { return of("coinciding_m") - of("unclear_m") - kContradictionWeight * of("contradicted_m"); }
 };
 
@@ -102,14 +108,17 @@ std::string text_of(const Hypothesis& hypothesis, std::size_t number, const std:
   const Pose2& pose = hypothesis.a_from_b;
   std::string text = format("  %zu. %s began at x %.2f m, y %.2f m, yaw %.1f degrees of %s's map\n", number, b.c_str(), pose.x, pose.y,
                             degrees(pose.phi), a.c_str());
-  text += format("     for it:     %.1f m of wall coincide, %.1f m of them fit nowhere around; %d places agree\n", hypothesis.of("coinciding_m"),
-                 hypothesis.of("distinctive_m"), static_cast<int>(hypothesis.of("matches")));
+  text += format("     for it:     %.1f m of wall coincide, ", hypothesis.of("coinciding_m"));
+  if (!hypothesis.is_taken_apart()) text += format("%.1f m of them fit nowhere around; ", hypothesis.of("distinctive_m"));
+  text += format("%d places agree\n", static_cast<int>(hypothesis.of("matches")));
   text += format("     against it: %.1f m of wall were seen through, %.1f m are unclear", hypothesis.of("contradicted_m"), hypothesis.of("unclear_m"));
   const Json& places = hypothesis.numbers.at("contradictions");
   if (!places.empty())
     text += format("; the longest, %.1f m, at x %.1f m, y %.1f m of %s's map", places[0].at("length_m").get<double>(),
                    places[0].at("x_m").get<double>(), places[0].at("y_m").get<double>(), a.c_str());
-  text += format("\n     overlap %.0f %%, probability by itself %.2f", 100.0 * hypothesis.of("overlap"), hypothesis.of("probability"));
+  text += hypothesis.is_taken_apart() ? "\n     merged so at first, and taken apart by the audit of the team's map"
+                                      : format("\n     overlap %.0f %%, probability by itself %.2f", 100.0 * hypothesis.of("overlap"),
+                                               hypothesis.of("probability"));
   if (const double prior = hypothesis.of("prior_log_odds"); prior != 0.0) text += format("; the prior adds %+.1f to its log odds", prior);
   return text + "\n";
 }
@@ -151,12 +160,32 @@ exporters::HypothesisPanel apart(const OccupancyGrid& a, const OccupancyGrid& b)
   return {{right + kGap_m - b.origin_x_m, 0.0, 0.0}, {"no hypothesis: the maps beside each other"}, {}};
 }
 
-std::string picture(const std::vector<Hypothesis>& hypotheses, const OccupancyGrid& a, const OccupancyGrid& b, const Explanation& of) {
+// Where a prior puts the maps, unless they agree with it.
+std::optional<exporters::HypothesisPanel> panel_of_prior(const Json& verdict) {
+  const auto prior = verdict.find("prior");
+  if (prior == verdict.end() || !prior->is_object() || !prior->at("contradicted").get<bool>()) return std::nullopt;
+  const Json& pose = prior->at("a_from_b");
+  const Pose2 a_from_b{pose.at("x").get<double>(), pose.at("y").get<double>(), pose.at("yaw").get<double>()};
+  if (!is_near(a_from_b)) return std::nullopt;
+  return exporters::HypothesisPanel{
+      a_from_b,
+      {"as the prior puts them, which is contradicted",
+       format("%.1f m of wall coincide, %.1f m were seen through", prior->value("coinciding_m", 0.0), prior->value("contradicted_m", 0.0))},
+      {}};
+}
+
+std::string picture(const Json& verdict, const std::vector<Hypothesis>& hypotheses, const OccupancyGrid& a, const OccupancyGrid& b,
+                    const Explanation& of) {
   std::vector<exporters::HypothesisPanel> panels;
   for (const Hypothesis& hypothesis : hypotheses) {
     exporters::HypothesisPanel panel;
     panel.a_from_b = hypothesis.a_from_b;
-    panel.caption = {format("%zu. probability by itself %.2f, overlap %.0f %%, %d places agree", panels.size() + 1, hypothesis.of("probability"),
+    if (hypothesis.is_taken_apart())
+      panel.caption = {format("%zu. merged so at first, and taken apart by the audit", panels.size() + 1),
+                       format("for it: %.1f m of wall coincide, %d places agree", hypothesis.of("coinciding_m"), static_cast<int>(hypothesis.of("matches"))),
+                       format("against it: %.1f m seen through, %.1f m unclear", hypothesis.of("contradicted_m"), hypothesis.of("unclear_m"))};
+    else
+      panel.caption = {format("%zu. probability by itself %.2f, overlap %.0f %%, %d places agree", panels.size() + 1, hypothesis.of("probability"),
                             100.0 * hypothesis.of("overlap"), static_cast<int>(hypothesis.of("matches"))),
                      format("for it: %.1f m of wall coincide, %.1f m fit nowhere around", hypothesis.of("coinciding_m"), hypothesis.of("distinctive_m")),
                      format("against it: %.1f m seen through, %.1f m unclear", hypothesis.of("contradicted_m"), hypothesis.of("unclear_m"))};
@@ -164,6 +193,7 @@ std::string picture(const std::vector<Hypothesis>& hypotheses, const OccupancyGr
       panel.rings.push_back({place.at("x_m").get<double>(), place.at("y_m").get<double>(), std::max(0.5, 0.5 * place.at("length_m").get<double>())});
     panels.push_back(std::move(panel));
   }
+  if (auto prior = panel_of_prior(verdict); prior && panels.size() < kMostPanels) panels.push_back(std::move(*prior));
   if (panels.empty()) panels.push_back(apart(a, b));
   return exporters::hypothesis_sheet_png(a, b, panels, of.text.substr(0, of.text.find('\n')), of.a, of.b);
 }
@@ -178,9 +208,9 @@ Explanation explain(const fs::path& results, const std::string& one, const std::
     throw Error(ErrorCode::kMissing, "there is no merges.json", results.string(), "name a folder of results of mapweave run or merge");
   Explanation result;
   std::vector<Hypothesis> hypotheses;
+  Json verdict;
   try {
-    const Json merges = Json::parse(read_file(file));
-    const Json& verdict = verdict_of(merges, one, other, file);
+    verdict = verdict_of(Json::parse(read_file(file)), one, other, file);
     result.a = verdict.at("a").get<std::string>();
     result.b = verdict.at("b").get<std::string>();
     if (!is_valid_name(result.a) || !is_valid_name(result.b)) throw Error(ErrorCode::kCorrupt, "it has names that are none", file.string());
@@ -196,7 +226,7 @@ Explanation explain(const fs::path& results, const std::string& one, const std::
   const OccupancyGrid grid_a = fusion::compose_grid(*a, options, pool), grid_b = fusion::compose_grid(*b, options, pool);
   if (grid_a.empty() || grid_b.empty()) return result;
   try {
-    result.png = picture(hypotheses, grid_a, grid_b, result);
+    result.png = picture(verdict, hypotheses, grid_a, grid_b, result);
   } catch (const Json::exception& error) {
     throw Error(ErrorCode::kCorrupt, error.what(), file.string(), "make the results again");
   }
