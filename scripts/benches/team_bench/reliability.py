@@ -1,5 +1,5 @@
 """reliability: of the best alignments of all pairs of maps that the parts rooms, strangers and overlap judged, how many are right, by the
-probability that the verdict gives. Their seeds are other ones than those that the weights are from."""
+probability that the verdict gives. Rooms of seeds 1 to 20 helped to set the weights: --seeds beyond these, strangers and overlap did not."""
 
 SOURCES = {"rooms": "small simulated rooms", "strangers": "strangers, and stretches of one building", "overlap": "stretches of real logs that overlap"}
 EDGES = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0)
