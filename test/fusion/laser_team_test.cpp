@@ -70,6 +70,19 @@ TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {
   }
 }
 
+TEST(LaserTeam, is_not_made_of_robots_that_were_in_different_rooms_which_look_alike) {
+  for (const std::int64_t seed : {1, 2, 3, 4}) {
+    simulation::RoomRowOptions rows;
+    rows.rooms = 8;
+    rows.furniture = 2;
+    simulation::TeamOptions options;
+    options.shared = 0.0;
+    options.seed = seed;
+    const auto team = seed % 2 == 0 ? simulation::make_mirrored_rooms(rows, options) : simulation::make_repeated_rooms(rows, options);
+    EXPECT_EQ(fused(mapped(team)).components.size(), 2U) << "seed " << seed;
+  }
+}
+
 TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
   simulation::ApartmentOptions flat;
   flat.width_m = flat.height_m = 5.0;
@@ -121,6 +134,45 @@ TEST(LaserTeam, bends_a_map_that_one_of_its_members_holds_straight) {
     }
   }
   EXPECT_LT(worst_m, 0.15);
+}
+
+// The farthest that two robots' nodes of one component lie from where they were to each other, of those that were within 2 m.
+double worst_between_robots(const FusionResult& result, const std::vector<Map>& maps, const simulation::SimulatedTeam& team) {
+  double worst_m = 0.0;
+  for (const Component& component : result.components)
+    for (std::size_t a = 0; a < maps.size(); ++a)
+      for (std::size_t b = a + 1; b < maps.size(); ++b) {
+        std::size_t i = 0;
+        for (const auto& [id_a, node_a] : maps[a].nodes) {
+          const Pose2 true_a = team.robots[a].steps.at(i++).world_from_robot;
+          std::size_t j = 0;
+          for (const auto& [id_b, node_b] : maps[b].nodes) {
+            const Pose2 truth = between(true_a, team.robots[b].steps.at(j++).world_from_robot);
+            const Node *in_a = component.map.nodes.find(id_a), *in_b = component.map.nodes.find(id_b);
+            if (in_a == nullptr || in_b == nullptr || std::hypot(truth.x, truth.y) > 2.0) continue;
+            const Pose2 found = between(planar(in_a->map_from_node), planar(in_b->map_from_node));
+            worst_m = std::max(worst_m, std::hypot(found.x - truth.x, found.y - truth.y));
+          }
+        }
+      }
+  return worst_m;
+}
+
+TEST(LaserTeam, of_maps_that_are_all_bent_is_right_or_says_why) {
+  for (const double bend_rad : {0.05, 0.2, 0.6}) {
+    const auto team = apartment(3, 0.6);
+    auto maps = mapped(team);
+    for (std::size_t r = 0; r < maps.size(); ++r) {
+      std::size_t i = 0;
+      for (auto& [id, node] : maps[r].nodes) {
+        const double share = static_cast<double>(i++) / static_cast<double>(maps[r].nodes.size()), side = r == 1 ? -1.0 : 1.0;
+        node.map_from_node = compose(spatial(Pose2{0.0, 0.0, side * bend_rad * share}), node.map_from_node);
+      }
+    }
+    const auto result = fused(maps);
+    EXPECT_LT(worst_between_robots(result, maps, team), 0.4) << bend_rad;
+    for (const Verdict& verdict : result.verdicts) EXPECT_EQ(verdict.decision == Decision::accepted, verdict.reason == Reason::none) << bend_rad;
+  }
 }
 
 }  // namespace

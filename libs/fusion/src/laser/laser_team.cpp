@@ -1,5 +1,7 @@
 #include "laser_team.h"
 
+#include "self_repetition.h"
+
 #include <mapweave/core/interrupt.h>
 #include <mapweave/graph/consistent_set.h>
 
@@ -278,9 +280,16 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   const MergeHypothesis& surest = evaluation.hypotheses.front();
   if (evaluation.probability < options_.merge_probability || surest.is_of_grids) return evaluation;
   // A prior tells places apart that look alike.
-  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && looks_like_elsewhere(surest);
+  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && stands_twice(surest, x, z);
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
+}
+
+// Whether what makes two teams fit stands more than once in one of them: then they would fit there as well.
+bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) const {
+  const auto pose_of = [&](std::size_t map, std::size_t s) { return hypothesis.solved.pose_of(graph_.number(map, s)); };
+  const auto in_x = placed(x.maps, pose_of), in_z = placed(z.maps, pose_of);
+  return repeats(self_repetition(in_x, in_z, sight_of({&in_x, &in_z})));
 }
 
 // Whether two hypotheses came to the same: a submap of the one lies where the other has it.

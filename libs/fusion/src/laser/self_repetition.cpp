@@ -1,60 +1,262 @@
-// Whether what makes two maps fit stands more than once in one of them.
-
-#include "laser_team.h"
+#include "self_repetition.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <tuple>
 
 namespace mapweave::fusion {
+namespace {
 
-// Whether most of the places that fit look, to the judge, like other places of the same map: then they would fit there as well.
-bool LaserMerger::looks_like_elsewhere(const MergeHypothesis& hypothesis) {
-  constexpr std::size_t kMostPlaces = 6;
-  constexpr double kElsewhere_m = 4.0;
-  constexpr double kAsSure = 0.9, kAlike = 0.85;
-  std::vector<std::size_t> places;
-  for (const SubmapMatch& match : hypothesis.matches) {
-    places.push_back(match.from);
-    places.push_back(match.to);
+using matching::cell_of;
+using matching::WallPoint;
+
+constexpr double kCell_m = 0.1, kStep_m = 0.2;      // of walls; of the first look
+constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;  // around the part
+constexpr double kElsewhere_m = 3.0;                // from the middle of the part, at least
+constexpr double kShare = 0.32, kRoom_m = 20.0;     // of a part that stands twice
+// What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
+constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.15, kMostDoubt = 0.4, kAsDoubtful = 1.5;
+constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
+constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64;
+
+struct Box {
+  double x0 = 1e300, y0 = 1e300, x1 = -1e300, y1 = -1e300;
+  void add(double x, double y, double around) {
+    x0 = std::min(x0, x - around), y0 = std::min(y0, y - around);
+    x1 = std::max(x1, x + around), y1 = std::max(y1, y + around);
   }
-  std::sort(places.begin(), places.end());
-  places.erase(std::unique(places.begin(), places.end()), places.end());
-  std::vector<SubmapQuestion> questions;
-  const std::size_t count = std::min(kMostPlaces, places.size());
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t here = places[k * places.size() / count], map = graph_.map_of(here);
-    const PreparedMap& own = maps_[map];
-    const std::size_t s = graph_.submap_of(here);
-    std::vector<std::tuple<double, Hash, std::size_t>> alike;
-    for (const std::size_t other : own.representatives)
-      if (std::hypot(own.centres[other].x - own.centres[s].x, own.centres[other].y - own.centres[s].y) > kElsewhere_m &&
-          !graph_.is_tied(here, graph_.number(map, other)))
-        alike.emplace_back(matching::ring_distance(own.keys[s], own.keys[other]) + matching::ring_distance(own.far_keys[s], own.far_keys[other]),
-                           own.fingerprints[other], other);
-    if (alike.empty()) continue;
-    const std::size_t other = std::get<2>(*std::min_element(alike.begin(), alike.end()));
-    questions.push_back({here, graph_.number(map, other), window_for(map, s, map, other)});
-  }
-  std::size_t repeated = 0;
-  for (const SubmapAnswer& answer : judge_.ask(questions)) {
-    if (answer.hypotheses.empty()) continue;
-    if (answer.judgement.doubt == Reason::ambiguous) {
-      ++repeated;  // it fits there even in two ways
-      continue;
+  Box within(const Box& o) const { return {std::max(x0, o.x0), std::max(y0, o.y0), std::min(x1, o.x1), std::min(y1, o.y1)}; }
+  Box grown(double by) const { return {x0 - by, y0 - by, x1 + by, y1 + by}; }
+  bool has(double x, double y) const { return x >= x0 && x < x1 && y >= y0 && y < y1; }
+};
+
+Box box_of(const std::vector<PlacedSubmap>& side) {
+  Box box;
+  for (const PlacedSubmap& submap : side) box.add(submap.x_m, submap.y_m, submap.radius_m);
+  return box;
+}
+
+// What one side saw, in cells of the team's frame.
+class SeenRaster {
+ public:
+  SeenRaster(const std::vector<PlacedSubmap>& side, const Box& box, const SightOf& sight_of)
+      : cells_(cell_of(box.x0, 1.0 / kCell_m), cell_of(box.y0, 1.0 / kCell_m), cell_of(box.x1, 1.0 / kCell_m), cell_of(box.y1, 1.0 / kCell_m)) {
+    for (const PlacedSubmap& submap : side) {
+      Box around;
+      around.add(submap.x_m, submap.y_m, submap.radius_m + 1.0);
+      around = around.within(box);
+      if (around.x0 >= around.x1 || around.y0 >= around.y1) continue;
+      const auto sight = sight_of(submap.number);
+      const Pose2 from_team = inverse(submap.team_from_submap);
+      const double c = std::cos(from_team.phi), s = std::sin(from_team.phi);
+      for (int j = cell_of(around.y0, 1.0 / kCell_m); j <= cell_of(around.y1, 1.0 / kCell_m); ++j)
+        for (int i = cell_of(around.x0, 1.0 / kCell_m); i <= cell_of(around.x1, 1.0 / kCell_m); ++i) {
+          Seen& seen = cells_.at(i, j);
+          if (seen == Seen::wall) continue;
+          const double x = (i + 0.5) * kCell_m, y = (j + 0.5) * kCell_m;
+          seen = std::max(seen, sight->at(c * x - s * y + from_team.x, s * x + c * y + from_team.y));
+        }
     }
-    const PreparedMap& own = maps_[graph_.map_of(answer.from)];
-    const Pose2 as_mapped = between(own.map_from_submap[graph_.submap_of(answer.from)], own.map_from_submap[graph_.submap_of(answer.to)]);
-    const auto is_elsewhere = [&](const SubmapMatch& match) {
-      const Pose2 apart = between(as_mapped, match.from_from_to);
-      return std::hypot(apart.x, apart.y) > 1.0 || std::abs(apart.phi) > 0.3;
-    };
-    const SubmapMatch& best = answer.hypotheses.front();
-    if (!answer.holds || best.probability < kAsSure || !best.is_observable) continue;
-    repeated += is_elsewhere(best) || (answer.judgement.evidence.second_best_ratio > kAlike && answer.hypotheses.size() > 1 &&
-                                       is_elsewhere(answer.hypotheses[1]));
   }
-  return questions.size() >= 2 && 2 * repeated >= questions.size();
+  Seen at(double x, double y) const { return cells_.get(cell_of(x, 1.0 / kCell_m), cell_of(y, 1.0 / kCell_m)); }
+  // Where a wall is within a step's error, in cells of a step.
+  matching::Raster<char> walls_about(const Box& box) const {
+    matching::Raster<char> about(cell_of(box.x0, 1.0 / kStep_m) - 1, cell_of(box.y0, 1.0 / kStep_m) - 1, cell_of(box.x1, 1.0 / kStep_m) + 1,
+                                 cell_of(box.y1, 1.0 / kStep_m) + 1);
+    for (int j = cells_.first_y(); j < cells_.first_y() + cells_.height(); ++j)
+      for (int i = cells_.first_x(); i < cells_.first_x() + cells_.width(); ++i)
+        if (cells_.at(i, j) == Seen::wall) {
+          const int x = cell_of((i + 0.5) * kCell_m, 1.0 / kStep_m), y = cell_of((j + 0.5) * kCell_m, 1.0 / kStep_m);
+          for (int v = -1; v <= 1; ++v)
+            for (int u = -1; u <= 1; ++u)
+              if (about.contains(x + u, y + v)) about.at(x + u, y + v) = 1;
+        }
+    return about;
+  }
+
+ private:
+  matching::Raster<Seen> cells_;
+};
+
+// Walls of a side in a box of the team's frame, one a cell.
+std::vector<WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const Box& box) {
+  std::vector<WallPoint> walls;
+  matching::Raster<char> taken(cell_of(box.x0, 1.0 / kCell_m), cell_of(box.y0, 1.0 / kCell_m), cell_of(box.x1, 1.0 / kCell_m),
+                               cell_of(box.y1, 1.0 / kCell_m));
+  for (const PlacedSubmap& submap : side) {
+    const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
+    for (const WallPoint& wall : *submap.walls) {
+      const double x = c * wall.x - s * wall.y + submap.team_from_submap.x, y = s * wall.x + c * wall.y + submap.team_from_submap.y;
+      if (!box.has(x, y)) continue;
+      char& cell = taken.at(cell_of(x, 1.0 / kCell_m), cell_of(y, 1.0 / kCell_m));
+      if (cell != 0) continue;
+      cell = 1;
+      walls.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(c * wall.normal_x - s * wall.normal_y),
+                       static_cast<float>(s * wall.normal_x + c * wall.normal_y)});
+    }
+  }
+  return walls;
+}
+
+std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {
+  std::vector<WallPoint> some;
+  const std::size_t count = std::min(most, walls.size());
+  for (std::size_t i = 0; i < count; ++i) some.push_back(walls[i * walls.size() / count]);
+  return some;
+}
+
+// A motion of the team's plane: a turn by quarters about a middle, then a shift.
+struct Motion {
+  double middle_x, middle_y;
+  int quarters;
+  double shift_x, shift_y;
+  std::pair<double, double> moved(double x, double y) const {
+    const auto [u, v] = turned(x - middle_x, y - middle_y, quarters);
+    return {middle_x + u + shift_x, middle_y + v + shift_y};
+  }
+  std::pair<double, double> back(double x, double y) const {
+    const auto [u, v] = turned(x - middle_x - shift_x, y - middle_y - shift_y, 4 - quarters);
+    return {middle_x + u, middle_y + v};
+  }
+  static std::pair<double, double> turned(double x, double y, int quarters) {
+    switch (quarters % 4) {
+      case 1: return {-y, x};
+      case 2: return {-x, -y};
+      case 3: return {y, -x};
+      default: return {x, y};
+    }
+  }
+};
+
+// The part of a guest that a host knows, and how it lies on the host.
+class Part {
+ public:
+  Part(const std::vector<WallPoint>& guest_walls, const SeenRaster& guest, const std::vector<WallPoint>& host_walls, const SeenRaster& host)
+      : guest_(guest), host_(host), host_walls_(host_walls) {
+    double cosine = 0.0, sine = 0.0;
+    for (const WallPoint& wall : guest_walls) {
+      if (host.at(wall.x, wall.y) == Seen::not_at_all) continue;
+      walls_.push_back(wall);
+      middle_x_ += wall.x, middle_y_ += wall.y;
+      const double angle = 4.0 * std::atan2(wall.normal_y, wall.normal_x);
+      cosine += std::cos(angle), sine += std::sin(angle);
+      box_.add(wall.x, wall.y, 0.0);
+    }
+    middle_x_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
+    middle_y_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
+    direction_ = 0.25 * std::atan2(sine, cosine);
+    here_ = look({middle_x_, middle_y_, 0, 0.0, 0.0}, walls_);
+  }
+
+  double shared_m() const { return here_.coinciding_m; }
+  const Box& box() const { return box_; }
+
+  // Walls that coincide elsewhere on the host, at most.
+  double repeated_m(const matching::Raster<char>& host_about, const Box& host_box) const {
+    const std::vector<WallPoint> few = some_of(walls_, kFirstLook), more = some_of(walls_, kSecondLook);
+    const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
+    std::vector<std::pair<std::size_t, Motion>> places;
+    for (int quarters = 0; quarters < 4; ++quarters) {
+      std::vector<std::pair<double, double>> about;
+      for (const WallPoint& wall : few) about.push_back(Motion::turned(wall.x - middle_x_, wall.y - middle_y_, quarters));
+      for (double y = host_box.y0; y <= host_box.y1; y += kStep_m)
+        for (double x = host_box.x0; x <= host_box.x1; x += kStep_m) {
+          if (std::hypot(x - middle_x_, y - middle_y_) < kElsewhere_m) continue;
+          const std::size_t hits = hits_at(about, x, y, host_about);
+          if (hits > 0) places.emplace_back(hits, Motion{middle_x_, middle_y_, quarters, x - middle_x_, y - middle_y_});
+        }
+    }
+    std::stable_sort(places.begin(), places.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
+    std::vector<Motion> looked;
+    double most_m = 0.0;
+    for (const auto& [hits, place] : places) {
+      const auto is_near = [place = place](const Motion& other) {
+        return other.quarters == place.quarters && std::hypot(other.shift_x - place.shift_x, other.shift_y - place.shift_y) < 0.5;
+      };
+      if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
+      looked.push_back(place);
+      for (int j = -2; j <= 2; ++j)
+        for (int i = -2; i <= 2; ++i) {
+          Motion near = place;
+          near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
+          const Look there = look(near, more);
+          if (there.coinciding_m > most_m && there.is_of_two_directions() && there.doubt() <= doubt) most_m = there.coinciding_m;
+        }
+      if (looked.size() == kMostPlaces) break;
+    }
+    return most_m;
+  }
+
+ private:
+  struct Look {
+    double coinciding_m = 0.0, contradicted_m = 0.0;
+    std::array<double, 2> by_direction_m{0.0, 0.0};  // of what coincides
+    double doubt() const { return kContradictionWeight * contradicted_m / std::max(kCell_m, coinciding_m); }
+    bool is_of_two_directions() const { return std::min(by_direction_m[0], by_direction_m[1]) >= kAcross * coinciding_m; }
+  };
+
+  // Hits of the first look; 0 where too few are possible.
+  std::size_t hits_at(const std::vector<std::pair<double, double>>& about, double x, double y, const matching::Raster<char>& host_about) const {
+    const auto needed = static_cast<std::size_t>(0.9 * kShare * static_cast<double>(about.size()));
+    std::size_t hits = 0;
+    for (std::size_t k = 0; k < about.size(); ++k) {
+      hits += host_about.get(cell_of(x + about[k].first, 1.0 / kStep_m), cell_of(y + about[k].second, 1.0 / kStep_m)) != 0;
+      if (hits + about.size() - k - 1 < needed) return 0;
+    }
+    return hits;
+  }
+
+  Look look(const Motion& motion, const std::vector<WallPoint>& walls) const {
+    Look result;
+    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, walls.size()));
+    for (const WallPoint& wall : walls) {
+      const auto [x, y] = motion.moved(wall.x, wall.y);
+      const Seen seen = host_.at(x, y);
+      if (seen == Seen::wall) {
+        result.coinciding_m += each_m;
+        result.by_direction_m[std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction_)) > 0.0 ? 0 : 1] += each_m;
+      } else if (seen == Seen::through) {
+        result.contradicted_m += each_m;
+      }
+    }
+    // Walls of the host where the part has none.
+    for (const WallPoint& wall : host_walls_) {
+      const auto [x, y] = motion.back(wall.x, wall.y);
+      if (box_.has(x, y) && guest_.at(x, y) == Seen::through && host_.at(x, y) != Seen::not_at_all) result.contradicted_m += kCell_m;
+    }
+    return result;
+  }
+
+  const SeenRaster &guest_, &host_;
+  const std::vector<WallPoint>& host_walls_;
+  std::vector<WallPoint> walls_;
+  double middle_x_ = 0.0, middle_y_ = 0.0, direction_ = 0.0;
+  Box box_;
+  Look here_;
+};
+
+}  // namespace
+
+Repetition self_repetition(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of) {
+  Repetition most;
+  const Box in_a = box_of(a), in_b = box_of(b), common = in_a.within(in_b);
+  if (common.x0 >= common.x1 || common.y0 >= common.y1) return most;
+  const std::array<Box, 2> boxes{in_a.within(common.grown(kReach_m)), in_b.within(common.grown(kReach_m))};
+  const std::array<SeenRaster, 2> rasters{SeenRaster(a, boxes[0], sight_of), SeenRaster(b, boxes[1], sight_of)};
+  const std::array<std::vector<WallPoint>, 2> walls{walls_in(a, boxes[0]), walls_in(b, boxes[1])};
+  for (std::size_t host = 0; host < 2; ++host) {
+    const std::size_t guest = 1 - host;
+    const Part part(walls[guest], rasters[guest], walls[host], rasters[host]);
+    if (part.shared_m() < kRoom_m || part.shared_m() > kLargestPart_m) continue;
+    const Box& box = boxes[host];
+    const Repetition found{part.shared_m(), part.repeated_m(rasters[host].walls_about(box), box)};
+    if (found.repeated_m * std::max(kCell_m, most.shared_m) > most.repeated_m * found.shared_m) most = found;
+  }
+  return most;
+}
+
+bool repeats(const Repetition& repetition) {
+  return repetition.repeated_m >= kRoom_m && repetition.repeated_m >= kShare * repetition.shared_m;
 }
 
 }  // namespace mapweave::fusion

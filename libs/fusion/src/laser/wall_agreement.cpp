@@ -400,7 +400,7 @@ std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<Pla
       std::vector<WallPoint> contradicted;
       for (std::size_t i = 0; i < walls.size(); ++i) {
         if (seen[i] == Seen::wall) here.coinciding_m += kCell_m;
-        if (seen[i] == Seen::unclear) here.unclear_m += kCell_m;
+        if (seen[i] == Seen::in_part || seen[i] == Seen::beside_wall) here.unclear_m += kCell_m;
         if (seen[i] != Seen::through) continue;
         here.contradicted_m += kCell_m;
         contradicted.push_back(walls[i]);

@@ -16,25 +16,26 @@ constexpr int kClear = 2;               // cells around that must be free
 
 int tile_of(int cell, int side) { return cell >= 0 ? cell / side : (cell + 1) / side - 1; }
 
-// Whether all cells within kClear of one are free, for all cells: along rows, then along columns.
-matching::Raster<std::uint8_t> clear_cells(const matching::Raster<Sight>& sight) {
+// What is seen of each cell, by all cells within kClear of it: along rows, then along columns.
+matching::Raster<Seen> seen_around(const matching::Raster<Sight>& sight) {
   const int x0 = sight.first_x(), y0 = sight.first_y(), x1 = x0 + sight.width() - 1, y1 = y0 + sight.height() - 1;
-  matching::Raster<std::uint8_t> rows(x0, y0, x1, y1), clear(x0, y0, x1, y1);
-  for (int y = y0; y <= y1; ++y) {
-    int free = 0;  // cells in a row, up to here
+  constexpr std::uint8_t kUnknown = 1, kWall = 2;
+  matching::Raster<std::uint8_t> rows(x0, y0, x1, y1, 0);
+  matching::Raster<Seen> seen(x0, y0, x1, y1);
+  for (int y = y0; y <= y1; ++y)
+    for (int x = x0; x <= x1; ++x)
+      for (int i = -kClear; i <= kClear; ++i) {
+        const Sight there = sight.get(x + i, y);
+        if (there != Sight::free) rows.at(x, y) |= there == Sight::wall ? kWall : kUnknown;
+      }
+  for (int y = y0; y <= y1; ++y)
     for (int x = x0; x <= x1; ++x) {
-      free = sight.at(x, y) == Sight::free ? free + 1 : 0;
-      if (free > 2 * kClear) rows.at(x - kClear, y) = 1;
+      if (sight.at(x, y) == Sight::unknown) continue;
+      std::uint8_t around = 0;
+      for (int j = -kClear; j <= kClear; ++j) around |= rows.contains(x, y + j) ? rows.at(x, y + j) : kUnknown;
+      seen.at(x, y) = (around & kWall) != 0 ? Seen::beside_wall : around != 0 ? Seen::in_part : Seen::through;
     }
-  }
-  for (int x = x0; x <= x1; ++x) {
-    int free = 0;
-    for (int y = y0; y <= y1; ++y) {
-      free = rows.at(x, y) != 0 ? free + 1 : 0;
-      if (free > 2 * kClear) clear.at(x, y - kClear) = 1;
-    }
-  }
-  return clear;
+  return seen;
 }
 
 }  // namespace
@@ -66,11 +67,10 @@ WallSight::WallSight(const SubmapModel& model) {
     return tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
   };
   if (!sight.empty()) {
-    const auto clear = clear_cells(sight);
+    const auto seen = seen_around(sight);
     for (int y = sight.first_y(); y < sight.first_y() + sight.height(); ++y)
       for (int x = sight.first_x(); x < sight.first_x() + sight.width(); ++x)
-        if (sight.at(x, y) != Sight::unknown)
-          cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(clear.at(x, y) != 0 ? Seen::through : Seen::unclear) << 4U);
+        if (sight.at(x, y) != Sight::unknown) cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(seen.at(x, y)) << 4U);
   }
   for (int y = walls.first_y(); y < walls.first_y() + walls.height(); ++y)
     for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)

@@ -13,8 +13,9 @@
 
 namespace mapweave::fusion {
 
-// Of a place; of several submaps the largest counts. Wall: within 0.12 m. Through: nothing but free space within 0.2 m.
-enum class Seen : std::uint8_t { not_at_all, through, unclear, wall };
+// Of a place; of several submaps the largest counts. Wall: within 0.12 m. Through: nothing but free space within 0.2 m. Beside a wall: seen, with
+// a wall within 0.2 m. In part: seen, with cells within 0.2 m that were not.
+enum class Seen : std::uint8_t { not_at_all, in_part, through, beside_wall, wall };
 
 // Cells of 0.1 m in the submap's frame, in tiles that are kept only where something was seen.
 class WallSight {
