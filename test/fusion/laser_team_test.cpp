@@ -112,6 +112,22 @@ TEST(LaserTeam, places_a_robot_that_only_a_third_one_met) {
   }
 }
 
+TEST(LaserTeam, finds_robots_that_share_a_corner_of_their_maps) {
+  int merged = 0;
+  for (const std::int64_t seed : {1, 2, 3, 4, 5, 6}) {
+    simulation::TeamOptions options;
+    options.shared = 0.0;
+    options.seed = seed;
+    const auto team = simulation::make_apartment({}, options);
+    const auto result = fused(mapped(team));
+    if (result.components.size() > 1) continue;
+    ++merged;
+    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(truth, 0.1, 0.02)) << "seed " << seed;
+  }
+  EXPECT_GE(merged, 4);
+}
+
 TEST(LaserTeam, bends_a_map_that_one_of_its_members_holds_straight) {
   // The second robot's map is bent by hand: its own graph says so, too. The first one's walls say otherwise.
   const auto team = apartment(2, 1.0);

@@ -11,7 +11,6 @@ namespace {
 constexpr double kCell_m = 0.4;
 constexpr int kMostCells = 1024;
 constexpr double kBlur_cells = 1.25;    // how far apart walls may lie and still speak for a shift
-constexpr double kContradiction = 0.5;  // weight of a wall in free space against one that coincides
 constexpr double kShallow_m = 0.5;      // free space begins to contradict walls at this depth and does so fully
 constexpr double kDeep_m = 1.0;         // at this
 constexpr int kPeaks = 4;               // of each rotation and scale
@@ -115,7 +114,7 @@ class ShiftSearch {
     for (int i = 0; i < kChannels; ++i) cv::dft(channels[static_cast<std::size_t>(i)], spectra_a_[static_cast<std::size_t>(i)]);
   }
 
-  void search(double rotation_rad, double scale, std::vector<GridProposal>& found) const {
+  void search(double rotation_rad, double scale, double contradiction, std::vector<GridProposal>& found) const {
     PlanarSimilarity turned{Pose2(0.0, 0.0, rotation_rad), scale};
     Extent extent;
     for (const auto& face : b_.faces) {
@@ -132,7 +131,7 @@ class ShiftSearch {
       return result;
     };
     cv::Mat score =
-        product(kNormalX, kNormalX) + product(kNormalY, kNormalY) - kContradiction * (product(kFree, kFaces) + product(kFaces, kFree));
+        product(kNormalX, kNormalX) + product(kNormalY, kNormalY) - contradiction * (product(kFree, kFaces) + product(kFaces, kFree));
     cv::idft(score, score, cv::DFT_SCALE | cv::DFT_REAL_OUTPUT);
     const int columns_b = static_cast<int>(extent.width() / cell_m_) + 3, rows_b = static_cast<int>(extent.height() / cell_m_) + 3;
     for (int peak = 0; peak < kPeaks; ++peak) {
@@ -207,7 +206,7 @@ std::vector<GridProposal> propose_alignments(const GridWalls& a, const GridWalls
   const ShiftSearch shifts(a, b, 1.0 + options.scale_range);
   std::vector<GridProposal> found;
   for (const double rotation_rad : rotations_of(a, b, options.rotations))
-    for (int step = -steps; step <= steps; ++step) shifts.search(rotation_rad, 1.0 + step * options.scale_step, found);
+    for (int step = -steps; step <= steps; ++step) shifts.search(rotation_rad, 1.0 + step * options.scale_step, options.contradiction, found);
   std::stable_sort(found.begin(), found.end(), [](const GridProposal& one, const GridProposal& other) { return one.score > other.score; });
 
   const Extent extent = extent_of(b.faces);

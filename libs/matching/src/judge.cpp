@@ -98,12 +98,23 @@ std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2
   return common;
 }
 
-std::vector<WallPoint> some_walls(const SubmapModel& model, std::size_t most) {
+std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {
   std::vector<WallPoint> points;
-  const std::size_t count = std::min(most, model.walls().size());
+  const std::size_t count = std::min(most, walls.size());
   points.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) points.push_back(model.walls()[i * model.walls().size() / count]);
+  for (std::size_t i = 0; i < count; ++i) points.push_back(walls[i * walls.size() / count]);
   return points;
+}
+
+// Walls of b that a looked at.
+std::vector<WallPoint> known_walls(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
+  const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
+  std::vector<WallPoint> walls;
+  for (const WallPoint& wall : b.walls())
+    if (a.sight().get(cell_of(c * wall.x - s * wall.y + a_from_b.x, kInverseSight), cell_of(s * wall.x + c * wall.y + a_from_b.y, kInverseSight)) !=
+        Sight::unknown)
+      walls.push_back(wall);
+  return walls;
 }
 
 double sigmoid(double v) { return 1.0 / (1.0 + std::exp(-v)); }
@@ -140,6 +151,15 @@ std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const Wid
   return peaks;
 }
 
+// The best place of some walls of b in a narrow window.
+std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window, const JudgeOptions& options) {
+  constexpr std::size_t kFewest = 40;
+  if (walls.size() < kFewest) return {};
+  const auto best = correlate(a.field(), some_of(walls, 150), window.a_from_b, {window.radius_m, window.yaw_rad, 0.0175}, {10.0, 10.0});
+  if (!best || best->score < options.min_score) return {};
+  return {{best->field_from_scan, best->score}};
+}
+
 }  // namespace
 
 Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
@@ -173,6 +193,7 @@ Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow
                    options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
     hasher.add(v);
   if (field == Field::b) hasher.add("field b");
+  if (window.known_part) hasher.add("known part");
   return hasher.finish();
 }
 
@@ -188,7 +209,8 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   search.min_score = options.min_score;
   search.rival_ratio = options.rival_ratio;
   search.budget = static_cast<std::size_t>(options.search_budget);
-  const auto peaks = peaks_of(*a.model, *b.model, window, search);
+  const std::vector<WallPoint> walls = window.known_part ? known_walls(*a.model, *b.model, window.a_from_b) : b.model->walls();
+  const auto peaks = window.known_part ? peak_of(*a.model, walls, window, options) : peaks_of(*a.model, *b.model, window, search);
   if (peaks.empty()) return judgement;
 
   struct Hypothesis {
@@ -197,7 +219,7 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
     double value;
   };
   std::vector<Hypothesis> hypotheses;
-  const auto coarse = some_walls(*b.model, 200), fine = some_walls(*b.model, 500);
+  const auto coarse = some_of(walls, 200), fine = some_of(walls, 500);
   for (const auto& peak : peaks) {
     const auto near = correlate(a.model->field(), coarse, peak.a_from_b, {0.2, 0.035, 0.005}, {1.0, 1.0});
     Hypothesis hypothesis;

@@ -49,7 +49,8 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       graph_(maps, options.solve),
       priors_(maps, graph_, input.priors),
       judge_(maps, graph_, options, input.vetoed, cache, memo, pool),
-      search_(maps, graph_, judge_) {}
+      search_(maps, graph_, judge_),
+      proposals_(maps, graph_) {}
 
 const LaserTeam* LaserMerger::team_of(std::size_t map) const {
   const auto team = std::find_if(teams_.begin(), teams_.end(), [&](const LaserTeam& t) { return contains(t.maps, map); });
@@ -129,6 +130,22 @@ bool LaserMerger::ask_more(std::size_t count) {
   }
   for (const MapPair& pair : vetoed_) pairs_[pair].answers.clear();
   return true;
+}
+
+// Questions of whole maps that stayed apart. False where all were asked.
+bool LaserMerger::propose_whole_maps() {
+  bool any = false;
+  for (auto& [pair, state] : pairs_) {
+    if (state.is_proposed || refused_.count(pair) != 0 || grids_.is_grid(pair.first) || grids_.is_grid(pair.second)) continue;
+    if (team_of(pair.first) == team_of(pair.second)) continue;
+    throw_if_interrupted();
+    state.is_proposed = true;
+    const PoseOfSubmap as_mapped = [&](std::size_t map, std::size_t s) { return maps_[map].map_from_submap[s]; };
+    const auto in_a = placed({pair.first}, as_mapped), in_b = placed({pair.second}, as_mapped);
+    state.open = proposals_.questions(pair.first, pair.second, in_a, in_b, sight_of({&in_a, &in_b}));
+    any = any || !state.open.empty();
+  }
+  return any;
 }
 
 std::vector<const SubmapAnswer*> LaserMerger::answers_between(const LaserTeam& x, const LaserTeam& z) const {
@@ -399,7 +416,7 @@ void LaserMerger::merge_all() {
     if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});
   for (std::size_t count = kFirstRound;; count *= 4) {
     while (merge_surest()) throw_if_interrupted();
-    if (!ask_more(count)) break;
+    if (!ask_more(count) && !(propose_whole_maps() && ask_more(count))) break;
   }
   for (LaserTeam& team : teams_) close_loops(team);
   split_unconnected();

@@ -6,6 +6,7 @@
 #include "grid_alignments.h"
 #include "prior_evidence.h"
 #include "team_audit.h"
+#include "whole_map_proposals.h"
 
 #include <mapweave/core/progress.h>
 
@@ -71,6 +72,7 @@ class LaserMerger {
   struct PairState {
     std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
     std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
+    bool is_proposed = false;          // as whole maps
     std::vector<SubmapAnswer> answers;
   };
   struct Evaluation {
@@ -83,6 +85,7 @@ class LaserMerger {
   std::vector<SubmapQuestion> first_questions(std::size_t a, std::size_t b) const;
   matching::WideWindow window_for(std::size_t map_a, std::size_t a, std::size_t map_b, std::size_t b) const;
   bool ask_more(std::size_t count);
+  bool propose_whole_maps();
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   // Of grids in one team with grids in the other.
@@ -122,6 +125,7 @@ class LaserMerger {
   PriorEvidence priors_;
   mutable SubmapJudge judge_;  // keeps what it looked at
   ConstraintSearch search_;
+  WholeMapProposals proposals_;
   std::map<MapPair, PairState> pairs_;
   std::map<MapPair, PairHypothesis> taken_back_;  // how they lay in the team that the audit took them out of
   std::vector<LaserTeam> teams_;

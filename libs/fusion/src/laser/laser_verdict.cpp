@@ -16,7 +16,9 @@ namespace {
 constexpr double kPerMetre = 1.0, kContradictionWeight = 4.0, kUnclearWeight = 2.0;
 // What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so; there a
 // share of what fits, too.
-constexpr double kByChance_m = 5.0, kByChanceBeside_m = 6.0, kByChanceShare = 0.1, kWholeOverlap = 0.7;
+constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.08, kWholeOverlap = 0.7;
+// Where one map covers the other, walls that the other saw only in part are doubtful as well; where they overlap less, its view just ends there.
+constexpr double kPartlyOverlap = 0.35;
 
 // Of b's frame in a's, by the matches, at the middle of their places in b.
 Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_from_b_at) {
@@ -69,7 +71,9 @@ std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std:
 double log_odds_of(const WallAgreement& walls) {
   const double beside = 1.0 - std::min(1.0, walls.overlap / kWholeOverlap);
   const double by_chance_m = kByChance_m + beside * (kByChanceBeside_m + kByChanceShare * walls.coinciding_m);
-  const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * walls.unclear_m;
+  const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
+  const double unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
+  const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * unclear_m;
   const double net_m = walls.distinctive_m - against_m - by_chance_m;
   return std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
 }

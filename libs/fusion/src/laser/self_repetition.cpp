@@ -1,5 +1,7 @@
 #include "self_repetition.h"
 
+#include "seen_raster.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +12,7 @@ namespace {
 using matching::cell_of;
 using matching::WallPoint;
 
-constexpr double kCell_m = 0.1, kStep_m = 0.2;      // of walls; of the first look
+constexpr double kCell_m = SeenRaster::kCell_m, kStep_m = 2.0 * kCell_m;  // of walls; of the first look
 constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;  // around the part
 constexpr double kElsewhere_m = 3.0;                // from the middle of the part, at least
 constexpr double kShare = 0.32, kRoom_m = 20.0;     // of a part that stands twice
@@ -19,70 +21,11 @@ constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.15, kMostDoubt = 0.
 constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64;
 
-struct Box {
-  double x0 = 1e300, y0 = 1e300, x1 = -1e300, y1 = -1e300;
-  void add(double x, double y, double around) {
-    x0 = std::min(x0, x - around), y0 = std::min(y0, y - around);
-    x1 = std::max(x1, x + around), y1 = std::max(y1, y + around);
-  }
-  Box within(const Box& o) const { return {std::max(x0, o.x0), std::max(y0, o.y0), std::min(x1, o.x1), std::min(y1, o.y1)}; }
-  Box grown(double by) const { return {x0 - by, y0 - by, x1 + by, y1 + by}; }
-  bool has(double x, double y) const { return x >= x0 && x < x1 && y >= y0 && y < y1; }
-};
-
-Box box_of(const std::vector<PlacedSubmap>& side) {
-  Box box;
-  for (const PlacedSubmap& submap : side) box.add(submap.x_m, submap.y_m, submap.radius_m);
-  return box;
-}
-
-// What one side saw, in cells of the team's frame.
-class SeenRaster {
- public:
-  SeenRaster(const std::vector<PlacedSubmap>& side, const Box& box, const SightOf& sight_of)
-      : cells_(cell_of(box.x0, 1.0 / kCell_m), cell_of(box.y0, 1.0 / kCell_m), cell_of(box.x1, 1.0 / kCell_m), cell_of(box.y1, 1.0 / kCell_m)) {
-    for (const PlacedSubmap& submap : side) {
-      Box around;
-      around.add(submap.x_m, submap.y_m, submap.radius_m + 1.0);
-      around = around.within(box);
-      if (around.x0 >= around.x1 || around.y0 >= around.y1) continue;
-      const auto sight = sight_of(submap.number);
-      const Pose2 from_team = inverse(submap.team_from_submap);
-      const double c = std::cos(from_team.phi), s = std::sin(from_team.phi);
-      for (int j = cell_of(around.y0, 1.0 / kCell_m); j <= cell_of(around.y1, 1.0 / kCell_m); ++j)
-        for (int i = cell_of(around.x0, 1.0 / kCell_m); i <= cell_of(around.x1, 1.0 / kCell_m); ++i) {
-          Seen& seen = cells_.at(i, j);
-          if (seen == Seen::wall) continue;
-          const double x = (i + 0.5) * kCell_m, y = (j + 0.5) * kCell_m;
-          seen = std::max(seen, sight->at(c * x - s * y + from_team.x, s * x + c * y + from_team.y));
-        }
-    }
-  }
-  Seen at(double x, double y) const { return cells_.get(cell_of(x, 1.0 / kCell_m), cell_of(y, 1.0 / kCell_m)); }
-  // Where a wall is within a step's error, in cells of a step.
-  matching::Raster<char> walls_about(const Box& box) const {
-    matching::Raster<char> about(cell_of(box.x0, 1.0 / kStep_m) - 1, cell_of(box.y0, 1.0 / kStep_m) - 1, cell_of(box.x1, 1.0 / kStep_m) + 1,
-                                 cell_of(box.y1, 1.0 / kStep_m) + 1);
-    for (int j = cells_.first_y(); j < cells_.first_y() + cells_.height(); ++j)
-      for (int i = cells_.first_x(); i < cells_.first_x() + cells_.width(); ++i)
-        if (cells_.at(i, j) == Seen::wall) {
-          const int x = cell_of((i + 0.5) * kCell_m, 1.0 / kStep_m), y = cell_of((j + 0.5) * kCell_m, 1.0 / kStep_m);
-          for (int v = -1; v <= 1; ++v)
-            for (int u = -1; u <= 1; ++u)
-              if (about.contains(x + u, y + v)) about.at(x + u, y + v) = 1;
-        }
-    return about;
-  }
-
- private:
-  matching::Raster<Seen> cells_;
-};
-
 // Walls of a side in a box of the team's frame, one a cell.
-std::vector<WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const Box& box) {
+std::vector<WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const PlaneBox& box) {
   std::vector<WallPoint> walls;
-  matching::Raster<char> taken(cell_of(box.x0, 1.0 / kCell_m), cell_of(box.y0, 1.0 / kCell_m), cell_of(box.x1, 1.0 / kCell_m),
-                               cell_of(box.y1, 1.0 / kCell_m));
+  matching::Raster<char> taken(cell_of(box.x0_m, 1.0 / kCell_m), cell_of(box.y0_m, 1.0 / kCell_m), cell_of(box.x1_m, 1.0 / kCell_m),
+                               cell_of(box.y1_m, 1.0 / kCell_m));
   for (const PlacedSubmap& submap : side) {
     const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
     for (const WallPoint& wall : *submap.walls) {
@@ -149,18 +92,18 @@ class Part {
   }
 
   double shared_m() const { return here_.coinciding_m; }
-  const Box& box() const { return box_; }
+  const PlaneBox& box() const { return box_; }
 
   // Walls that coincide elsewhere on the host, at most.
-  double repeated_m(const matching::Raster<char>& host_about, const Box& host_box) const {
+  double repeated_m(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
     const std::vector<WallPoint> few = some_of(walls_, kFirstLook), more = some_of(walls_, kSecondLook);
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
     std::vector<std::pair<std::size_t, Motion>> places;
     for (int quarters = 0; quarters < 4; ++quarters) {
       std::vector<std::pair<double, double>> about;
       for (const WallPoint& wall : few) about.push_back(Motion::turned(wall.x - middle_x_, wall.y - middle_y_, quarters));
-      for (double y = host_box.y0; y <= host_box.y1; y += kStep_m)
-        for (double x = host_box.x0; x <= host_box.x1; x += kStep_m) {
+      for (double y = host_box.y0_m; y <= host_box.y1_m; y += kStep_m)
+        for (double x = host_box.x0_m; x <= host_box.x1_m; x += kStep_m) {
           if (std::hypot(x - middle_x_, y - middle_y_) < kElsewhere_m) continue;
           const std::size_t hits = hits_at(about, x, y, host_about);
           if (hits > 0) places.emplace_back(hits, Motion{middle_x_, middle_y_, quarters, x - middle_x_, y - middle_y_});
@@ -231,7 +174,7 @@ class Part {
   const std::vector<WallPoint>& host_walls_;
   std::vector<WallPoint> walls_;
   double middle_x_ = 0.0, middle_y_ = 0.0, direction_ = 0.0;
-  Box box_;
+  PlaneBox box_;
   Look here_;
 };
 
@@ -239,17 +182,17 @@ class Part {
 
 Repetition self_repetition(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of) {
   Repetition most;
-  const Box in_a = box_of(a), in_b = box_of(b), common = in_a.within(in_b);
-  if (common.x0 >= common.x1 || common.y0 >= common.y1) return most;
-  const std::array<Box, 2> boxes{in_a.within(common.grown(kReach_m)), in_b.within(common.grown(kReach_m))};
+  const PlaneBox in_a = box_of(a), in_b = box_of(b), common = in_a.within(in_b);
+  if (common.empty()) return most;
+  const std::array<PlaneBox, 2> boxes{in_a.within(common.grown(kReach_m)), in_b.within(common.grown(kReach_m))};
   const std::array<SeenRaster, 2> rasters{SeenRaster(a, boxes[0], sight_of), SeenRaster(b, boxes[1], sight_of)};
   const std::array<std::vector<WallPoint>, 2> walls{walls_in(a, boxes[0]), walls_in(b, boxes[1])};
   for (std::size_t host = 0; host < 2; ++host) {
     const std::size_t guest = 1 - host;
     const Part part(walls[guest], rasters[guest], walls[host], rasters[host]);
     if (part.shared_m() < kRoom_m || part.shared_m() > kLargestPart_m) continue;
-    const Box& box = boxes[host];
-    const Repetition found{part.shared_m(), part.repeated_m(rasters[host].walls_about(box), box)};
+    const PlaneBox& box = boxes[host];
+    const Repetition found{part.shared_m(), part.repeated_m(rasters[host].walls_about(), box)};
     if (found.repeated_m * std::max(kCell_m, most.shared_m) > most.repeated_m * found.shared_m) most = found;
   }
   return most;

@@ -14,9 +14,18 @@ constexpr double kProbabilityOfDoubt = 0.1;  // what matching::judge leaves of t
 // Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in opposite directions see
 // little of the same.
 constexpr double kNarrow_m = 2.5, kNarrowScore = 0.5;
+// Where both maps lie on each other as a whole, a match need not convince by itself: it only says how exactly they lie there.
+constexpr double kKnownPartScore = 0.7, kKnownPartConflict = 0.15, kKnownPartContradiction_m = 2.0;
 
 matching::JudgeOptions options_for(const matching::WideWindow& window, matching::JudgeOptions options) {
-  if (window.radius_m <= kNarrow_m) options.min_score *= kNarrowScore;
+  if (window.known_part) {
+    options.min_score *= kKnownPartScore;
+    options.max_conflict = std::max(options.max_conflict, kKnownPartConflict);
+    options.max_contradiction_m = std::max(options.max_contradiction_m, kKnownPartContradiction_m);
+    options.second_verifier = false;
+  } else if (window.radius_m <= kNarrow_m) {
+    options.min_score *= kNarrowScore;
+  }
   return options;
 }
 

@@ -366,6 +366,7 @@ WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_
           contradicted[owner].push_back(wall);
         } else {
           result.unclear_m += kCell_m;
+          if (seen[i] == Seen::in_part) result.in_part_m += kCell_m;
         }
       }
     });

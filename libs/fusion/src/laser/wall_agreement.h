@@ -27,6 +27,7 @@ struct WallAgreement {
   double coinciding_m = 0.0;
   double contradicted_m = 0.0;               // the other saw through it
   double unclear_m = 0.0;                    // the other looked there, and saw neither a wall nor clearly through
+  double in_part_m = 0.0;                    // of these, where the other did not see all around
   double overlap = 0.0;                      // share of the smaller side's walls that lie where the other looked
   // Coinciding here, above the most that would where one side is shifted by 0.75 to 4 m; of the fullest regions. Where the overlap is small,
   // also above the most that would if one side were its mirror image: a place that is its own mirror image is told by what lies around it.

@@ -12,6 +12,7 @@ struct WideWindow {
   Pose2 a_from_b;          // middle of the window
   double radius_m = 10.0;  // of the centre of b's walls around where the middle puts it
   double yaw_rad = M_PI;   // either way; M_PI: all around
+  bool known_part = false;  // narrow ones: only walls of b that a looked at, as the middle has it, are laid into a (judge)
 };
 
 struct SearchOptions {

@@ -18,11 +18,14 @@ struct GridProposalOptions {
   double scale_step = 0.03;
   int rotations = 8;
   int most = 12;  // proposals
+  double contradiction = 0.5;
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("scale_range", scale_range, 0.0, 0.3, "largest error of a grid's resolution that is searched, either way");
     v.number("scale_step", scale_step, 0.005, 0.1, "step of that search");
     v.integer("rotations", rotations, 1, 72, "rotations that are searched, those that explain the directions of walls best");
+    v.non_negative("contradiction", contradiction,
+                   "weight of a wall in the other's free space against one that coincides; more where both were seen on one day");
     v.integer("most", most, 1, 100, "proposals that are verified for each pair of grids");
   }
 };

@@ -1,0 +1,30 @@
+#pragma once
+// Where two laser maps may lie on each other, as whole images: what shares too little with any one submap to be found by submaps. The same
+// proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale; submaps that they lay on each other are judged.
+
+#include "seen_raster.h"
+#include "submap_judge.h"
+
+#include <mapweave/matching/grid_proposals.h>
+
+#include <map>
+
+namespace mapweave::fusion {
+
+class WholeMapProposals {
+ public:
+  // Everything must outlive it.
+  WholeMapProposals(const std::vector<PreparedMap>& maps, const SubmapGraph& graph) : maps_(maps), graph_(graph) {}
+  // Narrow questions about the submaps of two maps, those of the best proposal first. `as_mapped` places a map's submaps in its own frame.
+  std::vector<SubmapQuestion> questions(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
+                                        const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of);
+
+ private:
+  const matching::GridWalls& walls(std::size_t map, const std::vector<PlacedSubmap>& submaps, const SightOf& sight_of);
+
+  const std::vector<PreparedMap>& maps_;
+  const SubmapGraph& graph_;
+  std::map<std::size_t, matching::GridWalls> walls_;
+};
+
+}  // namespace mapweave::fusion
