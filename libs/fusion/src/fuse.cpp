@@ -1,6 +1,6 @@
 #include "joint_transforms.h"
 #include "pair_judging.h"
-#include "ties.h"
+#include "relative_pose_constraints.h"
 #include "warm_start.h"
 
 #include <mapweave/core/disjoint_sets.h>
@@ -310,8 +310,8 @@ class Fusing {
       if (pair.is_accepted() && a != members.end() && *a == pair.a)
         joins.push_back({static_cast<std::size_t>(a - members.begin()), static_cast<std::size_t>(b - members.begin()), &pair.seen});
     }
-    std::vector<ToldSighting> told;
-    for (ToldSighting sighting : judging_.hearsay().sightings()) {
+    std::vector<ClaimedSighting> told;
+    for (ClaimedSighting sighting : judging_.claimed_sightings().sightings()) {
       const auto by = std::lower_bound(members.begin(), members.end(), sighting.map),
                  of = std::lower_bound(members.begin(), members.end(), sighting.map_of_landmark);
       if (by == members.end() || *by != sighting.map || of == members.end() || *of != sighting.map_of_landmark) continue;
@@ -379,7 +379,7 @@ class Fusing {
     team.nodes.reserve(nodes.size());
     for (auto& [id, node] : nodes) team.nodes.set(id, std::move(node));
     if (members.size() == 1) {
-      add_all(team, std::move(constraints));
+      add_constraints(team, std::move(constraints));
       return;
     }
     for (const LaserTeam& lasers : judging_.lasers().teams())
@@ -388,11 +388,11 @@ class Fusing {
     for (const PairJoin& pair : pairs_) {
       if (!pair.is_accepted() || !std::binary_search(members.begin(), members.end(), pair.a)) continue;
       for (const auto& w : pair.seen)
-        constraints.push_back(tie_of(w, seen_[pair.a], seen_[pair.b], scale_of(placement, pair.a), scale_of(placement, pair.b)));
+        constraints.push_back(constraint_of(w, seen_[pair.a], seen_[pair.b], scale_of(placement, pair.a), scale_of(placement, pair.b)));
     }
-    add_all(team, std::move(constraints));
+    add_constraints(team, std::move(constraints));
     graph::optimise(team, options_.solve);
-    add_all(team, matching::rematch(team, options_.rematch, pool_));
+    add_constraints(team, matching::rematch(team, options_.rematch, pool_));
     graph::optimise(team, options_.solve);
     back_to_lowest(*maps_[members.front()].map, team);
   }
@@ -410,7 +410,7 @@ class Fusing {
     for (const SubmapMatch& match : lasers.matches) {
       const std::pair<std::size_t, std::size_t> pair = std::minmax(graph.map_of(match.from), graph.map_of(match.to));
       if (judging_.grids().pair(pair.first, pair.second) == nullptr)
-        constraints.push_back(constraint_of(match));
+        constraints.push_back(constraint_of_match(match));
       else
         grids.insert(pair);
     }
@@ -418,7 +418,7 @@ class Fusing {
       for (Constraint& constraint : judging_.grids().constraints(a, b)) constraints.push_back(std::move(constraint));
   }
 
-  Constraint constraint_of(const SubmapMatch& match) const {
+  Constraint constraint_of_match(const SubmapMatch& match) const {
     const SubmapGraph& graph = judging_.lasers().graph();
     Witness witness;
     witness.judgement.id = match.judgement;
@@ -426,7 +426,7 @@ class Fusing {
     witness.submap_b = graph.submap_of(match.to);
     witness.submap_a_from_submap_b = match.from_from_to;
     witness.submap_information = match.information;
-    return tie_of(witness, maps_[graph.map_of(match.from)], maps_[graph.map_of(match.to)]);
+    return constraint_of(witness, maps_[graph.map_of(match.from)], maps_[graph.map_of(match.to)]);
   }
 
   static double scale_of(const Placement& placement, std::size_t member) {

@@ -55,8 +55,8 @@ void PairJudging::prepare_maps() {
     memo_.emplace(judgement.id, judgement);
     judged_.push_back(judgement.id);
   }
-  hearsay_.emplace(input_.borrowed, seen_);
-  growth_.emplace(input_.teams, seen_, *hearsay_, options_.visual, pool_);
+  claimed_.emplace(input_.borrowed, seen_);
+  incremental_.emplace(input_.teams, seen_, *claimed_, options_.visual, pool_);
 }
 
 std::vector<Judgement> PairJudging::judgements() {
@@ -100,7 +100,7 @@ std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
   const int task = progress.begin("deciding", count, "pairs of maps");
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b) {
-      // A copy is told with its original alone.
+      // A copy is reported with its original alone.
       if ((copies_[a] && copies_[a]->original != b) || (copies_[b] && copies_[b]->original != a)) continue;
       Stopwatch watch;
       pairs.push_back(compared(a, b));
@@ -146,8 +146,8 @@ Verdict PairJudging::set_aside(std::size_t a, std::size_t b, Reason reason) cons
 }
 
 VisualPairResult PairJudging::seen_by_cameras(std::size_t a, std::size_t b) {
-  auto questions = growth_->questions(a, b);
-  if (!questions) questions.emplace().first = hearsay_->pairs(a, b);
+  auto questions = incremental_->questions(a, b);
+  if (!questions) questions.emplace().first = claimed_->pairs(a, b);
   return decide(seen_[a], seen_[b], *questions, input_, options_, visual_judge_);
 }
 

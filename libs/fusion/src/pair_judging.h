@@ -1,9 +1,9 @@
 #pragma once
 // The first half of fuse(): maps made ready, and each two of them judged by all senses that both have.
 
-#include "growth.h"
+#include "incremental_candidates.h"
 #include "laser/laser_team.h"
-#include "map_pair.h"
+#include "prepared_map.h"
 #include "repetition.h"
 #include "same_recording.h"
 
@@ -32,7 +32,7 @@ class PairJudging {
   const std::vector<PreparedMap>& maps() const { return maps_; }
   const GridAlignments& grids() const { return *grids_; }
   const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
-  const Hearsay& hearsay() const { return *hearsay_; }
+  const ClaimedSightings& claimed_sightings() const { return *claimed_; }
 
   std::vector<PairJoin> all_pairs(Progress& progress);
   // From now on the two maps stay apart, for this reason. False where they were refused already.
@@ -61,8 +61,8 @@ class PairJudging {
   std::set<std::pair<std::size_t, std::size_t>> excluded_;  // pairs that the input refuses, or of a copy
   std::vector<std::optional<CopyOf>> copies_;               // of each map
   std::deque<VisualMap> seen_;
-  std::optional<Hearsay> hearsay_;
-  std::optional<Growth> growth_;
+  std::optional<ClaimedSightings> claimed_;
+  std::optional<IncrementalCandidates> incremental_;
   std::optional<LaserMerger> lasers_;
   std::map<std::pair<std::size_t, std::size_t>, Verdict> refused_;  // once they were merged, with the reason
   std::vector<Hash> judged_;

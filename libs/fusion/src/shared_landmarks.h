@@ -17,7 +17,7 @@ struct SoughtLandmark {
 // Features of a picture by their places in it; made once for any number of searches.
 class FeaturesByPlace {
  public:
-  // scale: of the team's lengths to those of the keyframe's map.
+  // scale: of the team over that of the keyframe's map.
   FeaturesByPlace(const MappedKeyframe& keyframe, double scale);
 
   struct Shown {

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kSamePoint_px = 2.5;  // between where a landmark was found and the feature that shows it
 constexpr std::size_t kLookedUp = 24;
-constexpr std::size_t kMostCompanions = 20;
+constexpr std::size_t kMostCovisible = 20;
 
 MappedKeyframe mapped(const Node& node) {
   const KeyframeFeatures& content = *keyframe_of(node);
@@ -74,12 +74,12 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures)
+VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
     : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));
-    auto& companions = keyframes_.back().companions = seen_.shared[i];
-    if (companions.size() > kMostCompanions) companions.resize(kMostCompanions);
+    auto& covisible = keyframes_.back().covisible = seen_.shared[i];
+    if (covisible.size() > kMostCovisible) covisible.resize(kMostCovisible);
   }
   if (keyframes_.empty()) return;
   std::vector<std::vector<Shown>> shown(keyframes_.size());
@@ -95,7 +95,7 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures)
   }
   pool.for_each(keyframes_.size(), [&](std::size_t i) {
     tie_to_features(keyframes_[i], std::move(shown[i]));
-    keyframes_[i].words = pictures.words_of(*seen_.keyframes[i]);
+    keyframes_[i].words = words.words_of(*seen_.keyframes[i]);
   });
   hashed_.reset(new std::once_flag[keyframes_.size()]), content_.resize(keyframes_.size());
   index_.emplace(matching::shipped_vocabulary().words());
@@ -112,7 +112,7 @@ std::vector<matching::SimilarPlace> VisualMap::alike(const matching::BagOfWords&
       index_->query(bag, kLookedUp, excluded, least_score),
       [&](const NodeId& id) {
         std::vector<NodeId> result;
-        for (const auto& companion : keyframes_[number_of(id)].companions) result.push_back(keyframes_[companion.second].id);
+        for (const auto& other : keyframes_[number_of(id)].covisible) result.push_back(keyframes_[other.second].id);
         return result;
       },
       0.4);
@@ -131,11 +131,11 @@ std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) cons
   return found != landmarks_.end() && found->id == id ? std::optional(static_cast<std::size_t>(found - landmarks_.begin())) : std::nullopt;
 }
 
-VisualPlace VisualMap::place(std::size_t keyframe, std::size_t companions, bool with_words) const {
+VisualPlace VisualMap::place(std::size_t keyframe, std::size_t most_covisible, bool with_words) const {
   VisualPlace place;
   std::vector<std::size_t> members{keyframe};
-  for (const auto& companion : keyframes_[keyframe].companions)
-    if (members.size() <= companions) members.push_back(companion.second);
+  for (const auto& other : keyframes_[keyframe].covisible)
+    if (members.size() <= most_covisible) members.push_back(other.second);
   const Pose3 side_from_map = inverse(keyframes_[keyframe].map_from_node);
   place.view.id = {keyframes_[keyframe].id.session, keyframes_[keyframe].id.index};
   place.view.metric = is_metric_;

@@ -23,7 +23,7 @@ struct MappedKeyframe {
   Pinhole camera;
   std::vector<matching::FeaturePoint> points;
   std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
-  std::vector<std::pair<std::size_t, std::size_t>> companions;  // landmarks shared, and with which keyframe; most first
+  std::vector<std::pair<std::size_t, std::size_t>> covisible;  // landmarks shared, and with which keyframe; most first
   std::shared_ptr<const OrderedPicture> words;
   int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores
 };
@@ -33,7 +33,7 @@ struct MappedLandmark {
   Eigen::Vector3d point_in_map;
 };
 
-// What the judge looks at: a keyframe and its companions, in the frame of the first one's node.
+// What the judge looks at: a keyframe and those covisible with it, in the frame of the first one's node.
 struct VisualPlace {
   std::vector<std::vector<std::int32_t>> landmark_of_feature;
   matching::PlaceView view;
@@ -41,7 +41,7 @@ struct VisualPlace {
 
 class VisualMap {
  public:
-  VisualMap(const Map& map, WorkerPool& pool, Pictures& pictures);
+  VisualMap(const Map& map, WorkerPool& pool, Pictures& words);
 
   const Map& map() const { return *map_; }
   bool empty() const { return keyframes_.empty(); }
@@ -54,7 +54,7 @@ class VisualMap {
   std::size_t number_of(const NodeId& id) const { return seen_.number_of(id); }  // a keyframe's
   std::optional<std::size_t> landmark_number(const LandmarkId& id) const;
   // With words only features of like words are compared; without, each with each.
-  VisualPlace place(std::size_t keyframe, std::size_t companions, bool with_words = true) const;
+  VisualPlace place(std::size_t keyframe, std::size_t most_covisible, bool with_words = true) const;
 
  private:
   const Hash& content(std::size_t keyframe) const;

@@ -155,7 +155,7 @@ bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQues
   return is_near && std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0)) < kAlike_rad;
 }
 
-// Judged in rounds, those told first, then those most alike, so that maps that clearly lie on each other cost little. Once enough witnesses
+// Judged in rounds, those claimed first, then those most alike, so that maps that clearly lie on each other cost little. Once enough witnesses
 // agree and nothing speaks against them, pairs beside one of theirs are left out (they see the same again), and of those that could only
 // be rivals all but the first. Rounds that bring nothing new are then the last. Where anything contradicts, all are judged. Vetoes change
 // nothing here: what they take away, no other judgement takes the place of.
@@ -165,7 +165,7 @@ class Rounds {
       : a_(a), b_(b), options_(options), judge_(judge) {}
 
   std::deque<VisualWitness> run(const VisualQuestions& questions) {
-    if (questions.is_grown) return grown(questions.first);
+    if (questions.is_incremental) return incremental(questions.first);
     open_ = questions.first;
     while (!open_.empty() && !is_over_) round(true);
     open_new(questions_of(a_, b_, options_.visual));
@@ -177,8 +177,8 @@ class Rounds {
 
  private:
   // What stands, and what is new.
-  std::deque<VisualWitness> grown(const std::vector<VisualQuestion>& questions) {
-    take(judge_.ask(a_, b_, judge_.standing(a_, b_)));
+  std::deque<VisualWitness> incremental(const std::vector<VisualQuestion>& questions) {
+    take(judge_.ask(a_, b_, judge_.known_places(a_, b_)));
     open_new(questions);
     take(judge_.ask(a_, b_, open_));
     return std::move(witnesses_);
@@ -194,13 +194,13 @@ class Rounds {
         open_.push_back(question);
   }
 
-  void round(bool are_told) {
+  void round(bool are_claimed) {
     constexpr std::size_t kRound = 4;
     constexpr int kBarren = 3;
     const auto end = open_.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open_.size()));
     const std::vector<VisualQuestion> asked(open_.begin(), end);
     open_.erase(open_.begin(), end);
-    const bool found = take(judge_.ask(a_, b_, asked)) || (are_told && take(judge_.ask(a_, b_, asked, false)));
+    const bool found = take(judge_.ask(a_, b_, asked)) || (are_claimed && take(judge_.ask(a_, b_, asked, false)));
     barren_ = found ? 0 : barren_ + 1;
     is_over_ = leave_out() && barren_ >= kBarren;
   }

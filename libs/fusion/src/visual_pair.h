@@ -23,7 +23,7 @@ struct VisualPairResult {
 
 struct VisualQuestions {
   std::vector<VisualQuestion> first;  // to be judged before others
-  bool is_grown = false;              // these and what was found before are all
+  bool is_incremental = false;              // these and what was found before are all
   bool is_doubted = true;             // whether what the maps rest on looks like other places
 };
 

@@ -19,7 +19,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kTied = 5, kLeastShared = 15;  // companions that a keyframe is tied to in the graph
+constexpr std::size_t kCovisible = 5, kLeastShared = 15;  // covisible keyframes that each is constrained to in the graph
 // Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does not, so there the
 // shapes that they found hardly give way.
 constexpr double kTieShare = 0.015, kTie_m = 0.006, kTie_rad = 0.003, kStiff = 0.1;
@@ -42,19 +42,19 @@ struct TeamKeyframe {
   Pose3 team_from_camera() const { return compose(team_from_node, content->content->geometry->robot_from_camera); }
 };
 
-struct Look {
+struct ViewingRay {
   Vector3d from, along;  // of a camera, in the team's frame; along: of length 1
 };
 
-struct Found {
+struct SharedSighting {
   std::size_t keyframe, feature, landmark;  // numbers in the team
 };
 
 class Team {
  public:
   Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-       const std::vector<ToldSighting>& told, const VisualFusionOptions& options)
-      : members_(members), joins_(joins), team_from_map_(team_from_map), told_(told), options_(options) {
+       const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options)
+      : members_(members), joins_(joins), team_from_map_(team_from_map), claimed_(claimed), options_(options) {
     for (std::size_t m = 0; m < members.size(); ++m) {
       first_keyframe_.push_back(keyframes_.size());
       const std::size_t first_landmark = landmark_ids_.size();
@@ -76,9 +76,9 @@ class Team {
   VisualTeam run(const StandingTeam* before) {
     const bool is_again = before != nullptr && before->is_adjusted_again;
     if (before != nullptr && (!is_again || keyframes_.size() > kAtOnce))
-      if (const auto start = warm_start(*before, members_, joins_)) return is_again ? adjusted_again(*start) : grown(*start);
-    straighten();
-    straightened_ = ties(kStiff);
+      if (const auto start = warm_start(*before, members_, joins_)) return is_again ? adjusted_again(*start) : extended(*start);
+    correct_loops();
+    shape_ = shape_constraints(kStiff);
     place_landmarks();
     for (int round = 0; round < options_.adjustments; ++round) {
       const double radius_px = round == 0 ? kWide_px : kNarrow_px;
@@ -89,7 +89,7 @@ class Team {
       else
         adjust_all(radius_px, is_last ? Extent::all : Extent::shared);
     }
-    return told();
+    return result();
   }
 
  private:
@@ -97,10 +97,10 @@ class Team {
     for (std::size_t i = 0; i < keyframes_.size(); ++i) keyframes_[i].team_from_node = start.team_from_node[i];
   }
 
-  VisualTeam grown(const WarmStart& start) {
+  VisualTeam extended(const WarmStart& start) {
     begin_at(start);
     is_free_ = start.is_free;
-    straightened_ = ties(kStiff);
+    shape_ = shape_constraints(kStiff);
     place_landmarks();
     if (!start.newcomers.empty()) {
       find_shared(kWide_px, start.newcomers);
@@ -108,17 +108,17 @@ class Team {
     }
     find_shared(kNarrow_px);
     adjust_all(kNarrow_px, Extent::free);
-    return told();
+    return result();
   }
 
   VisualTeam adjusted_again(const WarmStart& start) {
     begin_at(start);
-    straighten();
-    straightened_ = ties(kStiff);
+    correct_loops();
+    shape_ = shape_constraints(kStiff);
     place_landmarks();
     find_shared(kNarrow_px);
     adjust_in_parts(kNarrow_px);
-    return told();
+    return result();
   }
 
   // One part after the other, while the rest stays: what that costs grows as the team, where all at once costs far more.
@@ -142,7 +142,7 @@ class Team {
   }
 
   // Whether they are of two cameras that are tied: the last keyframe of one and the first of the other say nothing of each other.
-  bool are_siblings(std::size_t a, std::size_t b) const {
+  bool are_of_one_rig(std::size_t a, std::size_t b) const {
     const SessionId &one = keyframes_[a].content->id.session, &other = keyframes_[b].content->id.session;
     const auto& rig = rigs_[keyframes_[a].member];
     return one != other && std::any_of(rig.begin(), rig.end(), [&](const Constraint* rigid) {
@@ -170,7 +170,7 @@ class Team {
   }
 
   // How keyframes lay in their own maps: of those that see the same, of one and the next, and of cameras of one robot at the same time.
-  std::vector<graph::BundleTie> ties(double stiffness) const {
+  std::vector<graph::BundleTie> shape_constraints(double stiffness) const {
     std::vector<graph::BundleTie> result;
     const auto tie = [&](std::size_t from, std::size_t to, double slack) {
       const Pose3 from_from_to = between(keyframes_[from].team_from_node, keyframes_[to].team_from_node);
@@ -179,10 +179,10 @@ class Team {
     };
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const std::size_t first = first_keyframe_[keyframes_[i].member];
-      if (i > first && !are_siblings(i - 1, i)) tie(i - 1, i, 2.0);
-      const auto& companions = keyframes_[i].content->companions;
-      for (std::size_t c = 0; c < companions.size() && c < kTied; ++c)
-        if (companions[c].first >= kLeastShared) tie(companions[c].second + first, i, 1.0);
+      if (i > first && !are_of_one_rig(i - 1, i)) tie(i - 1, i, 2.0);
+      const auto& covisible = keyframes_[i].content->covisible;
+      for (std::size_t c = 0; c < covisible.size() && c < kCovisible; ++c)
+        if (covisible[c].first >= kLeastShared) tie(covisible[c].second + first, i, 1.0);
     }
     for (std::size_t m = 0; m < members_.size(); ++m)
       for (const Constraint* rigid : rigs_[m]) {
@@ -195,11 +195,11 @@ class Team {
     return result;
   }
 
-  void straighten() {
+  void correct_loops() {
     std::vector<Pose3> poses;
     for (const TeamKeyframe& keyframe : keyframes_) poses.push_back(keyframe.team_from_node);
     std::vector<graph::SpatialEdge> edges;
-    for (const graph::BundleTie& tie : ties(1.0)) {
+    for (const graph::BundleTie& tie : shape_constraints(1.0)) {
       graph::SpatialEdge edge{tie.from, tie.to, tie.from_from_to, Eigen::Matrix<double, 6, 6>::Zero()};
       edge.information.diagonal().head<3>().setConstant(1.0 / (tie.sigma_m * tie.sigma_m));
       edge.information.diagonal().tail<3>().setConstant(1.0 / (tie.sigma_rad * tie.sigma_rad));
@@ -218,8 +218,8 @@ class Team {
 
   // Of the cameras instead of the nodes.
   graph::BundleTie of_cameras(graph::BundleTie tie) const {
-    const auto mounting = [&](std::uint32_t keyframe) { return keyframes_[keyframe].content->content->geometry->robot_from_camera; };
-    tie.from_from_to = compose(compose(inverse(mounting(tie.from)), tie.from_from_to), mounting(tie.to));
+    const auto robot_from_camera = [&](std::uint32_t keyframe) { return keyframes_[keyframe].content->content->geometry->robot_from_camera; };
+    tie.from_from_to = compose(compose(inverse(robot_from_camera(tie.from)), tie.from_from_to), robot_from_camera(tie.to));
     return tie;
   }
 
@@ -235,14 +235,14 @@ class Team {
   }
 
   // Of other members, those that look at the same things, the nearest first.
-  std::vector<std::size_t> neighbours(std::size_t number, const std::vector<Look>& looks) const {
+  std::vector<std::size_t> neighbours(std::size_t number, const std::vector<ViewingRay>& rays) const {
     const TeamKeyframe& here = keyframes_[number];
     std::vector<std::pair<double, std::size_t>> near;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       if (keyframes_[i].member == here.member) continue;
-      const double reach = std::min(here.depth_m, keyframes_[i].depth_m), square = (looks[number].from - looks[i].from).squaredNorm();
+      const double reach = std::min(here.depth_m, keyframes_[i].depth_m), square = (rays[number].from - rays[i].from).squaredNorm();
       if (!(square < reach * reach)) continue;
-      const double turn = std::acos(std::clamp(looks[number].along.dot(looks[i].along), -1.0, 1.0));
+      const double turn = std::acos(std::clamp(rays[number].along.dot(rays[i].along), -1.0, 1.0));
       if (turn < kSameView_rad) near.emplace_back(std::sqrt(square) / reach + turn, i);
     }
     std::sort(near.begin(), near.end());
@@ -255,10 +255,10 @@ class Team {
   // by: members whose keyframes look; empty: all.
   void find_shared(double radius_px, const std::vector<std::size_t>& by = {}) {
     found_.clear();
-    std::vector<Look> looks;
+    std::vector<ViewingRay> rays;
     for (const TeamKeyframe& keyframe : keyframes_) {
       const Pose3 camera = keyframe.team_from_camera();
-      looks.push_back({camera.t, camera.q * Vector3d::UnitZ()});
+      rays.push_back({camera.t, camera.q * Vector3d::UnitZ()});
     }
     if (features_.empty())
       for (const TeamKeyframe& keyframe : keyframes_) features_.emplace_back(*keyframe.content, scale_of(keyframe.member));
@@ -270,7 +270,7 @@ class Team {
       const Pinhole& camera = keyframes_[number].content->camera;
       const Eigen::Matrix3d rotation = camera_from_team.q.toRotationMatrix();
       std::vector<SoughtLandmark> sought;
-      for (const std::size_t other : neighbours(number, looks)) {
+      for (const std::size_t other : neighbours(number, rays)) {
         const TeamKeyframe& from = keyframes_[other];
         for (std::size_t f = 0; f < from.content->points.size(); ++f) {
           if (from.content->landmark_of_feature[f] < 0) continue;
@@ -291,7 +291,7 @@ class Team {
 
   DisjointSets classes() const {
     DisjointSets result(landmark_ids_.size());
-    for (const Found& found : found_) {
+    for (const SharedSighting& found : found_) {
       const TeamKeyframe& keyframe = keyframes_[found.keyframe];
       const std::int32_t own = keyframe.content->landmark_of_feature[found.feature];
       if (own < 0) continue;
@@ -302,27 +302,27 @@ class Team {
     return result;
   }
 
-  // Of what was told, the new: by keyframes whose features were found to see the same, and where it is expected.
+  // Of what was claimed, the new: by keyframes whose features were found to see the same, and where it is expected.
   std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle,
                                                                                        const DisjointSets& same, double radius_px) const {
     std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
-    if (told_.empty()) return result;
+    if (claimed_.empty()) return result;
     std::set<std::size_t> known;
-    for (const Found& found : found_) known.insert(found.keyframe);
+    for (const SharedSighting& found : found_) known.insert(found.keyframe);
     std::set<std::pair<std::size_t, std::size_t>> seen;
     for (const graph::BundleSighting& sighting : bundle.sightings)
       if (known.count(sighting.view) != 0) seen.emplace(sighting.view, sighting.point);
-    for (const ToldSighting& told : told_) {
-      const std::size_t keyframe = first_keyframe_[told.map] + told.keyframe;
-      const std::size_t landmark = keyframes_[first_keyframe_[told.map_of_landmark]].first_landmark + told.landmark;
+    for (const ClaimedSighting& claim : claimed_) {
+      const std::size_t keyframe = first_keyframe_[claim.map] + claim.keyframe;
+      const std::size_t landmark = keyframes_[first_keyframe_[claim.map_of_landmark]].first_landmark + claim.landmark;
       if (known.count(keyframe) == 0) continue;
       const TeamKeyframe& here = keyframes_[keyframe];
       const Vector3d p = transformed(points_[landmark], inverse(here.team_from_camera()));
       if (!(p.z() > 0.1)) continue;
-      if (!((here.content->camera.project(p) - Vector2d(pixels_of(told.seen.u), pixels_of(told.seen.v))).norm() < radius_px)) continue;
-      const double depth_m = scale_of(here.member) * depth_m_of(told.seen.inverse_depth);
+      if (!((here.content->camera.project(p) - Vector2d(pixels_of(claim.seen.u), pixels_of(claim.seen.v))).norm() < radius_px)) continue;
+      const double depth_m = scale_of(here.member) * depth_m_of(claim.seen.inverse_depth);
       if (depth_m > 0.0 && std::abs(depth_m - p.z()) > kSameDepth * p.z()) continue;
-      if (seen.emplace(keyframe, same.find(landmark)).second) result.emplace_back(keyframe, landmark, &told.seen);
+      if (seen.emplace(keyframe, same.find(landmark)).second) result.emplace_back(keyframe, landmark, &claim.seen);
     }
     return result;
   }
@@ -351,7 +351,7 @@ class Team {
   void adjust_all(double radius_px, Extent extent) {
     const DisjointSets same = classes();
     std::vector<char> counts(landmark_ids_.size(), extent == Extent::all);
-    for (const Found& found : found_)
+    for (const SharedSighting& found : found_)
       if (extent != Extent::free || is_free_[found.keyframe]) counts[same.find(found.landmark)] = 1;
     graph::Bundle bundle;
     const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
@@ -360,7 +360,7 @@ class Team {
       bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
-    for (const graph::BundleTie& tie : straightened_)
+    for (const graph::BundleTie& tie : shape_)
       if (is_free_[tie.from] || is_free_[tie.to]) bundle.ties.push_back(of_cameras(tie));
     const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
       if (counts[same.find(landmark)] == 0) return;
@@ -382,7 +382,7 @@ class Team {
         extent == Extent::shared ? kOfOneMap : kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
           see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
         });
-    for (const Found& found : found_) {
+    for (const SharedSighting& found : found_) {
       const MappedKeyframe& content = *keyframes_[found.keyframe].content;
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
       const matching::FeaturePoint& point = content.points[found.feature];
@@ -404,7 +404,7 @@ class Team {
       if (counts[same.find(i)] != 0 || extent == Extent::all) points_[i] = bundle.points[same.find(i)];
   }
 
-  VisualTeam told() const {
+  VisualTeam result() const {
     VisualTeam team;
     std::vector<std::pair<NodeId, Node>> nodes;
     for (const TeamKeyframe& keyframe : keyframes_) {
@@ -464,7 +464,7 @@ class Team {
   const std::vector<const VisualMap*>& members_;
   const std::vector<VisualJoin>& joins_;
   const std::vector<Sim3>& team_from_map_;
-  const std::vector<ToldSighting>& told_;
+  const std::vector<ClaimedSighting>& claimed_;
   VisualFusionOptions options_;
   std::vector<std::size_t> first_keyframe_;  // of each member
   std::vector<TeamKeyframe> keyframes_;
@@ -472,17 +472,17 @@ class Team {
   std::vector<LandmarkId> landmark_ids_;
   std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
   std::vector<Vector3d> points_;                                  // in the team's frame
-  std::vector<graph::BundleTie> straightened_;                    // of nodes
+  std::vector<graph::BundleTie> shape_;                           // of nodes
   std::vector<std::vector<const Constraint*>> rigs_;              // of each member
   std::vector<FeaturesByPlace> features_;                         // of each keyframe, once they were looked for
-  std::vector<Found> found_;
+  std::vector<SharedSighting> found_;
 };
 
 }  // namespace
 
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ToldSighting>& told, const VisualFusionOptions& options, const StandingTeam* before) {
-  return Team(members, joins, team_from_map, told, options).run(before);
+                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const StandingTeam* before) {
+  return Team(members, joins, team_from_map, claimed, options).run(before);
 }
 
 }  // namespace mapweave::fusion

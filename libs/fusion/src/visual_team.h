@@ -2,7 +2,7 @@
 // Stage 4 of fuse() for maps of keyframes: one graph of all of them (the essential graph of CORB-SLAM 2.2), landmarks that two maps share
 // found and made one, then the bundle of all adjusted.
 
-#include "hearsay.h"
+#include "claimed_sightings.h"
 
 namespace mapweave::fusion {
 
@@ -13,15 +13,15 @@ struct VisualJoin {
 
 struct VisualTeam {
   Table<NodeId, Node> nodes;
-  Table<ConstraintId, Constraint> constraints;  // what the joins rest on, and what ties cameras of one robot
+  Table<ConstraintId, Constraint> constraints;  // what the joins rest on, and extrinsics between cameras of one robot
   Table<LandmarkId, Landmark> landmarks;        // of those that are the same the lowest one, with all sightings
   Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
 };
 
-// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. told: by numbers of the members. before:
-// of a joining before, all of whose members are here: it stays for the most part, or all is adjusted again, a large team part by part.
+// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. claimed: by numbers of the members. before:
+// of a merge before, all of whose members are here: it stays for the most part, or all is adjusted again, a large team part by part.
 // null: cold.
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ToldSighting>& told, const VisualFusionOptions& options, const StandingTeam* before = nullptr);
+                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const StandingTeam* before = nullptr);
 
 }  // namespace mapweave::fusion

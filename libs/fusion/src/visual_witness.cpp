@@ -52,7 +52,7 @@ VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& 
       same_[{places.first.session, places.second.session}].push_back(judgement);
 }
 
-std::vector<VisualQuestion> VisualJudge::standing(const VisualMap& a, const VisualMap& b) const {
+std::vector<VisualQuestion> VisualJudge::known_places(const VisualMap& a, const VisualMap& b) const {
   constexpr std::size_t kMost = 24;
   const auto sessions_of = [](const VisualMap& map) {
     std::set<SessionId> sessions;
@@ -88,7 +88,7 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
     const NodeId& id = map.keyframes()[keyframe].id;
     return SubmapId{id.session, id.index};
   };
-  // Lengths of a single camera may have changed since.
+  // The scale of a single camera may have changed since.
   const bool may_be_old = a.is_metric() && b.is_metric();
   std::vector<const Judgement*> old(questions.size(), nullptr);
   std::set<std::size_t> of_a, of_b;
@@ -142,9 +142,9 @@ bool holds(const VisualWitness& w, const std::set<Hash>& vetoed, const FusionOpt
 }
 
 bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {
-  const auto& companions = map.keyframes()[keyframe].companions;
+  const auto& covisible = map.keyframes()[keyframe].covisible;
   return keyframe == other ||
-         std::any_of(companions.begin(), companions.end(), [&](const auto& companion) { return companion.second == other; });
+         std::any_of(covisible.begin(), covisible.end(), [&](const auto& entry) { return entry.second == other; });
 }
 
 }  // namespace mapweave::fusion

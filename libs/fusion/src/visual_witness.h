@@ -43,7 +43,7 @@ class VisualJudge {
                                  bool by_words = true);
 
   // What was judged of them before and found to be the same place, the most probable first, no keyframe twice; all of it is known.
-  std::vector<VisualQuestion> standing(const VisualMap& a, const VisualMap& b) const;
+  std::vector<VisualQuestion> known_places(const VisualMap& a, const VisualMap& b) const;
 
  private:
   const VisualFusionOptions& options_;

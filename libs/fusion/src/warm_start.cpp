@@ -8,7 +8,7 @@ namespace {
 constexpr double kMoved_m = 0.02;      // by its client, since: it is adjusted again
 constexpr double kLaidAgain_m = 0.15;  // so far, and its client has laid its map down again
 constexpr double kElsewhere_m = 0.1;   // what was judged of new keyframes says so on the median
-constexpr std::size_t kAlong = 3;      // companions of a keyframe that move with it
+constexpr std::size_t kAlong = 3;      // covisible keyframes that move with one
 
 }  // namespace
 
@@ -102,9 +102,9 @@ std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vecto
     if (on == known.end()) return std::nullopt;
     auto hung = static_cast<std::size_t>(on - known.begin());  // new ones hang on the last one that was there
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
-      const Pose3* told = before.map_from_node.find(keyframes[i].id);
-      if (known[i] != nullptr && told != nullptr) {
-        const double moved_m = (keyframes[i].map_from_node.t - told->t).norm();
+      const Pose3* then = before.map_from_node.find(keyframes[i].id);
+      if (known[i] != nullptr && then != nullptr) {
+        const double moved_m = (keyframes[i].map_from_node.t - then->t).norm();
         if (moved_m > kLaidAgain_m) return std::nullopt;
         hung = i;
         start.team_from_node.push_back(*known[i]), start.is_free.push_back(moved_m > kMoved_m);
@@ -118,9 +118,9 @@ std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vecto
   const std::vector<char> moved = start.is_free;
   for (std::size_t m = 0; m < members.size(); ++m)
     for (std::size_t i = 0; i < members[m]->keyframes().size(); ++i) {
-      const auto& companions = members[m]->keyframes()[i].companions;
-      for (std::size_t c = 0; moved[first[m] + i] && c < std::min(kAlong, companions.size()); ++c)
-        start.is_free[first[m] + companions[c].second] = true;
+      const auto& covisible = members[m]->keyframes()[i].covisible;
+      for (std::size_t c = 0; moved[first[m] + i] && c < std::min(kAlong, covisible.size()); ++c)
+        start.is_free[first[m] + covisible[c].second] = true;
     }
   if (2 * static_cast<std::size_t>(std::count(start.is_free.begin(), start.is_free.end(), true)) > start.is_free.size())
     return std::nullopt;

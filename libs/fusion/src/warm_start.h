@@ -1,5 +1,5 @@
 #pragma once
-// Where the keyframes of a team begin that was joined before (FusionInput::teams), and which of them the bundle moves: the new ones, those
+// Where the keyframes of a team begin that was merged before (FusionInput::teams), and which of them the bundle moves: the new ones, those
 // that their client moved, and what those see the most of.
 
 #include "visual_team.h"
@@ -8,7 +8,7 @@
 
 namespace mapweave::fusion {
 
-// The largest one of which every member is among these, all of which know their lengths; null: none.
+// The largest one of which every member is among these, all of which are metric; null: none.
 const StandingTeam* largest_within(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members);
 
 struct WarmStart {

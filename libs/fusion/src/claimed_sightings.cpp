@@ -1,4 +1,4 @@
-#include "hearsay.h"
+#include "claimed_sightings.h"
 
 #include <algorithm>
 #include <set>
@@ -7,14 +7,14 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kLeastTold = 10;  // landmarks of one keyframe's, for a pair to be judged
-constexpr std::size_t kMostPairs = 16;  // of two maps
+constexpr std::size_t kLeastClaimed = 10;  // landmarks of one keyframe's, for a pair to be judged
+constexpr std::size_t kMostPairs = 16;     // of two maps
 
-auto order_of(const ToldSighting& told) { return std::tie(told.map, told.keyframe, told.map_of_landmark, told.landmark); }
+auto order_of(const ClaimedSighting& claim) { return std::tie(claim.map, claim.keyframe, claim.map_of_landmark, claim.landmark); }
 
 }  // namespace
 
-Hearsay::Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<VisualMap>& maps) : maps_(maps) {
+ClaimedSightings::ClaimedSightings(const std::vector<LandmarkChange>& borrowed, const std::deque<VisualMap>& maps) : maps_(maps) {
   if (borrowed.empty()) return;
   std::map<SessionId, std::set<std::size_t>> maps_of;
   for (std::size_t m = 0; m < maps.size(); ++m) {
@@ -35,41 +35,41 @@ Hearsay::Hearsay(const std::vector<LandmarkChange>& borrowed, const std::deque<V
   sightings_.erase(
       std::unique(sightings_.begin(), sightings_.end(), [](const auto& a, const auto& b) { return order_of(a) == order_of(b); }),
       sightings_.end());
-  for (const ToldSighting& told : sightings_) of_pair_[std::minmax(told.map, told.map_of_landmark)].push_back(&told);
+  for (const ClaimedSighting& claim : sightings_) of_pair_[std::minmax(claim.map, claim.map_of_landmark)].push_back(&claim);
 }
 
-std::optional<std::pair<std::size_t, std::size_t>> Hearsay::most_told(std::size_t map, std::size_t keyframe,
-                                                                      const std::function<bool(std::size_t)>& counts) const {
-  const auto of = [](const ToldSighting& told) { return std::make_pair(told.map, told.keyframe); };
-  auto told = std::lower_bound(sightings_.begin(), sightings_.end(), std::make_pair(map, keyframe),
-                               [&](const ToldSighting& one, const auto& key) { return of(one) < key; });
+std::optional<std::pair<std::size_t, std::size_t>> ClaimedSightings::most_claimed(std::size_t map, std::size_t keyframe,
+                                                                               const std::function<bool(std::size_t)>& counts) const {
+  const auto of = [](const ClaimedSighting& claim) { return std::make_pair(claim.map, claim.keyframe); };
+  auto claim = std::lower_bound(sightings_.begin(), sightings_.end(), std::make_pair(map, keyframe),
+                               [&](const ClaimedSighting& one, const auto& key) { return of(one) < key; });
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;
-  for (; told != sightings_.end() && of(*told) == std::make_pair(map, keyframe); ++told)
-    if (counts(told->map_of_landmark))
-      for (const std::size_t owner : keyframes_of(*told)) ++shared[{told->map_of_landmark, owner}];
+  for (; claim != sightings_.end() && of(*claim) == std::make_pair(map, keyframe); ++claim)
+    if (counts(claim->map_of_landmark))
+      for (const std::size_t owner : keyframes_of(*claim)) ++shared[{claim->map_of_landmark, owner}];
   const auto most =
       std::max_element(shared.begin(), shared.end(), [](const auto& one, const auto& other) { return one.second < other.second; });
-  return most == shared.end() || most->second < kLeastTold ? std::nullopt : std::optional(most->first);
+  return most == shared.end() || most->second < kLeastClaimed ? std::nullopt : std::optional(most->first);
 }
 
-std::vector<std::size_t> Hearsay::keyframes_of(const ToldSighting& told) const {
-  const VisualMap& owner = maps_[told.map_of_landmark];
+std::vector<std::size_t> ClaimedSightings::keyframes_of(const ClaimedSighting& claim) const {
+  const VisualMap& owner = maps_[claim.map_of_landmark];
   std::vector<std::size_t> result;
-  for (const LandmarkSighting& own : owner.map().landmarks.find(owner.landmarks()[told.landmark].id)->seen)
+  for (const LandmarkSighting& own : owner.map().landmarks.find(owner.landmarks()[claim.landmark].id)->seen)
     if (const std::size_t keyframe = owner.number_of(own.node); keyframe < owner.keyframes().size()) result.push_back(keyframe);
   return result;
 }
 
-std::vector<VisualQuestion> Hearsay::pairs(std::size_t a, std::size_t b) const {
+std::vector<VisualQuestion> ClaimedSightings::pairs(std::size_t a, std::size_t b) const {
   std::map<std::pair<std::size_t, std::size_t>, std::size_t> shared;  // of each pair of keyframes, how many
   const auto known = of_pair_.find(std::minmax(a, b));
   if (known == of_pair_.end()) return {};
-  for (const ToldSighting* told : known->second)
-    for (const std::size_t keyframe : keyframes_of(*told))
-      ++shared[told->map == b ? std::make_pair(keyframe, told->keyframe) : std::make_pair(told->keyframe, keyframe)];
+  for (const ClaimedSighting* claim : known->second)
+    for (const std::size_t keyframe : keyframes_of(*claim))
+      ++shared[claim->map == b ? std::make_pair(keyframe, claim->keyframe) : std::make_pair(claim->keyframe, keyframe)];
   std::vector<std::tuple<std::size_t, std::size_t, std::size_t>> ranked;
   for (const auto& [pair, count] : shared)
-    if (count >= kLeastTold) ranked.emplace_back(count, pair.first, pair.second);
+    if (count >= kLeastClaimed) ranked.emplace_back(count, pair.first, pair.second);
   std::sort(ranked.begin(), ranked.end(), [](const auto& one, const auto& other) {
     return std::get<0>(one) != std::get<0>(other) ? std::get<0>(one) > std::get<0>(other) : one < other;
   });

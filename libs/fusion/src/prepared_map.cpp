@@ -1,4 +1,4 @@
-#include "map_pair.h"
+#include "prepared_map.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "growth.h"
+#include "incremental_candidates.h"
 
 #include <algorithm>
 
@@ -10,9 +10,9 @@ constexpr std::size_t kOfTeamEach = 3;  // one new keyframe in so many is compar
 
 }  // namespace
 
-Growth::Growth(const std::vector<StandingTeam>& teams, const std::deque<VisualMap>& maps, const Hearsay& hearsay,
-               const VisualFusionOptions& options, WorkerPool& pool)
-    : maps_(maps), hearsay_(hearsay), options_(options), is_any_(!teams.empty()), team_of_(maps.size(), nullptr) {
+IncrementalCandidates::IncrementalCandidates(const std::vector<StandingTeam>& teams, const std::deque<VisualMap>& maps,
+                                             const ClaimedSightings& claimed, const VisualFusionOptions& options, WorkerPool& pool)
+    : maps_(maps), claimed_(claimed), options_(options), is_any_(!teams.empty()), team_of_(maps.size(), nullptr) {
   if (!is_any_) return;
   matching::PlaceIndex index(matching::shipped_vocabulary().words());
   for (std::size_t m = 0; m < maps.size(); ++m) {
@@ -23,44 +23,44 @@ Growth::Growth(const std::vector<StandingTeam>& teams, const std::deque<VisualMa
     if (!maps[m].is_metric()) continue;
     for (const MappedKeyframe& keyframe : maps[m].keyframes()) index.add(keyframe.id, keyframe.words->bag);
   }
-  const std::vector<Picture> asked = fresh();
+  const std::vector<KeyframeOfMap> asked = new_keyframes();
   const auto found = pool.map(asked.size(), [&](std::size_t i) { return most_alike(asked[i], index); });
   for (std::size_t i = 0; i < asked.size(); ++i)
-    for (const Picture& other : found[i]) {
+    for (const KeyframeOfMap& other : found[i]) {
       const bool is_first = asked[i].map < other.map;
-      const Picture &a = is_first ? asked[i] : other, &b = is_first ? other : asked[i];
+      const KeyframeOfMap &a = is_first ? asked[i] : other, &b = is_first ? other : asked[i];
       questions_[{a.map, b.map}].push_back({a.keyframe, b.keyframe});
     }
 }
 
-std::vector<Growth::Picture> Growth::fresh() const {
-  std::vector<Picture> result;
+std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::new_keyframes() const {
+  std::vector<KeyframeOfMap> result;
   for (std::size_t m = 0; m < maps_.size(); ++m)
     for (std::size_t k = 0; maps_[m].is_metric() && k < maps_[m].keyframes().size(); ++k)
       if (team_of_[m] == nullptr || !team_of_[m]->map_from_node.contains(maps_[m].keyframes()[k].id)) result.push_back({m, k});
   return result;
 }
 
-std::vector<Growth::Picture> Growth::most_alike(const Picture& one, const matching::PlaceIndex& index) const {
+std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::most_alike(const KeyframeOfMap& one, const matching::PlaceIndex& index) const {
   const MappedKeyframe& keyframe = maps_[one.map].keyframes()[one.keyframe];
   const int least = std::max(1, static_cast<int>(options_.least_alike * keyframe.likeness));
   const bool asks_team = one.keyframe % kOfTeamEach == 0;
-  std::vector<Picture> of_team, of_others;
-  const auto add = [&](std::vector<Picture>& chosen, const Picture& other, std::size_t most) {
-    if (chosen.size() < most && std::none_of(chosen.begin(), chosen.end(), [&](const Picture& known) {
+  std::vector<KeyframeOfMap> of_team, of_others;
+  const auto add = [&](std::vector<KeyframeOfMap>& chosen, const KeyframeOfMap& other, std::size_t most) {
+    if (chosen.size() < most && std::none_of(chosen.begin(), chosen.end(), [&](const KeyframeOfMap& known) {
           return known.map == other.map && beside(maps_[other.map], known.keyframe, other.keyframe);
         }))
       chosen.push_back(other);
   };
-  const auto choose = [&](const Picture& other) {
+  const auto choose = [&](const KeyframeOfMap& other) {
     if (is_of_team(one.map, other.map))
       add(of_team, other, asks_team ? 1 : 0);
     else
       add(of_others, other, static_cast<std::size_t>(options_.candidates));
   };
   for (const bool of_own : {true, false})
-    if (const auto told = hearsay_.most_told(one.map, one.keyframe, [&](std::size_t map) { return is_of_team(one.map, map) == of_own; }))
-      choose({told->first, told->second});
+    if (const auto claim = claimed_.most_claimed(one.map, one.keyframe, [&](std::size_t map) { return is_of_team(one.map, map) == of_own; }))
+      choose({claim->first, claim->second});
   const auto map_of = [&](const NodeId& id) {
     const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const VisualMap& m) { return m.number_of(id) < m.keyframes().size(); });
     return static_cast<std::size_t>(map - maps_.begin());
@@ -74,12 +74,12 @@ std::vector<Growth::Picture> Growth::most_alike(const Picture& one, const matchi
   return of_others;
 }
 
-std::optional<VisualQuestions> Growth::questions(std::size_t a, std::size_t b) const {
+std::optional<VisualQuestions> IncrementalCandidates::questions(std::size_t a, std::size_t b) const {
   const auto is_anew = [&](std::size_t map) { return team_of_[map] != nullptr && team_of_[map]->is_adjusted_again; };
   const bool is_team = is_of_team(a, b);
   if (!is_any_ || !maps_[a].is_metric() || !maps_[b].is_metric() || (!is_team && (is_anew(a) || is_anew(b)))) return std::nullopt;
   VisualQuestions result;
-  result.is_grown = true, result.is_doubted = !is_team || is_anew(a);
+  result.is_incremental = true, result.is_doubted = !is_team || is_anew(a);
   if (const auto found = questions_.find({a, b}); found != questions_.end()) result.first = found->second;
   return result;
 }

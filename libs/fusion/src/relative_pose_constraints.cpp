@@ -1,11 +1,11 @@
-#include "ties.h"
+#include "relative_pose_constraints.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 
 namespace mapweave::fusion {
 
-Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
+Constraint constraint_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
   const MetricWitness metric = rescaled(w, a, b, scale_a, scale_b);
   Constraint constraint;
   constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
@@ -15,7 +15,7 @@ Constraint tie_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b
   return constraint;
 }
 
-Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
+Constraint constraint_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) {
   // Submaps bend a little once their nodes move on their own.
   const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
   const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
@@ -26,7 +26,7 @@ Constraint tie_of(const Witness& w, const PreparedMap& a, const PreparedMap& b) 
   return constraint;
 }
 
-void add_all(Map& map, std::vector<Constraint> constraints) {
+void add_constraints(Map& map, std::vector<Constraint> constraints) {
   std::vector<Constraint> all;
   all.reserve(map.constraints.size() + constraints.size());
   for (auto& entry : map.constraints) all.push_back(std::move(entry.second));
