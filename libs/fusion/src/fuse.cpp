@@ -1,6 +1,7 @@
 #include "joint_transforms.h"
 #include "pair_judging.h"
 #include "relative_pose_constraints.h"
+#include "verdict.h"
 #include "warm_start.h"
 
 #include <mapweave/core/disjoint_sets.h>
@@ -81,11 +82,6 @@ std::vector<Sim3> along_tree(std::size_t members, const std::vector<PairJoin*>& 
   return team_from_map;
 }
 
-void revoke(PairJoin& join) {
-  join.result.verdict.decision = Decision::refused;
-  join.result.verdict.reason = Reason::inconsistent;
-}
-
 class Fusing {
  public:
   Fusing(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress)
@@ -158,8 +154,7 @@ class Fusing {
       if (pair.a != who && pair.b != who) continue;
       if (!std::binary_search(members.begin(), members.end(), pair.a == who ? pair.b : pair.a)) continue;
       Verdict why = pair.result.verdict;
-      why.decision = Decision::refused;
-      why.reason = Reason::contradiction;
+      refuse_by_audit(why);
       is_new = judging_.refuse(pair.a, pair.b, why) || is_new;
     }
     return is_new;
@@ -204,7 +199,7 @@ class Fusing {
         if (std::find(branches.begin(), branches.end(), join) != branches.end()) continue;
         const Sim3 a_from_b = compose(inverse(placement.team_from_map[local(join->a)]), placement.team_from_map[local(join->b)]);
         if (lie_alike(seen_[join->b], a_from_b, join->result.verdict.alignment->a_from_b)) continue;
-        revoke(*join);
+        refuse_as_inconsistent(join->result.verdict);
         revoked = true;
       }
       in_metres(placement);
@@ -218,7 +213,7 @@ class Fusing {
       const JointTransforms solution = solve_joint_transforms(members.size(), terms, start);
       for (std::size_t i = 0; i < joins.size(); ++i)
         if (solution.switches[i] < 0.5 && !joins[i]->is_matched_by_lasers) {
-          revoke(*joins[i]);
+          refuse_as_inconsistent(joins[i]->result.verdict);
           revoked = true;
         }
       for (std::size_t i = 0; i < members.size(); ++i) placement.team_from_map[i].pose = spatial(solution.team_from_map[i]);

@@ -1,4 +1,5 @@
 #include "pair_judging.h"
+#include "verdict.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/stopwatch.h>
@@ -127,21 +128,17 @@ void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
   for (PairJoin& pair : pairs) {
     if (!pair.is_accepted() || pair.result.verdict.kind != "vision") continue;
     if (!rests_on(known[pair.a], known[pair.b], seen_[pair.a], seen_[pair.b], pair.seen)) continue;
-    for (const std::size_t map : {pair.a, pair.b}) doubt(pair.result.verdict, because[map]);
+    for (const std::size_t map : {pair.a, pair.b}) doubt_as_repeated(pair.result.verdict, because[map]);
     pair.seen.clear();
   }
 }
 
-// Nothing was compared.
-Verdict PairJudging::set_aside(std::size_t a, std::size_t b, Reason reason) const {
-  Verdict verdict;
-  verdict.a = maps_[a].map->id;
-  verdict.b = maps_[b].map->id;
-  verdict.by = input_.by;
+// Nothing is compared.
+Verdict PairJudging::not_compared(std::size_t a, std::size_t b, Reason reason) const {
   const bool by_laser = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
-  verdict.kind = maps_[a].is_grid || maps_[b].is_grid ? "grid" : by_laser ? "laser" : "vision";
-  verdict.decision = Decision::refused;
-  verdict.reason = reason;
+  Verdict verdict = unseen(maps_[a].map->id, maps_[b].map->id, input_.by,
+                           maps_[a].is_grid || maps_[b].is_grid ? "grid" : by_laser ? "laser" : "vision");
+  set_aside(verdict, reason);
   return verdict;
 }
 
@@ -155,7 +152,7 @@ PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
   PairJoin join{a, b, {}, {}, {}};
   if (excluded_.count({a, b}) != 0) {
     const auto& copy = copies_[a] ? copies_[a] : copies_[b];
-    join.result.verdict = set_aside(a, b, copy ? Reason::same_recording : Reason::excluded);
+    join.result.verdict = not_compared(a, b, copy ? Reason::same_recording : Reason::excluded);
     if (copy) join.result.verdict.overlap = copy->share;
     return join;
   }
@@ -165,37 +162,20 @@ PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
   if (!cameras) return join;
   VisualPairResult seen = seen_by_cameras(a, b);
   join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
-  join.result.verdict = lasers ? combined(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
+  join.result.verdict = lasers ? combined_verdict(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
   join.repetition = std::move(seen.repetition);
   if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
   if (!join.is_accepted() || join.result.verdict.kind == "vision") join.result.witnesses.clear();
   return join;
 }
 
-// One verdict of two senses. What one believes, the other must not contradict.
-Verdict PairJudging::combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged) {
-  const bool by_laser = laser.decision == Decision::accepted, by_camera = seen.decision == Decision::accepted;
-  if (by_laser && by_camera) {
-    Verdict both = laser;
-    both.kind = "laser and vision";
-    both.witnesses.insert(both.witnesses.end(), seen.witnesses.begin(), seen.witnesses.end());
-    std::sort(both.witnesses.begin(), both.witnesses.end());
-    both.probability = 1.0 - (1.0 - laser.probability) * (1.0 - seen.probability);
-    if (!lie_alike(seen_[b], laser.alignment->a_from_b, seen.alignment->a_from_b))
-      both.decision = Decision::deferred, both.reason = Reason::ambiguous;
-    return both;
-  }
-  if (by_camera) {
-    Verdict verdict = seen;
-    verdict.hypotheses = laser.hypotheses;
-    verdict.conflict = std::max(verdict.conflict, wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)));
-    if (verdict.conflict > options_.max_wall_conflict) verdict.decision = Decision::refused, verdict.reason = Reason::contradiction;
-    return verdict;
-  }
-  Verdict verdict = laser;
-  if (by_laser && contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged))
-    verdict.decision = Decision::refused, verdict.reason = Reason::contradiction, verdict.kind = "laser and vision";
-  return verdict;
+// One verdict of two senses.
+Verdict PairJudging::combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged) {
+  SenseChecks checks;
+  checks.do_lie_alike = [&] { return lie_alike(seen_[b], laser.alignment->a_from_b, seen.alignment->a_from_b); };
+  checks.wall_conflict = [&] { return wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)); };
+  checks.do_cameras_contradict = [&] { return contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged); };
+  return combined(laser, seen, checks, options_);
 }
 
 // Share of the walls of one map that the other saw through, once b lies so. Nothing is searched for, so that nothing can be missed.

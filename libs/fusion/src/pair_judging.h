@@ -45,9 +45,9 @@ class PairJudging {
   void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
   std::vector<PairJoin> compare_all(Progress& progress);
   PairJoin compared(std::size_t a, std::size_t b);
-  Verdict set_aside(std::size_t a, std::size_t b, Reason reason) const;
+  Verdict not_compared(std::size_t a, std::size_t b, Reason reason) const;
   VisualPairResult seen_by_cameras(std::size_t a, std::size_t b);
-  Verdict combined(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
+  Verdict combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
   double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b);
 
   const FusionInput& input_;

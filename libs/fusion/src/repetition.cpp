@@ -84,11 +84,4 @@ bool rests_on(const std::set<std::size_t>& known_of_a, const std::set<std::size_
   return repeated > 0 && kOneIn * repeated >= looked_at.of_a.size();
 }
 
-void doubt(Verdict& verdict, const std::vector<Hash>& because) {
-  verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
-  verdict.contradicted.insert(verdict.contradicted.end(), because.begin(), because.end());
-  std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
-  verdict.contradicted.erase(std::unique(verdict.contradicted.begin(), verdict.contradicted.end()), verdict.contradicted.end());
-}
-
 }  // namespace mapweave::fusion

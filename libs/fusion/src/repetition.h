@@ -18,7 +18,4 @@ Repetition repetition_between(const VisualMap& a, const VisualMap& b, const std:
 bool rests_on(const std::set<std::size_t>& known_of_a, const std::set<std::size_t>& known_of_b, const VisualMap& a, const VisualMap& b,
               const std::vector<VisualWitness>& witnesses);
 
-// Defers what was accepted.
-void doubt(Verdict& verdict, const std::vector<Hash>& because);
-
 }  // namespace mapweave::fusion

@@ -1,7 +1,8 @@
+#include "commitment.h"
 #include "repetition.h"
+#include "verdict.h"
 
 #include <mapweave/core/interrupt.h>
-#include <mapweave/graph/consistent_set.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -25,8 +26,6 @@ bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap
          one.a_from_b.pose.q.angularDistance(other.a_from_b.pose.q) < options.consistency_yaw_rad + 0.002 * far &&
          std::abs(std::log(one.a_from_b.scale / other.a_from_b.scale)) < kSameScale;
 }
-
-double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
 
 // Witnesses of which no two share a keyframe.
 std::size_t disjoint(const std::vector<const VisualWitness*>& witnesses) {
@@ -114,35 +113,29 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
 namespace {
 
 // What the judgements so far make of two maps.
-struct Commitment {
+struct VisualCommitment {
   std::vector<const VisualWitness*> clique, others;  // the heaviest set that holds together; those that hold, and agree with none of it
   double weight = 0.0, rival_weight = 0.0;           // of the clique, and of the heaviest set of the others
 };
 
-Commitment commitment(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const std::set<Hash>& vetoed,
-                      const FusionOptions& options) {
-  const auto clique_of = [&](const std::vector<const VisualWitness*>& from, double& weight) {
-    std::vector<bool> consistent(from.size() * from.size());
-    std::vector<double> weights;
-    for (std::size_t i = 0; i < from.size(); ++i) {
-      weights.push_back(log_odds(from[i]->judgement.probability));
-      for (std::size_t j = 0; j < from.size(); ++j) consistent[i * from.size() + j] = i != j && agree(*from[i], *from[j], b, options);
-    }
-    std::vector<const VisualWitness*> members;
-    for (const auto i : graph::consistent_set(consistent, weights)) members.push_back(from[i]), weight += weights[i];
-    return members;
-  };
+VisualCommitment commit_to(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const std::set<Hash>& vetoed,
+                           const FusionOptions& options) {
   std::vector<const VisualWitness*> good;
   for (const VisualWitness& w : witnesses)
     if (holds(w, vetoed, options)) good.push_back(&w);
-  Commitment result;
-  if (good.empty()) return result;
-  result.clique = clique_of(good, result.weight);
-  for (const VisualWitness* w : good)
-    if (std::none_of(result.clique.begin(), result.clique.end(),
-                     [&](const VisualWitness* c) { return c == w || agree(*c, *w, b, options); }))
-      result.others.push_back(w);
-  if (!result.others.empty()) clique_of(result.others, result.rival_weight);
+  std::vector<char> agreement(good.size() * good.size());
+  std::vector<double> weights;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    weights.push_back(log_odds(good[i]->judgement.probability));
+    for (std::size_t j = 0; j < good.size(); ++j) agreement[i * good.size() + j] = i != j && agree(*good[i], *good[j], b, options);
+  }
+  const std::vector<Commitment> sets = commit(agreement, weights);
+  VisualCommitment result;
+  if (sets.empty()) return result;
+  for (const std::size_t i : sets[0].agreeing) result.clique.push_back(good[i]);
+  for (const std::size_t i : sets[0].contradicting) result.others.push_back(good[i]);
+  result.weight = sets[0].weight;
+  if (sets.size() > 1) result.rival_weight = sets[1].weight;
   return result;
 }
 
@@ -217,7 +210,7 @@ class Rounds {
   // What need not be asked; false where all must.
   bool leave_out() {
     constexpr std::size_t kMostRivals = 12;
-    const Commitment now = commitment(witnesses_, b_, {}, options_);
+    const VisualCommitment now = commit_to(witnesses_, b_, {}, options_);
     if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses)) return false;
     const Sim3 a_from_b = mean_transform(now.clique, b_);
     std::size_t rivals = 0;
@@ -244,47 +237,29 @@ class Rounds {
   bool is_over_ = false;
 };
 
-}  // namespace
-
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
-                        const FusionOptions& options, VisualJudge& judge) {
-  VisualPairResult result;
-  Verdict& verdict = result.verdict;
-  verdict.a = a.map().id, verdict.b = b.map().id, verdict.by = input.by;
-  verdict.kind = "vision", verdict.proposer = "words";
-  verdict.decision = Decision::refused, verdict.reason = Reason::little_overlap;
-
-  const auto witnesses = Rounds(a, b, options, judge).run(questions);
-  const VisualWitness* likeliest = nullptr;
-  std::size_t vetoed = 0;
-  for (const VisualWitness& w : witnesses) {
-    result.judged.push_back(w.judgement.id);
-    vetoed += input.vetoed.count(w.judgement.id);
-    if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
-      likeliest = &w;
+// Witnesses that put the second map far from where the others have it.
+std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
+  constexpr double kFar_m = 2.0;
+  std::vector<const VisualWitness*> far;
+  for (const VisualWitness* w : witnesses) {
+    const Vector3d& there = b.keyframes()[w->keyframe_b].map_from_node.t;
+    if ((transformed(there, w->a_from_b) - transformed(there, a_from_b)).norm() > kFar_m) far.push_back(w);
   }
-  const auto [clique, others, weight, rival_weight] = commitment(witnesses, b, input.vetoed, options);
-  if (clique.empty()) {
-    if (likeliest != nullptr) {
-      const Judgement& judgement = likeliest->judgement;
-      verdict.probability = judgement.probability, verdict.overlap = judgement.evidence.inliers;
-      verdict.conflict = judgement.evidence.conflict, verdict.second_best = judgement.evidence.second_best_ratio;
-      verdict.reason = judgement.doubt == Reason::none ? Reason::too_few_witnesses : judgement.doubt;
-      if (verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable) verdict.decision = Decision::deferred;
-    }
-    if (vetoed > 0) verdict.reason = Reason::vetoed;
-    return result;
-  }
+  return far;
+}
 
-  for (const VisualWitness* w : others) verdict.contradicted.push_back(w->judgement.id);
+// What the clique says of the two maps, and how sure it is.
+void describe(Verdict& verdict, const VisualCommitment& commitment, const VisualMap& b) {
+  const auto& clique = commitment.clique;
+  for (const VisualWitness* w : commitment.others) verdict.contradicted.push_back(w->judgement.id);
   std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
-  verdict.second_best = rival_weight / weight;
-
+  verdict.second_best = commitment.rival_weight / commitment.weight;
   double none_right = 1.0;
   for (const VisualWitness* w : clique) {
     const auto share = 1.0 / static_cast<double>(clique.size());
     none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, 0.98);
-    verdict.overlap += share * w->judgement.evidence.inliers, verdict.conflict += share * w->judgement.evidence.conflict;
+    verdict.overlap += share * w->judgement.evidence.inliers;
+    verdict.conflict += share * w->judgement.evidence.conflict;
     verdict.witnesses.push_back(w->judgement.id);
   }
   std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
@@ -295,31 +270,49 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   const Pose3 node_from_map = inverse(b.keyframes()[nearest.keyframe_b].map_from_node);
   alignment.covariance = exchanged(nearest.information.inverse(), {inverse(node_from_map), 1.0});
   verdict.alignment = alignment;
+}
 
-  const bool sole = clique.size() == 1 && clique.front()->judgement.probability >= options.sole_witness_probability;
-  // Maps bend, and so a few may disagree a little. Few that lie far off are enough to say that something is there twice: in halves of
-  // public recordings and in apartments not one does.
-  constexpr double kFar_m = 2.0;
-  constexpr std::size_t kFew = 2, kOneIn = 12;
-  std::vector<const VisualWitness*> far;
-  for (const VisualWitness* w : others) {
-    const Vector3d& there = b.keyframes()[w->keyframe_b].map_from_node.t;
-    if ((transformed(there, w->a_from_b) - transformed(there, alignment.a_from_b)).norm() > kFar_m) far.push_back(w);
+VisualSupport support_of(const VisualCommitment& commitment, const Verdict& verdict, const VisualMap& b) {
+  VisualSupport support;
+  support.witnesses = disjoint(commitment.clique);
+  support.far_rivals = disjoint(far_from(verdict.alignment->a_from_b, commitment.others, b));
+  support.rival = verdict.second_best;
+  if (commitment.clique.size() == 1) support.sole_probability = commitment.clique.front()->judgement.probability;
+  return support;
+}
+
+}  // namespace
+
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
+                        const FusionOptions& options, VisualJudge& judge) {
+  VisualPairResult result;
+  Verdict& verdict = result.verdict = unseen(a.map().id, b.map().id, input.by, "vision");
+  verdict.proposer = "words";
+  const auto witnesses = Rounds(a, b, options, judge).run(questions);
+  const VisualWitness* likeliest = nullptr;
+  std::size_t vetoed = 0;
+  for (const VisualWitness& w : witnesses) {
+    result.judged.push_back(w.judgement.id);
+    vetoed += input.vetoed.count(w.judgement.id);
+    if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
+      likeliest = &w;
   }
-  const std::size_t rivals = disjoint(far);
-  if (verdict.second_best > options.max_rival || (rivals >= kFew && kOneIn * rivals >= disjoint(clique))) {
-    verdict.decision = Decision::deferred, verdict.reason = Reason::ambiguous;
-    result.repetition = repetition_between(a, b, clique, others);
-  } else if (disjoint(clique) < static_cast<std::size_t>(options.min_witnesses) && !sole) {
-    verdict.decision = Decision::deferred, verdict.reason = Reason::too_few_witnesses;
-  } else if (Repetition own = questions.is_doubted ? repetition_within(a, b, clique, options, judge, result.judged) : Repetition();
-             !own.because.empty()) {
-    doubt(verdict, own.because);
-    result.repetition = std::move(own);
-  } else {
-    verdict.decision = Decision::accepted, verdict.reason = Reason::none;
-    for (const VisualWitness* w : clique) result.witnesses.push_back(*w);
+  const VisualCommitment commitment = commit_to(witnesses, b, input.vetoed, options);
+  if (commitment.clique.empty()) {
+    if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.inliers);
+    if (vetoed > 0) veto(verdict);
+    return result;
   }
+  describe(verdict, commitment, b);
+  decide_by_cameras(verdict, support_of(commitment, verdict, b), options);
+  if (verdict.reason == Reason::ambiguous) result.repetition = repetition_between(a, b, commitment.clique, commitment.others);
+  if (verdict.decision != Decision::accepted) return result;
+  if (questions.is_doubted) result.repetition = repetition_within(a, b, commitment.clique, options, judge, result.judged);
+  if (!result.repetition.because.empty()) {
+    doubt_as_repeated(verdict, result.repetition.because);
+    return result;
+  }
+  for (const VisualWitness* w : commitment.clique) result.witnesses.push_back(*w);
   return result;
 }
 

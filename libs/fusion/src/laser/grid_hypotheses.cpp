@@ -103,15 +103,6 @@ void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict)
   verdict.overlap = pair.result.evidence.overlap;
   verdict.conflict = pair.result.evidence.conflict;
   verdict.second_best = pair.result.evidence.second_best_ratio;
-  verdict.reason = pair.result.reason;
-  if (verdict.decision == Decision::accepted) return;
-  if (pair.is_vetoed)
-    verdict.reason = Reason::vetoed;
-  else if (pair.is_sure)
-    verdict.reason = Reason::inconsistent;  // with a third grid
-  const bool is_open =
-      verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable || verdict.reason == Reason::inconsistent;
-  verdict.decision = is_open ? Decision::deferred : Decision::refused;
 }
 
 }  // namespace mapweave::fusion

@@ -2,6 +2,9 @@
 
 #include "laser_team.h"
 
+#include "../verdict.h"
+
+#include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/alignment.h>
 
 #include <Eigen/LU>
@@ -13,7 +16,7 @@ namespace {
 
 // Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through, or has close beside
 // its own, against it. The weights are from hypotheses, right and wrong, of public buildings, of their mirror images and of simulated rooms.
-constexpr double kPerMetre = 1.0, kContradictionWeight = 4.0, kUnclearWeight = 2.0;
+constexpr double kPerMetre = 1.0, kUnclearWeight = 2.0;
 // What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so; there a
 // share of what fits, too.
 constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.08, kWholeOverlap = 0.7;
@@ -34,7 +37,6 @@ Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_fro
   const double phi = std::atan2(sine, cosine), c = std::cos(phi), s = std::sin(phi);
   return {in_a.x() - (c * in_b.x() - s * in_b.y()), in_a.y() - (s * in_b.x() + c * in_b.y()), phi};
 }
-
 
 }  // namespace
 
@@ -78,7 +80,7 @@ double log_odds_of(const WallAgreement& walls) {
   return std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
 }
 
-double fit_of(const WallAgreement& walls) { return walls.coinciding_m - walls.unclear_m - kContradictionWeight * walls.contradicted_m; }
+double fit_of(const WallAgreement& walls) { return fit_m(walls.coinciding_m, walls.unclear_m, walls.contradicted_m); }
 
 SubmapMatch turned(SubmapMatch match) {
   std::swap(match.from, match.to);
@@ -90,35 +92,31 @@ SubmapMatch turned(SubmapMatch match) {
 
 PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   PairResult result;
-  Verdict& verdict = result.verdict;
-  verdict.a = maps_[a].map->id;
-  verdict.b = maps_[b].map->id;
-  verdict.by = input_.by;
-  verdict.kind = maps_[a].is_grid || maps_[b].is_grid ? "grid" : "laser";
+  Verdict& verdict = result.verdict =
+      unseen(maps_[a].map->id, maps_[b].map->id, input_.by, maps_[a].is_grid || maps_[b].is_grid ? "grid" : "laser");
   verdict.proposer = "ring keys";
-  verdict.decision = Decision::refused;
-  verdict.reason = Reason::little_overlap;
   const LaserTeam* team = team_of(a);
-  const bool are_two_grids = grids_.pair(a, b) != nullptr;
+  const GridAlignments::Pair* grids = grids_.pair(a, b);
   std::vector<SubmapMatch> matches;
   if (team != nullptr && team == team_of(b))
     for (const SubmapMatch& match : team->matches)
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
-  if (are_two_grids) {
-    verdict.decision = matches.empty() ? Decision::deferred : Decision::accepted;
+  if (grids != nullptr) {
     describe_grids(a, b, verdict);
+    if (matches.empty())
+      refuse_grids(verdict, grids->result.reason, grids->is_vetoed);
+    else
+      accept_grids(verdict, grids->result.reason);
   } else if (!matches.empty()) {
-    verdict.decision = Decision::accepted;
-    verdict.reason = Reason::none;
     const WallAgreement walls = agreement(team->solved, {a}, {b});
     verdict.conflict = walls.conflict();
     verdict.overlap = walls.overlap;
     verdict.hypotheses = hypotheses_of(a, b, &walls);
-    verdict.probability = 1.0 / (1.0 + std::exp(-log_odds_of(walls) - priors_.log_odds(team->solved, {a}, {b})));
+    accept_by_lasers(verdict, log_odds_of(walls) + priors_.log_odds(team->solved, {a}, {b}));
   } else if (vetoed_.count({a, b}) != 0) {
-    verdict.reason = Reason::vetoed;
+    veto(verdict);
   } else if (contradicted_.count({a, b}) != 0) {
-    verdict.reason = Reason::contradiction;
+    refuse_by_audit(verdict);
     for (const PairAudit& ghost : taken_apart_)
       if (ghost.a == verdict.a && ghost.b == verdict.b)
         verdict.conflict = ghost.contradicted_m / std::max(1e-9, ghost.coinciding_m + ghost.contradicted_m + ghost.unclear_m);
@@ -126,9 +124,9 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     matches = doubted(a, b, verdict);
   }
   if (verdict.decision != Decision::accepted) verdict.hypotheses = hypotheses_of(a, b, nullptr);
-  for (const SubmapMatch& match : matches) verdict.witnesses.push_back(match.judgement);
-  std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
-  verdict.witnesses.erase(std::unique(verdict.witnesses.begin(), verdict.witnesses.end()), verdict.witnesses.end());
+  std::vector<Hash> judgements;
+  for (const SubmapMatch& match : matches) judgements.push_back(match.judgement);
+  set_witnesses(verdict, std::move(judgements));
   if (matches.empty()) return result;
   std::vector<std::pair<Pose2, Eigen::Vector2d>> transforms;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
@@ -154,7 +152,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
   alignment.covariance =
       spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));
-  if (!are_two_grids) verdict.alignment = alignment;
+  if (grids == nullptr) verdict.alignment = alignment;
   return result;
 }
 
@@ -162,20 +160,9 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
 std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
   const auto evaluation = evaluations_.find({{a}, {b}});
   if (evaluation != evaluations_.end() && !evaluation->second.hypotheses.empty()) {
-    const MergeHypothesis& best = evaluation->second.hypotheses.front();
-    verdict.probability = evaluation->second.probability;
-    verdict.second_best = evaluation->second.rival;
-    verdict.conflict = best.walls.conflict();
-    verdict.overlap = best.walls.overlap;
-    if (best.log_odds > 0.0) {
-      verdict.decision = Decision::deferred;
-      verdict.reason = evaluation->second.repeats || evaluation->second.rival > options_.max_rival ? Reason::ambiguous : Reason::too_few_witnesses;
-    } else if (best.walls.contradicted_m * kContradictionWeight < best.walls.distinctive_m) {
-      verdict.decision = Decision::deferred;
-      verdict.reason = Reason::too_few_witnesses;
-    } else {
-      verdict.reason = Reason::contradiction;
-    }
+    const Evaluation& alone = evaluation->second;
+    const MergeHypothesis& best = alone.hypotheses.front();
+    doubt_by_lasers(verdict, {best.log_odds, alone.probability, alone.rival, alone.repeats}, best.walls, options_);
     return best.matches;
   }
   const auto state = pairs_.find({a, b});
@@ -186,15 +173,7 @@ std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verd
     if (!answer.judgement.hypotheses.empty() &&
         (likeliest == nullptr || answer.judgement.probability > likeliest->judgement.probability))
       likeliest = &answer;
-  if (likeliest != nullptr) {
-    const Judgement& judgement = likeliest->judgement;
-    verdict.probability = judgement.probability;
-    verdict.overlap = judgement.evidence.overlap;
-    verdict.conflict = judgement.evidence.conflict;
-    verdict.second_best = judgement.evidence.second_best_ratio;
-    verdict.reason = judgement.doubt == Reason::none ? Reason::too_few_witnesses : judgement.doubt;
-    if (verdict.reason == Reason::ambiguous || verdict.reason == Reason::unobservable) verdict.decision = Decision::deferred;
-  }
+  if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.overlap);
   return {};
 }
 

@@ -1,0 +1,13 @@
+#pragma once
+// How walls that speak against a hypothesis are weighed: the same where merges are decided and where they are explained.
+
+namespace mapweave::fusion {
+
+constexpr double kContradictionWeight = 4.0;  // a metre that the other map saw through, in metres that coincide
+
+// Metres of wall that two hypotheses of one pair are compared by.
+constexpr double fit_m(double coinciding_m, double unclear_m, double contradicted_m) {
+  return coinciding_m - unclear_m - kContradictionWeight * contradicted_m;
+}
+
+}  // namespace mapweave::fusion
