@@ -1,9 +1,9 @@
 #include "laser_team.h"
 
+#include "../commitment.h"
 #include "self_repetition.h"
 
 #include <mapweave/core/interrupt.h>
-#include <mapweave/graph/consistent_set.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -18,14 +18,13 @@ constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
 constexpr std::size_t kFirstRound = 4;      // questions of a pair of maps, then four times as many
 constexpr double kCertain = 15.0;           // log odds from which a merge waits for no other
 constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
+constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12;
 constexpr double kAsGoodAFit = 0.9;
 constexpr std::size_t kBesidePrior = 16;    // questions of a pair that a prior is compared with, at first
 constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
-
-double log_odds(double p) { return std::log(std::clamp(p, 0.5001, 0.9999) / (1.0 - std::clamp(p, 0.5001, 0.9999))); }
 
 bool contains(const std::vector<std::size_t>& sorted, std::size_t value) { return std::binary_search(sorted.begin(), sorted.end(), value); }
 
@@ -176,30 +175,12 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
       if (entries[i].answer != entries[j].answer)
         agree[i * count + j] = agree[j * count + i] =
             inconsistency(entries[i].match, entries[j].match, x.solved, in_x, z.solved, in_z) < kConsistent;
-  std::vector<std::size_t> left(count);
-  for (std::size_t i = 0; i < count; ++i) left[i] = i;
-  while (!left.empty() && result.size() < kMostHypotheses) {
-    std::vector<bool> consistent(left.size() * left.size());
-    std::vector<double> weights;
-    for (std::size_t i = 0; i < left.size(); ++i) {
-      const SubmapMatch& match = entries[left[i]].match;
-      weights.push_back(std::max(0.05, log_odds(match.probability)) * (match.is_observable ? 1.0 : 0.3) + priors_.weight(match));
-      for (std::size_t j = 0; j < left.size(); ++j) consistent[i * left.size() + j] = agree[left[i] * count + left[j]] != 0;
-    }
-    MergeHypothesis hypothesis;
-    double weight = 0.0;
-    const auto clique = graph::consistent_set(consistent, weights, 20000);
-    for (const std::size_t i : clique) {
-      hypothesis.matches.push_back(entries[left[i]].match);
-      weight += weights[i];
-    }
-    if (weight < kLeastSeed) break;
-    std::vector<std::size_t> others;
-    for (std::size_t i = 0; i < left.size(); ++i)
-      if (std::none_of(clique.begin(), clique.end(), [&](std::size_t c) { return c == i || consistent[i * left.size() + c]; }))
-        others.push_back(left[i]);
-    left = std::move(others);
-    result.push_back(std::move(hypothesis));
+  std::vector<double> weights;
+  for (const Entry& entry : entries)
+    weights.push_back(std::max(0.05, log_odds(entry.match.probability)) * (entry.match.is_observable ? 1.0 : 0.3) + priors_.weight(entry.match));
+  for (const Commitment& set : commit(agree, weights, {kMostHypotheses, kLeastSeed, kSearchSteps})) {
+    MergeHypothesis& hypothesis = result.emplace_back();
+    for (const std::size_t i : set.agreeing) hypothesis.matches.push_back(entries[i].match);
   }
   return result;
 }
