@@ -1,5 +1,6 @@
 #include "bent_grid.h"
 
+#include <mapweave/core/format.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/fusion/grid_pair.h>
 #include <mapweave/maps/alignment.h>
@@ -9,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <tuple>
 
 namespace mapweave::fusion {
@@ -259,12 +259,6 @@ double probability_of(const GridVerification& best, double unusual, double rival
   return kOdds * product / (1.0 + (kOdds - 1.0) * product);
 }
 
-std::string text(const char* format, double first, double second) {
-  std::array<char, 200> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), format, first, second);
-  return buffer.data();
-}
-
 // From b's side of a pair that was judged from a's.
 GridPairResult reversed(GridPairResult result) {
   const auto turn = [](GridVerification& counts) {
@@ -303,18 +297,18 @@ void decide(GridPairResult& result, const GridVerification& best, double rival, 
   if (result.probability >= merge_probability) return;
   if (rival > kRival) {
     result.reason = Reason::ambiguous;
-    result.note = text("another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
-                       100.0 * rival, best.support_m);
+    result.note = format("another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
+                         100.0 * rival, best.support_m);
   } else if (conflict_of(best) > usual_conflict(best) - 2.0 / kConflictSlope) {
     result.reason = Reason::contradiction;
-    result.note = text("under the best alignment %.0f m of wall coincide and %.0f m lie in free space of the other grid", best.mean_fit_m(),
-                       best.mean_conflict_m());
+    result.note = format("under the best alignment %.0f m of wall coincide and %.0f m lie in free space of the other grid", best.mean_fit_m(),
+                         best.mean_conflict_m());
   } else if (unusual < kUnusual) {
     result.reason = Reason::unobservable;
-    result.note = text("of %.0f m of wall that coincide only %.0f m do not do so elsewhere, too", best.mean_fit_m(), best.support_m);
+    result.note = format("of %.0f m of wall that coincide only %.0f m do not do so elsewhere, too", best.mean_fit_m(), best.support_m);
   } else {
     result.reason = Reason::little_overlap;
-    result.note = text("only %.0f m of wall speak for the best alignment; about %.0f m are needed", best.support_m, kSupport_m);
+    result.note = format("only %.0f m of wall speak for the best alignment; about %.0f m are needed", best.support_m, kSupport_m);
   }
 }
 
@@ -330,7 +324,7 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   const double wall_m = result.wall_m = std::min(a.walls.wall_m(), b.walls.wall_m());
   if (wall_m < kLeastWall_m) {
     result.reason = Reason::unobservable;
-    result.note = text("one of the grids shows %.1f m of walls beside free space; %.0f m are needed", wall_m, kLeastWall_m);
+    result.note = format("one of the grids shows %.1f m of walls beside free space; %.0f m are needed", wall_m, kLeastWall_m);
     return result;
   }
   std::vector<Verified> found = verified_proposals(a, b, options, options.proposals.most);

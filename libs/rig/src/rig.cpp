@@ -1,22 +1,15 @@
 #include "rig_graph.h"
 
+#include <mapweave/core/format.h>
 #include <mapweave/rig/scale.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <set>
 
 namespace mapweave::rig {
 namespace {
-
-template <class... Values>
-std::string text(const char* format, Values... values) {
-  char buffer[400];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 class RigMerger {
  public:
@@ -180,11 +173,11 @@ class RigMerger {
     if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(telling)) {
       const std::string other = parts_[common.moments.front().other].camera;
       WhyApart& why = why_apart_[number];
-      why.what = text("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
-                      other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
+      why.what = format("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
+                        other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
       if (const auto turn = wrong_turn_rad(all, options_))
-        why.advice = text("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
-                          std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
+        why.advice = format("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
+                            std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
       else
         why.advice = "see how they are mounted, whether their clocks agree, and what they saw";
       return false;

@@ -1,9 +1,13 @@
 #include <mapweave/runtime/explanation.h>
 
+#include "verdict_text.h"
+
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/format.h>
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/exporters/hypothesis_sheet.h>
+#include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/reasons.h>
 #include <mapweave/runtime/map_input.h>
 
@@ -11,8 +15,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <optional>
 #include <set>
 
@@ -22,19 +24,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-constexpr double kContradictionWeight = 4.0;  // as merges weigh a wall that was seen through
 constexpr std::size_t kMostPanels = 4;
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  va_list arguments, again;
-  va_start(arguments, pattern);
-  va_copy(again, arguments);
-  std::string line(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, pattern, arguments)), '\0');
-  std::vsnprintf(line.data(), line.size() + 1, pattern, again);
-  va_end(again);
-  va_end(arguments);
-  return line;
-}
 
 double degrees(double radians) { return radians * 180.0 / M_PI; }
 
@@ -101,7 +91,7 @@ struct Hypothesis {
   double of(const char* key) const { return numbers.value(key, 0.0); }
   // A team had the maps so until its audit took them apart; how unusual is what fits was not weighed.
   bool is_taken_apart() const { return of("coinciding_m") > 0.0 && of("distinctive_m") == 0.0 && of("overlap") == 0.0; }
-  double fit_m() const { return of("coinciding_m") - of("unclear_m") - kContradictionWeight * of("contradicted_m"); }
+  double fit_m() const { return fusion::fit_m(of("coinciding_m"), of("unclear_m"), of("contradicted_m")); }
 };
 
 std::string text_of(const Hypothesis& hypothesis, std::size_t number, const std::string& a, const std::string& b) {
@@ -139,8 +129,8 @@ std::string page(const Json& verdict, const std::vector<Hypothesis>& hypotheses,
   std::string text = a + " + " + b + ": ";
   text += is_accepted ? "merged" : verdict.at("decision").get<std::string>() == "deferred" ? "not decided" : "kept apart";
   if (reason != Reason::none) text += ": " + std::string(in_words(reason));
-  text += format(" (%s; probability %.2f, overlap %.0f %%, conflict %.1f %%)\n", to_text(reason).data(), verdict.value("probability", 0.0),
-                 100.0 * verdict.value("overlap", 0.0), 100.0 * verdict.value("conflict", 0.0));
+  text += " (" + std::string(to_text(reason)) + "; " +
+          numbers_in_words(verdict.value("probability", 0.0), verdict.value("overlap", 0.0), verdict.value("conflict", 0.0)) + ")\n";
   if (hypotheses.empty())
     text += "no hypothesis: no place of both was found that fits\n";
   else

@@ -1,5 +1,8 @@
 #include <mapweave/runtime/report.h>
 
+#include "verdict_text.h"
+
+#include <mapweave/core/format.h>
 #include <mapweave/core/hash.h>
 #include <mapweave/maps/alignment.h>
 #include <mapweave/maps/reasons.h>
@@ -8,24 +11,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
 namespace mapweave::runtime {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  va_list arguments, again;
-  va_start(arguments, pattern);
-  va_copy(again, arguments);
-  std::string line(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, pattern, arguments)), '\0');
-  std::vsnprintf(line.data(), line.size() + 1, pattern, again);
-  va_end(again);
-  va_end(arguments);
-  return line;
-}
 
 std::size_t pairs(const FusionReport& fusion, Decision decision) {
   std::size_t count = 0;
@@ -304,8 +294,7 @@ Json merges_json(const Report& report) {
 
 std::string in_words(const Verdict& verdict) {
   const std::string pair = verdict.a.str() + " + " + verdict.b.str() + ": ";
-  const std::string numbers =
-      format("probability %.2f, overlap %.0f %%, conflict %.1f %%", verdict.probability, 100.0 * verdict.overlap, 100.0 * verdict.conflict);
+  const std::string numbers = numbers_in_words(verdict.probability, verdict.overlap, verdict.conflict);
   switch (verdict.decision) {
     case Decision::accepted: {
       std::string line = pair + format("joined (%s, %zu place%s agree%s)", numbers.c_str(), verdict.witnesses.size(),

@@ -2,30 +2,21 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
+#include <mapweave/core/format.h>
 #include <mapweave/simulation/observations.h>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include <array>
 #include <cinttypes>
 #include <cmath>
-#include <cstdio>
 #include <fstream>
 
 namespace mapweave::simulation {
 namespace {
 
-template <class... Values>
-std::string printed(const char* format, Values... values) {
-  std::array<char, 512> text;
-  const int length = std::snprintf(text.data(), text.size(), format, values...);
-  MAPWEAVE_EXPECT(length >= 0 && static_cast<std::size_t>(length) < text.size(), "a line fits");
-  return {text.data(), static_cast<std::size_t>(length)};
-}
-
 std::string seconds_text(Stamp stamp) {
-  return printed("%" PRId64 ".%06" PRId64, stamp.ns / 1'000'000'000, stamp.ns % 1'000'000'000 / 1000);
+  return format("%" PRId64 ".%06" PRId64, stamp.ns / 1'000'000'000, stamp.ns % 1'000'000'000 / 1000);
 }
 
 // Not by write_file: nobody waits for a picture to reach the disk. The folder of the whole is committed at once.
@@ -63,19 +54,19 @@ std::string camera_yaml(const CameraOptions& options) {
   const CameraIntrinsics c = options.intrinsics();
   const auto& d = c.distortion;
   const Pose3 pose = options.robot_from_camera();
-  std::string text = printed("robot_from_camera: [%.9g, %.9g, %.9g, %.9f, %.9f, %.9f, %.9f]\n", pose.t.x(), pose.t.y(), pose.t.z(),
+  std::string text = format("robot_from_camera: [%.9g, %.9g, %.9g, %.9f, %.9f, %.9f, %.9f]\n", pose.t.x(), pose.t.y(), pose.t.z(),
                              pose.q.x(), pose.q.y(), pose.q.z(), pose.q.w());
-  text += printed("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width, c.height, c.fx, c.fy,
+  text += format("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width, c.height, c.fx, c.fy,
                   c.cx, c.cy);
-  text += printed("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2], d[3], d[4]);
+  text += format("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2], d[3], d[4]);
   if (options.kind == CameraKind::rgbd) text += "depth_scale: 5000.0\ndepth_registered_to_color: true\n";
-  return text + printed("rate_hz: %.9g\n", options.frames_per_second);
+  return text + format("rate_hz: %.9g\n", options.frames_per_second);
 }
 
 }  // namespace
 
 std::string tum_line(Stamp stamp, const Pose3& pose) {
-  return seconds_text(stamp) + printed(" %.6f %.6f %.6f %.6f %.6f %.6f %.6f\n", pose.t.x() + 0.0, pose.t.y() + 0.0, pose.t.z() + 0.0,
+  return seconds_text(stamp) + format(" %.6f %.6f %.6f %.6f %.6f %.6f %.6f\n", pose.t.x() + 0.0, pose.t.y() + 0.0, pose.t.z() + 0.0,
                                        pose.q.x() + 0.0, pose.q.y() + 0.0, pose.q.z() + 0.0, pose.q.w() + 0.0);
 }
 
@@ -106,7 +97,7 @@ bool CameraLog::has_rawlog() const { return options_.layout != LogLayout::folder
 
 // Beside the rawlog, in the folder where readers look for what a log of this name keeps outside.
 std::string CameraLog::picture_file(std::size_t frame, const char* side) const {
-  return recording_.options().id + printed("_%06zu%s.%s", frame, side, options_.pictures == PictureFormat::jpeg ? "jpg" : "png");
+  return recording_.options().id + format("_%06zu%s.%s", frame, side, options_.pictures == PictureFormat::jpeg ? "jpg" : "png");
 }
 
 CameraLog::Entry CameraLog::make(std::size_t number, CameraRecording::Workspace& workspace) const {
@@ -129,8 +120,8 @@ CameraLog::Entry CameraLog::make(std::size_t number, CameraRecording::Workspace&
   if (!has_folder()) return entry;
   const std::string ending = options_.pictures == PictureFormat::jpeg ? ".jpg" : ".png";
   if (is_stereo) {
-    write_picture(own_folder_ / "image_0" / (printed("%06zu", number) + ending), frame.left, options_.jpeg_quality);
-    write_picture(own_folder_ / "image_1" / (printed("%06zu", number) + ending), frame.right, options_.jpeg_quality);
+    write_picture(own_folder_ / "image_0" / (format("%06zu", number) + ending), frame.left, options_.jpeg_quality);
+    write_picture(own_folder_ / "image_1" / (format("%06zu", number) + ending), frame.right, options_.jpeg_quality);
   } else {
     write_picture(own_folder_ / "rgb" / (seconds_text(frame.stamp) + ending), frame.left, options_.jpeg_quality);
     if (camera.kind == CameraKind::rgbd) {
@@ -151,11 +142,11 @@ void CameraLog::add(const Entry& entry) {
       first_from_world_ = inverse(entry.world_from_camera);
       first_stamp_ = entry.stamp;
     }
-    times_ += printed("%.6f\n", seconds_between(first_stamp_, entry.stamp));
+    times_ += format("%.6f\n", seconds_between(first_stamp_, entry.stamp));
     const Pose3 first_from_camera = compose(*first_from_world_, entry.world_from_camera);
     const Eigen::Matrix3d r = first_from_camera.q.toRotationMatrix();
     for (int row = 0; row < 3; ++row)
-      poses_ += printed("%.9e %.9e %.9e %.9e%s", r(row, 0), r(row, 1), r(row, 2), first_from_camera.t[row], row < 2 ? " " : "\n");
+      poses_ += format("%.9e %.9e %.9e %.9e%s", r(row, 0), r(row, 1), r(row, 2), first_from_camera.t[row], row < 2 ? " " : "\n");
     return;
   }
   const std::string ending = options_.pictures == PictureFormat::jpeg ? ".jpg" : ".png";
@@ -175,7 +166,7 @@ void CameraLog::close() {
     const CameraIntrinsics c = camera.intrinsics();
     std::string calibration;
     for (const double baseline : {0.0, camera.baseline_m}) {
-      calibration += printed("P%d: %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 ",
+      calibration += format("P%d: %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 ",
                              baseline > 0.0 ? 1 : 0, c.fx, c.cx, -c.fx * baseline, c.fy, c.cy) +
                      "0.000000000000e+00 0.000000000000e+00 1.000000000000e+00 0.000000000000e+00\n";
     }
