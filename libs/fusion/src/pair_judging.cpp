@@ -68,6 +68,11 @@ std::vector<Judgement> PairJudging::judgements() {
   return all;
 }
 
+std::size_t PairJudging::number_of(const MapId& id) const {
+  const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const PreparedMap& one) { return one.map->id == id; });
+  return static_cast<std::size_t>(map - maps_.begin());
+}
+
 bool PairJudging::refuse(std::size_t a, std::size_t b, const Verdict& why) { return refused_.emplace(std::minmax(a, b), why).second; }
 
 std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
@@ -200,15 +205,15 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
 }
 
 void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
-  const auto index_of = [&](const MapId& id) {
-    const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const PreparedMap& one) { return one.map->id == id; });
-    MAPWEAVE_EXPECT(map != maps_.end(), "map '" + id.str() + "' is among the maps");
-    return static_cast<std::size_t>(map - maps_.begin());
+  const auto known_number = [&](const MapId& id) {
+    const std::size_t number = number_of(id);
+    MAPWEAVE_EXPECT(number < maps_.size(), "map '" + id.str() + "' is among the maps");
+    return number;
   };
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
   std::vector<std::pair<std::size_t, std::size_t>> numbers;
   for (const auto& [one, other] : pairs) {
-    numbers.push_back(std::minmax(index_of(one), index_of(other)));
+    numbers.push_back(std::minmax(known_number(one), known_number(other)));
     MAPWEAVE_EXPECT(numbers.back().first != numbers.back().second, "a pair has two maps");
   }
   lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);

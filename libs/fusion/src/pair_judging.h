@@ -1,5 +1,5 @@
 #pragma once
-// The first half of fuse(): maps made ready, and each two of them judged by all senses that both have.
+// Stages 1 and 2 of fuse(): maps made ready, and each two of them judged by all senses that both have.
 
 #include "incremental_candidates.h"
 #include "laser/laser_team.h"
@@ -31,6 +31,9 @@ class PairJudging {
   void prepare_maps();
   const std::vector<PreparedMap>& maps() const { return maps_; }
   const GridAlignments& grids() const { return *grids_; }
+  std::size_t number_of(const MapId& id) const;  // the number of maps where there is no such map
+  // As a team has it. A grid that is alone keeps the scale that it was given with.
+  const Map& map_in_team(std::size_t number, bool is_alone) const { return is_alone ? grids_->given(number) : *maps_[number].map; }
   const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
   const ClaimedSightings& claimed_sightings() const { return *claimed_; }
 

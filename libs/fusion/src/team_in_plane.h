@@ -1,0 +1,25 @@
+#pragma once
+// Teams with a laser among them, and maps that are alone: one pose graph in the plane. Lasers' maps begin where the graph of submaps has
+// bent them (laser/laser_team.h); cameras' maps are rescaled, move as their keyframes do, and their bundles are not adjusted.
+
+#include "team_solver.h"
+
+namespace mapweave::fusion {
+
+class TeamInPlane final : public TeamSolver {
+ public:
+  TeamInPlane(const PairJudging& judging, const FusionInput& input, const FusionOptions& options, WorkerPool& pool)
+      : TeamSolver(judging, input, options), pool_(pool) {}
+  std::optional<std::vector<Sim3>> place(const TeamMembers& members) const override;
+  void solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const override;
+
+ private:
+  std::vector<Sim3> as_lasers_have_it(const LaserTeam& team) const;
+  std::vector<Pose2> bent_nodes(std::size_t map, const TeamMembers& members, const std::vector<Sim3>& team_from_map) const;
+  void add_laser_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const;
+  std::vector<Constraint> constraints_between(const TeamMembers& members, const std::vector<Sim3>& team_from_map) const;
+
+  WorkerPool& pool_;
+};
+
+}  // namespace mapweave::fusion
