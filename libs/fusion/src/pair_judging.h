@@ -16,7 +16,7 @@ struct PairJoin {
   std::size_t a, b;  // numbers in id order
   PairResult result;
   std::vector<VisualWitness> seen;  // that hold, where cameras tell of it
-  Repetition repetition;
+  VisualRepetition repetition;
   bool is_matched_by_lasers = false;  // whatever cameras say
   bool is_accepted() const { return result.verdict.decision == Decision::accepted; }
   std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }

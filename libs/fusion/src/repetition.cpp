@@ -24,7 +24,7 @@ std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe
 }
 
 // Adds a witness whose keyframes none before it has.
-bool is_of_its_own(const VisualWitness& w, Repetition& looked_at) {
+bool is_of_its_own(const VisualWitness& w, VisualRepetition& looked_at) {
   if (looked_at.of_a.count(w.keyframe_a) != 0 || looked_at.of_b.count(w.keyframe_b) != 0) return false;
   looked_at.of_a.insert(w.keyframe_a), looked_at.of_b.insert(w.keyframe_b);
   return true;
@@ -32,14 +32,14 @@ bool is_of_its_own(const VisualWitness& w, Repetition& looked_at) {
 
 }  // namespace
 
-Repetition repetition_within(const VisualMap& a, const VisualMap& b, std::vector<const VisualWitness*> clique, const FusionOptions& options,
-                             VisualJudge& judge, std::vector<Hash>& judged) {
+VisualRepetition repetition_within(const VisualMap& a, const VisualMap& b, std::vector<const VisualWitness*> clique,
+                                   const FusionOptions& options, VisualJudge& judge, std::vector<Hash>& judged) {
   constexpr std::size_t kMostLooks = 12;
   constexpr double kMoved_m = 1.0;
   std::stable_sort(clique.begin(), clique.end(), [](const VisualWitness* one, const VisualWitness* other) {
     return one->judgement.probability > other->judgement.probability;
   });
-  Repetition found, looked_at;
+  VisualRepetition found, looked_at;
   const auto repeats = [&](const VisualMap& map, std::size_t keyframe) {
     for (const VisualWitness& w : judge.ask(map, map, elsewhere(map, keyframe, options.visual))) {
       judged.push_back(w.judgement.id);
@@ -55,12 +55,12 @@ Repetition repetition_within(const VisualMap& a, const VisualMap& b, std::vector
     if (is_of_its_own(*w, looked_at) && (repeats(a, w->keyframe_a) || repeats(b, w->keyframe_b)))
       found.of_a.insert(w->keyframe_a), found.of_b.insert(w->keyframe_b);
   }
-  return kOneIn * found.of_a.size() < looked_at.of_a.size() ? Repetition{} : found;
+  return kOneIn * found.of_a.size() < looked_at.of_a.size() ? VisualRepetition{} : found;
 }
 
-Repetition repetition_between(const VisualMap& a, const VisualMap& b, const std::vector<const VisualWitness*>& clique,
-                              const std::vector<const VisualWitness*>& rivals) {
-  Repetition found;
+VisualRepetition repetition_between(const VisualMap& a, const VisualMap& b, const std::vector<const VisualWitness*>& clique,
+                                    const std::vector<const VisualWitness*>& rivals) {
+  VisualRepetition found;
   for (const VisualWitness* one : clique)
     for (const VisualWitness* other : rivals) {
       if (!beside(a, one->keyframe_a, other->keyframe_a) && !beside(b, one->keyframe_b, other->keyframe_b)) continue;
@@ -77,7 +77,7 @@ bool rests_on(const std::set<std::size_t>& known_of_a, const std::set<std::size_
   const auto is_known = [](const std::set<std::size_t>& known, const VisualMap& map, std::size_t keyframe) {
     return std::any_of(known.begin(), known.end(), [&](std::size_t other) { return beside(map, keyframe, other); });
   };
-  Repetition looked_at;
+  VisualRepetition looked_at;
   std::size_t repeated = 0;
   for (const VisualWitness& w : witnesses)
     repeated += is_of_its_own(w, looked_at) && (is_known(known_of_a, a, w.keyframe_a) || is_known(known_of_b, b, w.keyframe_b));

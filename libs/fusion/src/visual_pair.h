@@ -9,7 +9,7 @@
 namespace mapweave::fusion {
 
 // Keyframes of two maps whose places look like others, and the judgements that say so.
-struct Repetition {
+struct VisualRepetition {
   std::set<std::size_t> of_a, of_b;
   std::vector<Hash> because;
 };
@@ -18,7 +18,7 @@ struct VisualPairResult {
   Verdict verdict;
   std::vector<VisualWitness> witnesses;  // that hold, where the verdict accepts
   std::vector<Hash> judged;
-  Repetition repetition;  // where the verdict is ambiguous
+  VisualRepetition repetition;  // where the verdict is ambiguous
 };
 
 struct VisualQuestions {
