@@ -53,10 +53,23 @@ TEST(LaserTeam, is_the_same_whatever_robots_are_called) {
   EXPECT_EQ(after.verdicts[0].decision, Decision::accepted);
   EXPECT_EQ(before.verdicts[0].witnesses.size(), after.verdicts[0].witnesses.size());
   EXPECT_NEAR(before.verdicts[0].probability, after.verdicts[0].probability, 1e-6);
+  EXPECT_THAT(inverse(planar(after.verdicts[0].alignment->a_from_b.pose)), IsNear(planar(before.verdicts[0].alignment->a_from_b.pose), 3e-3, 2e-4));
   const Pose2 a_from_b = planar(before.components[0].team_from_map.find(MapId("robot1"))->t.isZero()
                                     ? *before.components[0].team_from_map.find(MapId("robot0"))
                                     : *before.components[0].team_from_map.find(MapId("robot1")));
   EXPECT_THAT(inverse(planar(*after.components[0].team_from_map.find(MapId("zeta")))), IsNear(a_from_b, 5e-3, 1e-3));
+}
+
+TEST(LaserTeam, compares_a_map_with_those_most_like_it_first) {
+  FusionInput input;
+  input.maps = mapped(apartment(6, 0.3));
+  WorkerPool pool(1);
+  const auto pairs = first_pairs(input, {}, pool);
+  EXPECT_LT(pairs.size(), 15U) << "not all of them";
+  for (const Map& map : input.maps)
+    EXPECT_GE(std::count_if(pairs.begin(), pairs.end(), [&](const auto& pair) { return pair.first == map.id || pair.second == map.id; }), 3);
+  std::reverse(input.maps.begin(), input.maps.end());
+  EXPECT_EQ(first_pairs(input, {}, pool), pairs);
 }
 
 TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {

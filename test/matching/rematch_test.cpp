@@ -49,6 +49,27 @@ TEST(Rematch, gives_the_same_constraints_for_any_number_of_threads) {
   }
 }
 
+TEST(Rematch, gives_the_same_constraints_with_submaps_that_are_ready_and_none_of_those_left_out) {
+  simulation::TeamOptions options;
+  options.robots = 1;
+  options.length_m = 25.0;
+  const auto team = simulation::make_apartment({}, options);
+  const Map map = test::truth_map(team.robots[0], team.laser);
+  WorkerPool pool(1);
+  ModelCache models(std::size_t{64} << 20U);
+  const SubmapId ready = map.submaps.begin()->first;
+  models.get(map.submaps.begin()->second, map.nodes);
+  const auto all = rematch(map, {}, pool), with_models = rematch(map, {}, pool, {}, &models);
+  ASSERT_EQ(all.size(), with_models.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_TRUE(all[i].id == with_models[i].id);
+    EXPECT_EQ(all[i].from_from_to.pose.t, with_models[i].from_from_to.pose.t);
+  }
+  const auto fewer = rematch(map, {}, pool, [&](const NodeId&, const Submap& submap) { return submap.id == ready; });
+  EXPECT_LT(fewer.size(), all.size());
+  EXPECT_TRUE(std::none_of(fewer.begin(), fewer.end(), [](const Constraint& c) { return c.id.index == 1; })) << "counted from one";
+}
+
 TEST(Rematch, can_be_switched_off) {
   simulation::TeamOptions options;
   options.robots = 1;

@@ -64,13 +64,16 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
 TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would_alone) {
   EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}), south(TierId("south"), {RobotId("beta")}, {});
   CloudMerger alone(TierId("cloud"), {});
-  const auto tell = [&](EdgeServer& edge, const char* robot, int scans) {
-    for (const std::string& bytes : edge.step({RobotId(robot), test::make_map(robot, scans), std::nullopt}, pool, *progress).for_cloud)
+  const auto tell = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
+    const Map map = test::make_map(robot, scans, 100.0, first_range_m);  // no copies of one recording
+    for (const std::string& bytes : edge.step({RobotId(robot), map, std::nullopt}, pool, *progress).for_cloud)
       cloud.receive(bytes, "test"), alone.receive(bytes, "test");
   };
-  tell(north, "alpha", 6), tell(north, "gamma", 4), tell(south, "beta", 6);
-  EXPECT_TRUE(cloud.errands({TierId("north")}).empty()) << "south does not answer";
-  const auto errands = cloud.errands({north.id(), south.id()});
+  tell(north, "alpha", 6, 2.0);
+  tell(north, "gamma", 4, 2.12);
+  tell(south, "beta", 6, 2.05);
+  EXPECT_TRUE(cloud.errands({TierId("north")}, pool).empty()) << "south does not answer";
+  const auto errands = cloud.errands({north.id(), south.id()}, pool);
   ASSERT_EQ(errands.size(), 2u) << "two pairs, one each";
   std::size_t judgements = 0;
   for (EdgeServer* edge : {&north, &south}) {

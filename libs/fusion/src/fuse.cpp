@@ -140,6 +140,17 @@ std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<M
   return judging.judgements();
 }
 
+std::shared_ptr<matching::ModelCache> make_models(const FusionOptions& options) {
+  return std::make_shared<matching::ModelCache>(static_cast<std::size_t>(options.cache_mb) << 20U);
+}
+
+std::vector<MapPair> first_pairs(const FusionInput& input, const FusionOptions& options, WorkerPool& pool) {
+  Memo memo;
+  PairJudging judging(input, options, memo, pool);
+  judging.prepare_maps();
+  return judging.first_pairs();
+}
+
 FusionResult fuse(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress) {
   return Fusing(input, options, memo, pool, progress).run();
 }

@@ -35,7 +35,7 @@ PairJudging::PairJudging(const FusionInput& input, const FusionOptions& options,
     : input_(input),
       options_(options),
       pool_(pool),
-      cache_(static_cast<std::size_t>(options.cache_mb) << 20),
+      models_(input.models ? input.models : make_models(options)),
       visual_judge_(options_.visual, input, memo, pool),
       memo_(memo) {}
 
@@ -228,6 +228,19 @@ void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
     progress.advance(task, i + 1);
   }
   progress.end(task);
+}
+
+std::vector<MapPair> PairJudging::first_pairs() {
+  lasers_.emplace(maps_, *grids_, input_, options_, excluded_, cache_, memo_, pool_);
+  std::vector<std::pair<std::size_t, std::size_t>> numbers = lasers_->first_pairs();
+  for (std::size_t a = 0; a < maps_.size(); ++a)
+    for (std::size_t b = a + 1; b < maps_.size(); ++b)
+      if (!seen_[a].empty() && !seen_[b].empty() && excluded_.count({a, b}) == 0) numbers.emplace_back(a, b);
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  std::vector<MapPair> pairs;
+  for (const auto& [a, b] : numbers) pairs.emplace_back(maps_[a].map->id, maps_[b].map->id);
+  return pairs;
 }
 
 bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {

@@ -35,6 +35,7 @@ class PairJudging {
   // As a team has it. A grid that is alone keeps the scale that it was given with.
   const Map& map_in_team(std::size_t number, bool is_alone) const { return is_alone ? grids_->given(number) : *maps_[number].map; }
   const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
+  matching::ModelCache& models() const { return cache_; }
   const ClaimedSightings& claimed_sightings() const { return *claimed_; }
 
   std::vector<PairJoin> all_pairs(Progress& progress);
@@ -42,6 +43,7 @@ class PairJudging {
   bool refuse(std::size_t a, std::size_t b, const Verdict& why);
   const LaserMerger& lasers() const { return *lasers_; }  // after all_pairs()
   void judge(const std::vector<MapPair>& pairs, Progress& progress);
+  std::vector<MapPair> first_pairs();  // instead of all_pairs()
   std::vector<Judgement> judgements();  // that were asked for, sorted by id
 
  private:
@@ -56,7 +58,8 @@ class PairJudging {
   const FusionInput& input_;
   const FusionOptions options_;
   WorkerPool& pool_;
-  matching::ModelCache cache_;
+  const std::shared_ptr<matching::ModelCache> models_;
+  matching::ModelCache& cache_ = *models_;
   VisualJudge visual_judge_;
   Memo& memo_;
   std::optional<GridAlignments> grids_;

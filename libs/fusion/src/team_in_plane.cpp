@@ -148,6 +148,29 @@ std::vector<Constraint> TeamInPlane::constraints_between(const TeamMembers& memb
   return constraints;
 }
 
+// What lasers alone joined lies well enough to match scans: their graph of submaps bent it.
+bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
+  const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front());
+  return lasers != nullptr && lasers->maps == members.maps &&
+         std::none_of(members.maps.begin(), members.maps.end(), [&](std::size_t m) { return judging_.maps()[m].is_grid; });
+}
+
+// A map whose scans were matched again when it was made holds what that found.
+std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themselves(const TeamMembers& members) const {
+  std::map<SessionId, std::size_t> map_of;
+  for (const std::size_t m : members.maps) {
+    const Map& map = *judging_.maps()[m].map;
+    const bool is_matched = std::any_of(map.constraints.begin(), map.constraints.end(),
+                                        [](const auto& entry) { return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0; });
+    if (!is_matched) continue;
+    for (const auto& entry : map.submaps) map_of.emplace(entry.second.id.session, m);
+  }
+  return [map_of](const NodeId& node, const Submap& submap) {
+    const auto of_node = map_of.find(node.session), of_submap = map_of.find(submap.id.session);
+    return of_node != map_of.end() && of_submap != map_of.end() && of_node->second == of_submap->second;
+  };
+}
+
 void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& component) const {
   const bool is_alone = members.maps.size() == 1;
   Map& team = component.map;
@@ -172,8 +195,8 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
     for (Constraint& constraint : constraints_between(members, team_from_map)) constraints.push_back(std::move(constraint));
   add_constraints(team, std::move(constraints));
   if (is_alone) return;
-  graph::optimise(team, options_.solve);
-  add_constraints(team, matching::rematch(team, options_.rematch, pool_));
+  if (!is_bent_by_lasers(members)) graph::optimise(team, options_.solve);
+  add_constraints(team, matching::rematch(team, options_.rematch, pool_, matched_by_themselves(members), &judging_.models()));
   graph::optimise(team, options_.solve);
   back_to_lowest(*maps_[members.maps.front()].map, team);
 }

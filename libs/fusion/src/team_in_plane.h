@@ -16,6 +16,8 @@ class TeamInPlane final : public TeamSolver {
  private:
   std::vector<Sim3> as_lasers_have_it(const LaserTeam& team) const;
   std::vector<Pose2> bent_nodes(std::size_t map, const TeamMembers& members, const std::vector<Sim3>& team_from_map) const;
+  bool is_bent_by_lasers(const TeamMembers& members) const;
+  std::function<bool(const NodeId&, const Submap&)> matched_by_themselves(const TeamMembers& members) const;
   void add_laser_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const;
   std::vector<Constraint> constraints_between(const TeamMembers& members, const std::vector<Sim3>& team_from_map) const;
 

@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/matching/branch_and_bound.h>
 
 #include <algorithm>
@@ -59,24 +60,24 @@ class Padded {
 using Sums = std::array<std::uint16_t, 16>;  // of 4 x 4 cells, column by column
 constexpr std::size_t kMostPoints = 257;     // of which the likelihoods' sum fits
 
-typedef std::uint16_t Shorts __attribute__((vector_size(16)));
+typedef std::uint8_t Bytes16 __attribute__((vector_size(16)));
+typedef std::uint16_t Shorts16 __attribute__((vector_size(32)));
 
 // For 4 x 4 shifts at once: sums of the likelihoods under the points. False as soon as none of them can reach the threshold.
-bool sum_up(const Padded::Column* corner, const std::vector<std::int32_t>& offsets, std::uint32_t threshold, Sums& sums) {
-  Shorts even{}, odd{};
-  for (std::size_t k = 0; k < offsets.size();) {
-    for (const std::size_t end = std::min(k + 20, offsets.size()); k < end; ++k) {
-      Shorts pairs;
-      std::memcpy(&pairs, corner + offsets[k], sizeof pairs);
-      even += pairs & 0xFF, odd += pairs >> 8;
+MAPWEAVE_WIDE_CLONES bool sum_up(const Padded::Column* corner, const std::int32_t* offsets, std::size_t count, std::uint32_t threshold,
+                                 Sums& sums) {
+  Shorts16 all{};
+  for (std::size_t k = 0; k < count;) {
+    for (const std::size_t end = std::min(k + 20, count); k < end; ++k) {
+      Bytes16 cells;
+      std::memcpy(&cells, corner + offsets[k], sizeof cells);
+      all += __builtin_convertvector(cells, Shorts16);
     }
     std::uint16_t largest = 0;
-    for (int i = 0; i < 8; ++i) {
-      sums[static_cast<std::size_t>(2 * i)] = even[i], sums[static_cast<std::size_t>(2 * i + 1)] = odd[i];
-      largest = std::max({largest, even[i], odd[i]});
-    }
-    if (largest + 255 * (offsets.size() - k) < threshold) return false;
+    for (int i = 0; i < 16; ++i) largest = std::max(largest, static_cast<std::uint16_t>(all[i]));
+    if (largest + 255 * (count - k) < threshold) return false;
   }
+  std::memcpy(sums.data(), &all, sizeof all);
   return true;
 }
 
@@ -161,7 +162,8 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
     const int size = size_of(level);
     Sums sums;
     looked += sums.size();
-    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), offsets_of(turn, level), threshold,
+    const auto& places = offsets_of(turn, level);
+    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), places.data(), places.size(), threshold,
                 sums))
       return;
     for (int k = 0; k < 16; ++k) {

@@ -27,6 +27,12 @@ std::shared_ptr<const SubmapModel> ModelCache::get(const Submap& submap, const T
   return model;
 }
 
+std::shared_ptr<const SubmapModel> ModelCache::find(const Hash& content) {
+  const std::lock_guard lock(mutex_);
+  const auto found = entries_.find(content);
+  return found != entries_.end() ? found->second.model : nullptr;
+}
+
 void ModelCache::clear() {
   const std::lock_guard lock(mutex_);
   entries_.clear();

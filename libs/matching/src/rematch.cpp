@@ -20,7 +20,8 @@ WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
 
 }  // namespace
 
-std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, WorkerPool& pool) {
+std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, WorkerPool& pool,
+                                const std::function<bool(const NodeId&, const Submap&)>& is_left_out, ModelCache* models) {
   if (options.most_submaps == 0) return {};
   std::vector<const Submap*> submaps;
   for (const auto& [id, submap] : map.submaps)
@@ -67,14 +68,23 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
     std::sort(candidates.begin(), candidates.end());
     if (candidates.size() > static_cast<std::size_t>(options.most_submaps))
       candidates.resize(static_cast<std::size_t>(options.most_submaps));
-    for (const auto& candidate : candidates) asked[candidate.second].push_back(&node);
+    int left = is_left_out ? (options.most_submaps + 1) / 2 : options.most_submaps;
+    for (const auto& candidate : candidates) {
+      if (left == 0) break;
+      if (is_left_out && is_left_out(node.id, *submaps[candidate.second])) continue;
+      asked[candidate.second].push_back(&node);
+      --left;
+    }
   }
 
   auto found = pool.map(submaps.size(), [&](std::size_t i) {
     std::vector<Constraint> constraints;
     if (asked[i].empty()) return constraints;
     const Submap& submap = *submaps[i];
-    const WallField field = field_of(submap, map.nodes);
+    auto model = models != nullptr ? models->find(submap.content) : nullptr;
+    if (model != nullptr && model->is_raster()) model = nullptr;  // scans are matched to scans
+    const WallField made = model == nullptr ? field_of(submap, map.nodes) : WallField();
+    const WallField& field = model == nullptr ? made : model->field();
     struct Member {
       Pose2 map_from_node, submap_from_node;
     };

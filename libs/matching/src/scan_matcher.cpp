@@ -1,38 +1,32 @@
 #include <mapweave/core/error.h>
+#include <mapweave/core/processor_clones.h>
 #include <mapweave/matching/scan_matcher.h>
 
 #include <Eigen/Cholesky>
 #include <array>
 #include <cstring>
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 
 namespace mapweave::matching {
 namespace {
 
 constexpr int kLane = 16;  // poses along x tried at once
 
-// Adds 16 cells, `offset` past each of the rows, to 16 sums.
-#ifdef __SSE2__
-inline void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, std::uint16_t* sums) {
-  const __m128i zero = _mm_setzero_si128();
-  auto* place = reinterpret_cast<__m128i*>(sums);
-  __m128i low = _mm_loadu_si128(place), high = _mm_loadu_si128(place + 1);
-  for (std::size_t k = 0; k < count; ++k) {
-    const __m128i cells = _mm_loadu_si128(reinterpret_cast<const __m128i*>(rows[k] + offset));
-    low = _mm_add_epi16(low, _mm_unpacklo_epi8(cells, zero));
-    high = _mm_add_epi16(high, _mm_unpackhi_epi8(cells, zero));
+typedef std::uint8_t Bytes16 __attribute__((vector_size(kLane)));
+typedef std::uint16_t Shorts16 __attribute__((vector_size(2 * kLane)));
+
+// Adds cells `offset` past each of the rows to the sums, a lane at a time.
+MAPWEAVE_WIDE_CLONES void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, int lanes, std::uint16_t* sums) {
+  for (int lane = 0; lane < lanes; ++lane, offset += kLane, sums += kLane) {
+    Shorts16 all;
+    std::memcpy(&all, sums, sizeof all);
+    for (std::size_t k = 0; k < count; ++k) {
+      Bytes16 cells;
+      std::memcpy(&cells, rows[k] + offset, sizeof cells);
+      all += __builtin_convertvector(cells, Shorts16);
+    }
+    std::memcpy(sums, &all, sizeof all);
   }
-  _mm_storeu_si128(place, low);
-  _mm_storeu_si128(place + 1, high);
 }
-#else
-inline void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, std::uint16_t* sums) {
-  for (std::size_t k = 0; k < count; ++k)
-    for (int i = 0; i < kLane; ++i) sums[i] = static_cast<std::uint16_t>(sums[i] + rows[k][offset + i]);
-}
-#endif
 
 }  // namespace
 
@@ -91,13 +85,12 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
           row = edge.data();
         }
         std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
-        for (int lane = 0; lane < lanes; ++lane) add_rows(&row, 1, lane * kLane, sum + lane * kLane);
+        add_rows(&row, 1, 0, lanes, sum);
       }
     }
-    std::uint16_t* sum_of_lane = sums.data();
     for (int dy = 0; dy <= 2 * radius; ++dy)
-      for (int lane = 0; lane < lanes; ++lane, sum_of_lane += kLane)
-        add_rows(corners.data(), corners.size(), static_cast<std::ptrdiff_t>(dy) * grid.width() + lane * kLane, sum_of_lane);
+      add_rows(corners.data(), corners.size(), static_cast<std::ptrdiff_t>(dy) * grid.width(), lanes,
+               &sums[static_cast<std::size_t>(dy) * static_cast<std::size_t>(side)]);
     for (int dy = -radius; dy <= radius; ++dy) {
       const std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
       for (int i = 0; i < side; ++i) {

@@ -197,7 +197,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     std::set<TierId> names;
     for (const tiers::EdgeServer& edge : edges) names.insert(edge.id());
     double before_s = process_cpu_seconds();
-    const auto errands = cloud.errands(names);
+    const auto errands = cloud.errands(names, pool);
     report.work.fusing_s += process_cpu_seconds() - before_s;
     for (std::size_t i = 0; i < edges.size(); ++i) {
       const auto errand = errands.find(edges[i].id());

@@ -61,8 +61,9 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
   const std::size_t notes = notes_.size();
-  const OccupancyGrid grid = grid_of(title, map);
-  if (grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
+  const bool is_drawn = configuration_.output.png || configuration_.output.pgm;
+  const OccupancyGrid grid = is_drawn ? grid_of(title, map) : OccupancyGrid();
+  if (is_drawn && grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
   if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
   if (conflicts == nullptr || !configuration_.output.png || grid.empty()) return;

@@ -11,7 +11,10 @@ std::string first_update(const Map& map, const TierId& from) {
 }
 
 EdgeServer::EdgeServer(TierId edge, const std::vector<RobotId>& robots, fusion::FusionOptions options)
-    : edge_(edge), options_(std::move(options)), awaited_(robots.begin(), robots.end()) {}
+    : edge_(edge),
+      options_(std::move(options)),
+      awaited_(robots.begin(), robots.end()),
+      models_(fusion::make_models(options_)) {}
 
 EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Progress& progress) {
   if (awaited_.erase(outcome.robot) == 0)
@@ -33,6 +36,7 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   fusion::FusionInput input;
   input.by = edge_;
   input.priors = priors_;
+  input.models = models_;
   for (const auto& [id, map] : maps_) input.maps.push_back(map);
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);
@@ -63,6 +67,7 @@ std::vector<std::string> EdgeServer::told(const std::vector<Judgement>& judgemen
 EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input;
   input.by = edge_;
+  input.models = models_;
   std::set<MapId> needed;
   for (const auto& [a, b] : errand.pairs) {
     if (!maps_.contains(a) && !maps_.contains(b))

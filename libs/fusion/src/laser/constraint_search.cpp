@@ -18,13 +18,19 @@ constexpr double kSure_m = 0.7;         // standard deviation up to which a wind
 constexpr double kWidest_m = 6.0, kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kWindowSigmas = 3.0;
-constexpr std::size_t kNearest = 3, kNearestWide = 2, kAlikeWide = 3;  // candidates of a submap
+constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 constexpr std::size_t kBeside = 6;      // submaps from a match along both trajectories where another may confirm it
 constexpr std::size_t kFewestLooks = 6;
 
 double position_sigma(const Eigen::Matrix3d& covariance) {
   const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)), difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
   return std::sqrt(std::max(0.0, half + std::sqrt(difference * difference + covariance(0, 1) * covariance(0, 1))));
+}
+
+// Of motions of a frame, as motions of a place of the team's frame that moves along with it.
+Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_from_frame, const Eigen::Vector2d& place) {
+  const Eigen::Matrix3d carry = adjoint(between(Pose2{place.x(), place.y(), 0.0}, team_from_frame));
+  return carry * covariance * carry.transpose();
 }
 
 std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
@@ -66,11 +72,18 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
     return std::make_pair(matching::cell_of(p.x(), 1.0 / reach), matching::cell_of(p.y(), 1.0 / reach));
   };
   for (std::size_t k = 0; k < middles.size(); ++k) blocks[block_of(middles[k])].push_back(k);
-  std::vector<Candidate> result;
+  struct Near {
+    double distance, unlikeness;
+    std::size_t place;
+    double sigma_m, sigma_rad;
+    bool operator<(const Near& other) const {
+      return std::tie(distance, unlikeness, place) < std::tie(other.distance, other.unlikeness, other.place);
+    }
+  };
+  std::vector<std::vector<Near>> near(middles.size());  // of each place: others, whichever robot comes first
   for (std::size_t kj = 0; kj < middles.size(); ++kj) {
     const std::size_t j = solved.submaps[kj];
     const PreparedMap& map_j = maps_[graph_.map_of(j)];
-    std::vector<std::tuple<double, double, std::size_t, double, double>> near;  // distance, likeness, place, sigma_m, sigma_rad
     const auto block = block_of(middles[kj]);
     for (int y = -1; y <= 1; ++y)
       for (int x = -1; x <= 1; ++x) {
@@ -86,7 +99,10 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
           const double near_m = std::clamp(extent, kNear_m, kFarthest_m);
           if (distance > (is_wide ? reach : near_m) || !in_scope(i, j) || graph_.is_tied(i, j)) continue;
           const Eigen::Matrix3d apart_by = covariance.between(static_cast<std::uint32_t>(ki), static_cast<std::uint32_t>(kj));
-          const double sigma_m = position_sigma(apart_by), sigma_rad = std::sqrt(apart_by(2, 2));
+          // At the walls of either, not where a submap happens to begin.
+          const Pose2& there = solved.team_from_submap[kj];
+          const double sigma_m = std::max(position_sigma(at_place(apart_by, there, middles[ki])), position_sigma(at_place(apart_by, there, middles[kj])));
+          const double sigma_rad = std::sqrt(apart_by(2, 2));
           if (is_wide ? (sigma_m <= kSure_m || sigma_m > widest_m || distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m))
                       : (sigma_m > kSure_m || (sigma_m < kKnown_m && sigma_rad < kKnown_rad)))
             continue;
@@ -95,32 +111,36 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
             const Pose2 moved = between(before->second.expected, between(solved.team_from_submap[ki], solved.team_from_submap[kj]));
             if (std::hypot(moved.x, moved.y) < 0.5 * before->second.radius_m && std::abs(moved.phi) < 0.1) continue;
           }
-          const double likeness =
+          const double unlikeness =
               is_wide ? matching::ring_distance(map_i.keys[graph_.submap_of(i)], map_j.keys[graph_.submap_of(j)]) +
                             matching::ring_distance(map_i.far_keys[graph_.submap_of(i)], map_j.far_keys[graph_.submap_of(j)])
                       : 0.0;
-          near.emplace_back(distance, likeness, ki, sigma_m, sigma_rad);
+          near[kj].push_back({distance, unlikeness, ki, sigma_m, sigma_rad});
+          near[ki].push_back({distance, unlikeness, kj, sigma_m, sigma_rad});
         }
       }
-    std::sort(near.begin(), near.end());
-    std::vector<std::size_t> chosen;
-    // Where hardly anything is known, the nearest are no better than others.
-    const std::size_t nearest = is_wide ? (widest_m > kWidest_m ? 0 : kNearestWide) : kNearest;
-    for (std::size_t k = 0; k < std::min(nearest, near.size()); ++k) chosen.push_back(k);
-    if (is_wide) {
-      std::vector<std::pair<double, std::size_t>> alike;
-      for (std::size_t k = chosen.size(); k < near.size(); ++k) alike.emplace_back(std::get<1>(near[k]), k);
-      std::sort(alike.begin(), alike.end());
-      for (std::size_t k = 0; k < std::min(kAlikeWide, alike.size()); ++k) chosen.push_back(alike[k].second);
-    }
-    for (const std::size_t k : chosen) {
-      const auto& [distance, likeness, ki, sigma_m, sigma_rad] = near[k];
-      matching::WideWindow window;
-      window.a_from_b = between(solved.team_from_submap[ki], solved.team_from_submap[kj]);
-      window.radius_m = std::clamp(kWindowSigmas * sigma_m, 0.5, kFarthestReach_m);
-      window.yaw_rad = std::min(M_PI, 0.04 + kWindowSigmas * sigma_rad);
-      result.push_back({{solved.submaps[ki], j, window}, !is_wide});
-    }
+  }
+  std::map<std::pair<std::size_t, std::size_t>, const Near*> chosen;  // by place, the lower first
+  const auto choose = [&](std::size_t place, const Near& other) { chosen.emplace(std::minmax(place, other.place), &other); };
+  // Where hardly anything is known, the nearest are no better than others.
+  const std::size_t nearest = is_wide ? (widest_m > kWidest_m ? 0 : kNearestWide) : kNearest;
+  for (std::size_t place = 0; place < near.size(); ++place) {
+    std::sort(near[place].begin(), near[place].end());
+    const std::size_t some = std::min(nearest, near[place].size());
+    for (std::size_t k = 0; k < some; ++k) choose(place, near[place][k]);
+    if (!is_wide) continue;
+    std::vector<std::pair<double, std::size_t>> alike;
+    for (std::size_t k = some; k < near[place].size(); ++k) alike.emplace_back(near[place][k].unlikeness, k);
+    std::sort(alike.begin(), alike.end());
+    for (std::size_t k = 0; k < std::min(kAlikeWide, alike.size()); ++k) choose(place, near[place][alike[k].second]);
+  }
+  std::vector<Candidate> result;
+  for (const auto& [pair, between_them] : chosen) {
+    matching::WideWindow window;
+    window.a_from_b = between(solved.team_from_submap[pair.first], solved.team_from_submap[pair.second]);
+    window.radius_m = std::clamp(kWindowSigmas * between_them->sigma_m, 0.5, kFarthestReach_m);
+    window.yaw_rad = std::min(M_PI, 0.04 + kWindowSigmas * between_them->sigma_rad);
+    result.push_back({{solved.submaps[pair.first], solved.submaps[pair.second], window}, !is_wide});
   }
   return result;
 }

@@ -16,6 +16,8 @@ namespace {
 constexpr double kWideRadius_m = 12.0;
 constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
 constexpr std::size_t kFirstRound = 4;      // questions of a pair of maps, then four times as many
+// Of one map with others, those most alike: looked at together, before the next ones; in the first round; in each later one.
+constexpr std::size_t kAtOnce = 3, kMostAtFirst = 12, kMostLater = 6;
 constexpr double kCertain = 15.0;           // log odds from which a merge waits for no other
 constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
 constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
@@ -101,13 +103,54 @@ std::vector<SubmapQuestion> LaserMerger::first_questions(std::size_t a, std::siz
   return questions;
 }
 
-// The next questions of each pair of maps that are not in one team; false when none is left.
-bool LaserMerger::ask_more(std::size_t count) {
-  std::vector<SubmapQuestion> questions;
-  std::vector<PairState*> whose;
-  for (auto& [pair, state] : pairs_) {
+double LaserMerger::unlikeness(const std::vector<SubmapQuestion>& questions) const {
+  double sum = 0.0;
+  const std::size_t count = std::min(kFirstRound, questions.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const PreparedMap &one = maps_[graph_.map_of(questions[k].from)], &other = maps_[graph_.map_of(questions[k].to)];
+    const std::size_t i = graph_.submap_of(questions[k].from), j = graph_.submap_of(questions[k].to);
+    sum += matching::ring_distance(one.keys[i], other.keys[j]) + matching::ring_distance(one.far_keys[i], other.far_keys[j]);
+  }
+  return count == 0 ? 1e300 : sum / static_cast<double>(count);
+}
+
+// Of the pairs of maps that are not in one team and were not asked in this round: with each map those that are most like it. In a large team
+// a map need not be compared with all others: who knows the neighbours of its neighbours finds them by the graph.
+std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::set<MapPair>& asked) const {
+  std::vector<std::size_t> times(maps_.size(), 0), now(maps_.size(), 0);
+  std::vector<std::pair<double, MapPair>> open;
+  for (const auto& [pair, state] : pairs_) {
+    if (asked.count(pair) != 0) {
+      ++times[pair.first];
+      ++times[pair.second];
+      continue;
+    }
     if (state.open.empty() || refused_.count(pair) != 0) continue;
     if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
+    open.emplace_back(state.unlikeness, pair);
+  }
+  std::sort(open.begin(), open.end());
+  const std::size_t most = is_first ? kMostAtFirst : kMostLater;
+  const auto may_ask = [&](std::size_t map) { return now[map] < kAtOnce && times[map] < most; };
+  std::vector<MapPair> next;
+  for (const auto& [unlikeness, pair] : open) {
+    if (!may_ask(pair.first) && !may_ask(pair.second)) continue;
+    for (const std::size_t map : {pair.first, pair.second}) {
+      ++now[map];
+      ++times[map];
+    }
+    next.push_back(pair);
+  }
+  asked.insert(next.begin(), next.end());
+  return next;
+}
+
+// The next questions of some pairs of maps; false when none is left.
+bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
+  std::vector<SubmapQuestion> questions;
+  std::vector<PairState*> whose;
+  for (const MapPair& pair : next_pairs(count == kFirstRound, asked)) {
+    PairState& state = pairs_.at(pair);
     const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count, state.open.size()));
     state.of_prior = 0;
     for (auto question = state.open.begin(); question != end; ++question) {
@@ -131,27 +174,43 @@ bool LaserMerger::ask_more(std::size_t count) {
   return true;
 }
 
-// Questions of whole maps that stayed apart. False where all were asked.
+// Questions of whole maps that stayed apart, of each with those most like it. False where all were asked.
 bool LaserMerger::propose_whole_maps() {
+  std::vector<std::pair<double, MapPair>> apart;
+  for (const auto& [pair, state] : pairs_)
+    if (!state.is_proposed && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) && !grids_.is_grid(pair.second) &&
+        team_of(pair.first) != team_of(pair.second))
+      apart.emplace_back(state.unlikeness, pair);
+  std::sort(apart.begin(), apart.end());
+  std::vector<std::size_t> times(maps_.size(), 0);
   bool any = false;
-  for (auto& [pair, state] : pairs_) {
-    if (state.is_proposed || refused_.count(pair) != 0 || grids_.is_grid(pair.first) || grids_.is_grid(pair.second)) continue;
-    if (team_of(pair.first) == team_of(pair.second)) continue;
-    throw_if_interrupted();
+  const PoseOfSubmap as_mapped = [&](std::size_t map, std::size_t s) { return maps_[map].map_from_submap[s]; };
+  for (const auto& entry : apart) {
+    const auto& [a, b] = entry.second;
+    PairState& state = pairs_.at(entry.second);
     state.is_proposed = true;
-    const PoseOfSubmap as_mapped = [&](std::size_t map, std::size_t s) { return maps_[map].map_from_submap[s]; };
-    const auto in_a = placed({pair.first}, as_mapped), in_b = placed({pair.second}, as_mapped);
-    state.open = proposals_.questions(pair.first, pair.second, in_a, in_b, sight_of({&in_a, &in_b}));
+    if (std::min(times[a], times[b]) >= kMostLater) continue;
+    throw_if_interrupted();
+    ++times[a];
+    ++times[b];
+    const auto in_a = placed({a}, as_mapped), in_b = placed({b}, as_mapped);
+    state.open = proposals_.questions(a, b, in_a, in_b, sight_of({&in_a, &in_b}));
     any = any || !state.open.empty();
   }
   return any;
 }
 
 std::vector<const SubmapAnswer*> LaserMerger::answers_between(const LaserTeam& x, const LaserTeam& z) const {
+  std::vector<MapPair> pairs;
+  for (const std::size_t a : x.maps)
+    for (const std::size_t b : z.maps) pairs.push_back(std::minmax(a, b));
+  std::sort(pairs.begin(), pairs.end());
   std::vector<const SubmapAnswer*> result;
-  for (const auto& [pair, state] : pairs_)
-    if ((contains(x.maps, pair.first) && contains(z.maps, pair.second)) || (contains(z.maps, pair.first) && contains(x.maps, pair.second)))
-      for (const SubmapAnswer& answer : state.answers) result.push_back(&answer);
+  for (const MapPair& pair : pairs) {
+    const auto state = pairs_.find(pair);
+    if (state == pairs_.end()) continue;
+    for (const SubmapAnswer& answer : state->second.answers) result.push_back(&answer);
+  }
   return result;
 }
 
@@ -395,9 +454,14 @@ void LaserMerger::merge_all() {
   evaluations_.clear();
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});
-  for (std::size_t count = kFirstRound;; count *= 4) {
-    while (merge_surest()) throw_if_interrupted();
-    if (!ask_more(count) && !(propose_whole_maps() && ask_more(count))) break;
+  bool any = true;
+  for (std::size_t count = kFirstRound; any; count *= 4) {
+    any = false;
+    std::set<MapPair> asked;
+    do {
+      while (merge_surest()) throw_if_interrupted();
+    } while (ask_more(count, asked) && (any = true));
+    any = any || propose_whole_maps();
   }
   for (LaserTeam& team : teams_) close_loops(team);
   split_unconnected();
@@ -436,7 +500,7 @@ void LaserMerger::split_unconnected() {
   teams_ = std::move(parts);
 }
 
-void LaserMerger::run(Progress& progress) {
+void LaserMerger::open_pairs() {
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b)
       if (!maps_[a].submaps.empty() && !maps_[b].submaps.empty() && refused_.count({a, b}) == 0) {
@@ -444,8 +508,19 @@ void LaserMerger::run(Progress& progress) {
         state.open = priors_.questions(a, b);
         state.of_prior = state.open.size();
         const auto others = first_questions(a, b);
+        state.unlikeness = state.of_prior > 0 ? -1.0 : unlikeness(others);
         state.open.insert(state.open.end(), others.begin(), others.end());
       }
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::first_pairs() {
+  open_pairs();
+  std::set<MapPair> asked;
+  return next_pairs(true, asked);
+}
+
+void LaserMerger::run(Progress& progress) {
+  open_pairs();
   if (pairs_.empty()) {
     merge_all();
     return;

@@ -64,6 +64,8 @@ class LaserMerger {
   // What became of the prior of two maps, a < b, that were merged so, else fit best so. Nothing without one.
   std::optional<PriorCheck> check_of_prior(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b) const;
   const std::vector<Hash>& judged() const { return judge_.asked(); }
+  // The pairs that run() asks about before anything is merged, instead of run().
+  std::vector<std::pair<std::size_t, std::size_t>> first_pairs();
   // The wide searches that run() begins with, of these pairs alone.
   void judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs);
 
@@ -73,6 +75,7 @@ class LaserMerger {
     std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
     std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
     bool is_proposed = false;          // as whole maps
+    double unlikeness = 0.0;           // of the places that the first questions are about; maps with a prior are asked first
     std::vector<SubmapAnswer> answers;
   };
   struct Evaluation {
@@ -84,8 +87,11 @@ class LaserMerger {
   };
   std::vector<SubmapQuestion> first_questions(std::size_t a, std::size_t b) const;
   matching::WideWindow window_for(std::size_t map_a, std::size_t a, std::size_t map_b, std::size_t b) const;
-  bool ask_more(std::size_t count);
   bool propose_whole_maps();
+  void open_pairs();
+  double unlikeness(const std::vector<SubmapQuestion>& questions) const;
+  std::vector<MapPair> next_pairs(bool is_first, std::set<MapPair>& asked) const;
+  bool ask_more(std::size_t count, std::set<MapPair>& asked);
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   // Of grids in one team with grids in the other.

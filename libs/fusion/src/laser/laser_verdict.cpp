@@ -23,19 +23,51 @@ constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.
 // Where one map covers the other, walls that the other saw only in part are doubtful as well; where they overlap less, its view just ends there.
 constexpr double kPartlyOverlap = 0.35;
 
-// Of b's frame in a's, by the matches, at the middle of their places in b.
-Pose2 mean_transform(const std::vector<std::pair<Pose2, Eigen::Vector2d>>& a_from_b_at) {
-  double sine = 0, cosine = 0;
+Eigen::Vector2d placed_by(const Pose2& pose, const Eigen::Vector2d& place) {
+  const double c = std::cos(pose.phi), s = std::sin(pose.phi);
+  return {pose.x + c * place.x() - s * place.y(), pose.y + s * place.x() + c * place.y()};
+}
+
+// Two places that show the same, as a statement about the frames of their maps, and where they lie in each.
+struct MatchedPlaces {
+  Pose2 a_from_b;
+  Eigen::Vector2d in_a, in_b;
+  double weight = 1.0;
+};
+
+// Of b's frame in a's, at the middle of the places: the same from either side, though maps are bent.
+Pose2 mean_transform(const std::vector<MatchedPlaces>& matches) {
+  double sine = 0, cosine = 0, all = 0;
   Eigen::Vector2d in_a = Eigen::Vector2d::Zero(), in_b = Eigen::Vector2d::Zero();
-  for (const auto& [pose, place] : a_from_b_at) {
-    sine += std::sin(pose.phi), cosine += std::cos(pose.phi);
-    in_b += place;
-    in_a += Eigen::Vector2d(pose.x + std::cos(pose.phi) * place.x() - std::sin(pose.phi) * place.y(),
-                            pose.y + std::sin(pose.phi) * place.x() + std::cos(pose.phi) * place.y());
+  for (const MatchedPlaces& match : matches) {
+    all += match.weight;
+    sine += match.weight * std::sin(match.a_from_b.phi);
+    cosine += match.weight * std::cos(match.a_from_b.phi);
+    in_a += 0.5 * match.weight * (match.in_a + placed_by(match.a_from_b, match.in_b));
+    in_b += 0.5 * match.weight * (match.in_b + placed_by(inverse(match.a_from_b), match.in_a));
   }
-  in_a /= static_cast<double>(a_from_b_at.size()), in_b /= static_cast<double>(a_from_b_at.size());
+  in_a /= all;
+  in_b /= all;
   const double phi = std::atan2(sine, cosine), c = std::cos(phi), s = std::sin(phi);
   return {in_a.x() - (c * in_b.x() - s * in_b.y()), in_a.y() - (s * in_b.x() + c * in_b.y()), phi};
+}
+
+Eigen::Vector2d vector_of(const matching::Point2f& point) { return {point.x, point.y}; }
+
+// Submaps of two maps that a solved graph puts beside each other, whether they were matched or not: which of them are is chance.
+std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first_of_a, const PreparedMap& b, std::size_t first_of_b,
+                                         const SolvedSubmaps& solved) {
+  constexpr double kBeside_m = 8.0;
+  std::vector<MatchedPlaces> places;
+  for (std::size_t i = 0; i < a.submaps.size(); ++i)
+    for (std::size_t j = 0; j < b.submaps.size(); ++j) {
+      const Pose2 &of_i = solved.pose_of(first_of_a + i), &of_j = solved.pose_of(first_of_b + j);
+      const double weight = 1.0 - (middle_of(a, i, of_i) - middle_of(b, j, of_j)).norm() / kBeside_m;
+      if (weight <= 0.0) continue;
+      const Pose2 a_from_b = compose(compose(a.map_from_submap[i], between(of_i, of_j)), inverse(b.map_from_submap[j]));
+      places.push_back({a_from_b, vector_of(a.centres[i]), vector_of(b.centres[j]), weight});
+    }
+  return places;
 }
 
 }  // namespace
@@ -128,7 +160,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   for (const SubmapMatch& match : matches) judgements.push_back(match.judgement);
   set_witnesses(verdict, std::move(judgements));
   if (matches.empty()) return result;
-  std::vector<std::pair<Pose2, Eigen::Vector2d>> transforms;
+  std::vector<MatchedPlaces> transforms;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   for (SubmapMatch match : matches) {
     if (graph_.map_of(match.from) != a) match = turned(match);
@@ -140,11 +172,14 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     witness.submap_information = match.information;
     witness.a_from_b = compose(compose(maps_[a].map_from_submap[witness.submap_a], match.from_from_to),
                                inverse(maps_[b].map_from_submap[witness.submap_b]));
-    const auto& centre = maps_[b].centres[witness.submap_b];
-    transforms.emplace_back(witness.a_from_b, Eigen::Vector2d(centre.x, centre.y));
+    transforms.push_back({witness.a_from_b, vector_of(maps_[a].centres[witness.submap_a]), vector_of(maps_[b].centres[witness.submap_b])});
     const Eigen::Matrix3d carry = adjoint(inverse(maps_[b].map_from_submap[witness.submap_b]));
     information += carry.transpose() * match.information * carry;
     if (verdict.decision == Decision::accepted) result.witnesses.push_back(std::move(witness));
+  }
+  if (verdict.decision == Decision::accepted && !are_two_grids) {
+    const auto beside = places_beside(maps_[a], graph_.number(a, 0), maps_[b], graph_.number(b, 0), team->solved);
+    if (!beside.empty()) transforms = beside;
   }
   Alignment alignment;
   alignment.a_from_b.pose = spatial(mean_transform(transforms));

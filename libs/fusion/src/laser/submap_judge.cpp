@@ -5,6 +5,8 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <numeric>
+#include <tuple>
 
 namespace mapweave::fusion {
 namespace {
@@ -30,6 +32,19 @@ matching::JudgeOptions options_for(const matching::WideWindow& window, matching:
 }
 
 const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *map.submaps[submap]; }
+
+// In which order questions are answered, so that few submaps are needed at a time: by blocks of submaps on either side.
+std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions) {
+  constexpr std::size_t kBlock = 8;
+  const auto key = [&](std::size_t i) {
+    const SubmapQuestion& q = questions[i];
+    return std::make_tuple(q.from / kBlock, q.to / kBlock, q.from, q.to, i);
+  };
+  std::vector<std::size_t> order(questions.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t l, std::size_t r) { return key(l) < key(r); });
+  return order;
+}
 
 }  // namespace
 
@@ -85,9 +100,9 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
 }
 
 std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& questions) {
-  const auto judgements = pool_.map(questions.size(), [&](std::size_t i) {
-    throw_if_interrupted();
-    const SubmapQuestion& question = questions[i];
+  const std::vector<std::size_t> order = by_blocks(questions);
+  std::vector<Judgement> judgements(questions.size());
+  const auto judged = [&](const SubmapQuestion& question) {
     const std::size_t map_a = graph_.map_of(question.from), map_b = graph_.map_of(question.to);
     const std::size_t sa = graph_.submap_of(question.from), sb = graph_.submap_of(question.to);
     const Submap &a = submap_of(maps_[map_a], sa), &b = submap_of(maps_[map_b], sb);
@@ -106,6 +121,10 @@ std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& qu
     const auto& of_second = maps_[swapped ? map_a : map_b].map->nodes;
     return matching::judge({first.id, first.content, cache_.get(first, of_first)},
                            {second.id, second.content, cache_.get(second, of_second)}, window, judge_options, field);
+  };
+  pool_.for_each(questions.size(), [&](std::size_t i) {
+    throw_if_interrupted();
+    judgements[order[i]] = judged(questions[order[i]]);
   });
   std::vector<SubmapAnswer> answers;
   answers.reserve(questions.size());

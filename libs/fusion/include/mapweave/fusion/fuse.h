@@ -15,6 +15,10 @@
 #include <utility>
 #include <vector>
 
+namespace mapweave::matching {
+class ModelCache;
+}
+
 namespace mapweave::fusion {
 
 // Maps that a joining before this one found to belong together.
@@ -49,6 +53,7 @@ struct FusionInput {
   std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next joining
   std::set<std::pair<MapId, MapId>> refused = {};  // never to be matched to each other, the lower id first; unknown ids say nothing
   std::vector<MapPrior> priors = {};                               // for lasers; at most one of two maps counts. Unknown ids say nothing
+  std::shared_ptr<matching::ModelCache> models = {};               // to be kept for the next joining; speed, never content
 };
 
 struct Component {
@@ -100,5 +105,9 @@ FusionResult fuse(const FusionInput&, const FusionOptions&, Memo&, WorkerPool&, 
 // takes them as its memo. Pairs name two of the maps each (else ContractViolation).
 using MapPair = std::pair<MapId, MapId>;
 std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<MapPair>&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
+// For FusionInput::models.
+std::shared_ptr<matching::ModelCache> make_models(const FusionOptions&);
+// The pairs that fuse() would judge before it joins any, the lower id first: with each map of a laser those most like it.
+std::vector<MapPair> first_pairs(const FusionInput&, const FusionOptions&, WorkerPool&);
 
 }  // namespace mapweave::fusion

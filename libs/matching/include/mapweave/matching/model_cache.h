@@ -16,6 +16,7 @@ class ModelCache {
   explicit ModelCache(std::size_t most_bytes) : most_bytes_(most_bytes) {}
   // Thread-safe; `nodes` must not change meanwhile. Keyed by the submap's content.
   std::shared_ptr<const SubmapModel> get(const Submap& submap, const Table<NodeId, Node>& nodes);
+  std::shared_ptr<const SubmapModel> find(const Hash& content);  // none where it is not kept
 
   void clear();  // gives its memory back
 

@@ -4,7 +4,9 @@
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/maps/map.h>
+#include <mapweave/matching/model_cache.h>
 
+#include <functional>
 #include <vector>
 
 namespace mapweave::matching {
@@ -29,6 +31,8 @@ struct RematchOptions {
 
 // Constraints of kind scan_match from submap anchors to nodes, under the map's present belief, in a canonical order; those between
 // different sessions have kind between_maps. The same for any number of threads.
-std::vector<Constraint> rematch(const Map& map, const RematchOptions&, WorkerPool&);
+// `is_left_out`: of which scans and submaps nothing is asked, though they count among the nearest. `models`: submaps that are ready already.
+std::vector<Constraint> rematch(const Map& map, const RematchOptions&, WorkerPool&,
+                                const std::function<bool(const NodeId&, const Submap&)>& is_left_out = {}, ModelCache* models = nullptr);
 
 }  // namespace mapweave::matching

@@ -26,19 +26,22 @@ class CloudMerger {
   Receipt receive(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
-  // What edges can judge for seal(): pairs of maps that came from two of them, shared out so that the products of their nodes are even.
-  // Others (of robots that map on board) are left to seal().
-  std::map<TierId, Errand> errands(const std::set<TierId>& edges) const;
+  // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared out so that the
+  // products of their nodes are even. Others (of robots that map on board) are left to seal().
+  std::map<TierId, Errand> errands(const std::set<TierId>& edges, WorkerPool&) const;
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among
   // them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
 
  private:
+  fusion::FusionInput input() const;
+
   TierId cloud_;
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
   std::map<MapId, UpdateInbox> inboxes_;
   fusion::Memo memo_;
+  std::shared_ptr<matching::ModelCache> models_;
 };
 
 }  // namespace mapweave::tiers

@@ -51,6 +51,7 @@ class EdgeServer {
   std::set<RobotId> awaited_;
   std::map<MapId, std::uint64_t> sequence_;  // of the last update about each map
   Table<MapId, Map> maps_;
+  std::shared_ptr<matching::ModelCache> models_;
   fusion::FusionResult result_;
 };
 
