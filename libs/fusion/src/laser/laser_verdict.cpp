@@ -177,7 +177,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     information += carry.transpose() * match.information * carry;
     if (verdict.decision == Decision::accepted) result.witnesses.push_back(std::move(witness));
   }
-  if (verdict.decision == Decision::accepted && !are_two_grids) {
+  if (verdict.decision == Decision::accepted && grids == nullptr) {
     const auto beside = places_beside(maps_[a], graph_.number(a, 0), maps_[b], graph_.number(b, 0), team->solved);
     if (!beside.empty()) transforms = beside;
   }

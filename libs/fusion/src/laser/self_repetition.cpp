@@ -87,8 +87,9 @@ class Part {
     }
     middle_x_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
     middle_y_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
-    direction_ = 0.25 * std::atan2(sine, cosine);
-    here_ = look({middle_x_, middle_y_, 0, 0.0, 0.0}, walls_);
+    const double direction = 0.25 * std::atan2(sine, cosine);
+    for (const WallPoint& wall : walls_) faces_.push_back(std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction)) > 0.0 ? 0 : 1);
+    here_ = look({middle_x_, middle_y_, 0, 0.0, 0.0}, walls_.size(), 0.0);
   }
 
   double shared_m() const { return here_.coinciding_m; }
@@ -96,7 +97,8 @@ class Part {
 
   // Walls that coincide elsewhere on the host, at most.
   double repeated_m(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
-    const std::vector<WallPoint> few = some_of(walls_, kFirstLook), more = some_of(walls_, kSecondLook);
+    const std::vector<WallPoint> few = some_of(walls_, kFirstLook);
+    const double least_m = std::max(kRoom_m, kShare * here_.coinciding_m);
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
     std::vector<std::pair<std::size_t, Motion>> places;
     for (int quarters = 0; quarters < 4; ++quarters) {
@@ -105,7 +107,7 @@ class Part {
       for (double y = host_box.y0_m; y <= host_box.y1_m; y += kStep_m)
         for (double x = host_box.x0_m; x <= host_box.x1_m; x += kStep_m) {
           if (std::hypot(x - middle_x_, y - middle_y_) < kElsewhere_m) continue;
-          const std::size_t hits = hits_at(about, x, y, host_about);
+          const std::size_t hits = hits_at(about, x, y, host_about, least_m / (kCell_m * static_cast<double>(walls_.size())));
           if (hits > 0) places.emplace_back(hits, Motion{middle_x_, middle_y_, quarters, x - middle_x_, y - middle_y_});
         }
     }
@@ -118,12 +120,13 @@ class Part {
       };
       if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
       looked.push_back(place);
+      if (look(place, kSecondLook, 1e300).coinciding_m < 0.5 * least_m) continue;
       for (int j = -2; j <= 2; ++j)
         for (int i = -2; i <= 2; ++i) {
           Motion near = place;
           near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
-          const Look there = look(near, more);
-          if (there.coinciding_m > most_m && there.is_of_two_directions() && there.doubt() <= doubt) most_m = there.coinciding_m;
+          const Look there = look(near, kSecondLook, std::max(least_m, most_m));
+          if (there.coinciding_m >= least_m && there.coinciding_m > most_m && there.is_of_two_directions() && there.doubt() <= doubt) most_m = there.coinciding_m;
         }
       if (looked.size() == kMostPlaces) break;
     }
@@ -139,8 +142,9 @@ class Part {
   };
 
   // Hits of the first look; 0 where too few are possible.
-  std::size_t hits_at(const std::vector<std::pair<double, double>>& about, double x, double y, const matching::Raster<char>& host_about) const {
-    const auto needed = static_cast<std::size_t>(0.9 * kShare * static_cast<double>(about.size()));
+  std::size_t hits_at(const std::vector<std::pair<double, double>>& about, double x, double y, const matching::Raster<char>& host_about,
+                      double share) const {
+    const auto needed = static_cast<std::size_t>(0.9 * share * static_cast<double>(about.size()));
     std::size_t hits = 0;
     for (std::size_t k = 0; k < about.size(); ++k) {
       hits += host_about.get(cell_of(x + about[k].first, 1.0 / kStep_m), cell_of(y + about[k].second, 1.0 / kStep_m)) != 0;
@@ -149,19 +153,23 @@ class Part {
     return hits;
   }
 
-  Look look(const Motion& motion, const std::vector<WallPoint>& walls) const {
+  // By some of the walls; contradictions are looked for where at least so much coincides.
+  Look look(const Motion& motion, std::size_t most_walls, double least_m) const {
     Look result;
-    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, walls.size()));
-    for (const WallPoint& wall : walls) {
-      const auto [x, y] = motion.moved(wall.x, wall.y);
+    const std::size_t count = std::min(most_walls, walls_.size());
+    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, count));
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t i = k * walls_.size() / count;
+      const auto [x, y] = motion.moved(walls_[i].x, walls_[i].y);
       const Seen seen = host_.at(x, y);
       if (seen == Seen::wall) {
         result.coinciding_m += each_m;
-        result.by_direction_m[std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction_)) > 0.0 ? 0 : 1] += each_m;
+        result.by_direction_m[faces_[i]] += each_m;
       } else if (seen == Seen::through) {
         result.contradicted_m += each_m;
       }
     }
+    if (result.coinciding_m < least_m) return result;
     // Walls of the host where the part has none.
     for (const WallPoint& wall : host_walls_) {
       const auto [x, y] = motion.back(wall.x, wall.y);
@@ -173,7 +181,8 @@ class Part {
   const SeenRaster &guest_, &host_;
   const std::vector<WallPoint>& host_walls_;
   std::vector<WallPoint> walls_;
-  double middle_x_ = 0.0, middle_y_ = 0.0, direction_ = 0.0;
+  std::vector<std::uint8_t> faces_;  // of each wall: which of the two directions it faces
+  double middle_x_ = 0.0, middle_y_ = 0.0;
   PlaneBox box_;
   Look here_;
 };
