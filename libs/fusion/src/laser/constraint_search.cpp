@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <tuple>
 
 namespace mapweave::fusion {
@@ -17,10 +18,14 @@ constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is know
 constexpr double kSure_m = 0.7;         // standard deviation up to which a window is narrow
 constexpr double kWidest_m = 6.0, kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
 constexpr double kFarthestReach_m = 50.0;
+constexpr double kThorough_m = 15.0;  // radius of windows that are searched for what little two submaps share
 constexpr double kWindowSigmas = 3.0;
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 constexpr std::size_t kBeside = 6;      // submaps from a match along both trajectories where another may confirm it
+constexpr std::size_t kLookBeside = 2;  // submaps from a match along both trajectories that are looked up by it
+constexpr double kBesideRadius_m = 1.0, kBesideYaw_rad = 0.1;
 constexpr std::size_t kFewestLooks = 6;
+constexpr int kFruitless = 4;  // rounds without a new match that end the last search
 
 double position_sigma(const Eigen::Matrix3d& covariance) {
   const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)), difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
@@ -32,6 +37,8 @@ Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_fr
   const Eigen::Matrix3d carry = adjoint(between(Pose2{place.x(), place.y(), 0.0}, team_from_frame));
   return carry * covariance * carry.transpose();
 }
+
+bool tells_where(const SubmapMatch& match) { return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m; }
 
 std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
 
@@ -145,6 +152,35 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
   return result;
 }
 
+// What a match of a wide window says of the submaps around its own, looked up there: too little of these may be shared for the wide window.
+void ConstraintSearch::look_beside(std::vector<SubmapMatch>& waiting, std::size_t first,
+                                   const std::function<bool(std::size_t, std::size_t)>& in_scope) const {
+  std::set<std::pair<std::size_t, std::size_t>> known;
+  for (const SubmapMatch& match : waiting) known.insert({match.from, match.to});
+  const auto own_pose = [&](std::size_t s) { return maps_[graph_.map_of(s)].map_from_submap[graph_.submap_of(s)]; };
+  const auto around = [&](std::size_t s) {
+    const std::size_t begin = graph_.first_of(graph_.map_of(s)), end = begin + maps_[graph_.map_of(s)].submaps.size();
+    return std::make_pair(std::max(begin + kLookBeside, s) - kLookBeside, std::min(end, s + kLookBeside + 1));
+  };
+  std::vector<SubmapQuestion> questions;
+  for (std::size_t k = first; k < waiting.size(); ++k) {
+    const SubmapMatch& match = waiting[k];
+    const auto from = around(match.from), to = around(match.to);
+    for (std::size_t i = from.first; i < from.second; ++i)
+      for (std::size_t j = to.first; j < to.second; ++j) {
+        if (i >= j || !in_scope(i, j) || graph_.is_tied(i, j) || !known.insert({i, j}).second) continue;
+        SubmapQuestion question{i, j, {}, Thoroughness::least_part};
+        question.from_from_to.a_from_b = compose(compose(between(own_pose(i), own_pose(match.from)), match.from_from_to),
+                                                 between(own_pose(match.to), own_pose(j)));
+        question.from_from_to.radius_m = kBesideRadius_m;
+        question.from_from_to.yaw_rad = kBesideYaw_rad;
+        questions.push_back(question);
+      }
+  }
+  for (SubmapAnswer& answer : judge_.ask(questions))
+    if (answer.holds) waiting.push_back(answer.hypotheses.front());
+}
+
 ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
                                              const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds, bool is_final) {
   ConstraintSearchResult result;
@@ -160,23 +196,31 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     result.solved.match_weight.assign(matches.size(), 1.0);
   };
   settle();
+  // In the last search narrow and wide windows take turns once they find nothing new: narrow ones are many, and rounds are few.
+  bool widen = false;
+  int fruitless = 0;  // rounds, since the last match
   for (int round = 0; round < most_rounds; ++round) {
     graph::RelativeCovariance covariance = result.solved.covariance();
-    bool is_wide = false;
-    std::vector<Candidate> found = candidates(result.solved, covariance, in_scope, 0.0, examined);
+    bool is_wide = widen;
+    const auto widened = [&] {
+      std::vector<Candidate> wide = candidates(result.solved, covariance, in_scope, kWidest_m, examined);
+      return wide.empty() && is_final ? candidates(result.solved, covariance, in_scope, kWidestFinal_m, examined) : wide;
+    };
+    std::vector<Candidate> found = is_wide ? widened() : candidates(result.solved, covariance, in_scope, 0.0, examined);
     if (found.empty()) {
-      is_wide = true;
-      found = candidates(result.solved, covariance, in_scope, kWidest_m, examined);
-      if (found.empty() && is_final) found = candidates(result.solved, covariance, in_scope, kWidestFinal_m, examined);
+      is_wide = !is_wide;
+      found = is_wide ? widened() : candidates(result.solved, covariance, in_scope, 0.0, examined);
     }
     if (found.empty()) break;
     std::vector<SubmapQuestion> questions;
     for (const Candidate& candidate : found) {
       questions.push_back(candidate.question);
+      if (is_final && is_wide && candidate.question.from_from_to.radius_m <= kThorough_m) questions.back().wanted = Thoroughness::part;
       examined[{candidate.question.from, candidate.question.to}] = {candidate.question.from_from_to.a_from_b,
                                                                     candidate.question.from_from_to.radius_m};
     }
     bool any = false;
+    const std::size_t already_waiting = waiting.size();
     for (SubmapAnswer& answer : judge_.ask(questions)) {
       if (!is_wide) {
         if (answer.holds)
@@ -190,12 +234,13 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
       else
         matches.push_back(answer.hypotheses.front()), any = true;
     }
-    // A match of a wide window is believed once another one beside it says the same.
+    if (is_final) look_beside(waiting, already_waiting, in_scope);
+    // A match of a wide window is believed once another one beside it says the same, and says it well.
     std::vector<SubmapMatch> still_waiting;
     std::vector<char> confirmed(waiting.size(), false);
     for (std::size_t a = 0; a < waiting.size(); ++a) {
       const auto agrees = [&](const SubmapMatch& other) {
-        return (other.from != waiting[a].from || other.to != waiting[a].to) && apart(other.from, waiting[a].from) <= kBeside &&
+        return (other.from != waiting[a].from || other.to != waiting[a].to) && tells_where(other) && apart(other.from, waiting[a].from) <= kBeside &&
                apart(other.to, waiting[a].to) <= kBeside && graph_.map_of(other.from) == graph_.map_of(waiting[a].from) &&
                graph_.map_of(other.to) == graph_.map_of(waiting[a].to) &&
                inconsistency(waiting[a], other, result.solved, covariance, result.solved, covariance) < kConsistent;
@@ -210,6 +255,9 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     }
     waiting = std::move(still_waiting);
     if (any) settle();
+    fruitless = any ? 0 : fruitless + 1;
+    if (is_final && fruitless == kFruitless) break;
+    widen = is_final && !any && !is_wide;
     if (!is_wide && result.supporting + result.contradicting >= kFewestLooks && result.contradicting > 2 * result.supporting + 2) {
       result.is_hopeless = true;
       break;

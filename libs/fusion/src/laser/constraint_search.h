@@ -47,6 +47,9 @@ class ConstraintSearch {
                                     const std::function<bool(std::size_t, std::size_t)>& in_scope, double widest_m,
                                     const ExaminedPairs& examined) const;
 
+  void look_beside(std::vector<SubmapMatch>& waiting, std::size_t first,
+                   const std::function<bool(std::size_t, std::size_t)>& in_scope) const;
+
   const std::vector<PreparedMap>& maps_;
   const SubmapGraph& graph_;
   SubmapJudge& judge_;

@@ -23,7 +23,7 @@ constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hy
 constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
-constexpr int kMostRounds = 12;
+constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
 constexpr double kAsGoodAFit = 0.9;
 constexpr std::size_t kBesidePrior = 16;    // questions of a pair that a prior is compared with, at first
 constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
@@ -408,7 +408,7 @@ void LaserMerger::close_loops(LaserTeam& team) {
   const auto in_scope = [&](std::size_t i, std::size_t j) {
     return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0 && !are_grids(i, j);
   };
-  ConstraintSearchResult found = search_.run(team.maps, team.matches, in_scope, kMostRounds, true);
+  ConstraintSearchResult found = search_.run(team.maps, team.matches, in_scope, kMostRoundsFinal, true);
   team.matches = std::move(found.matches);
   team.solved = std::move(found.solved);
 }

@@ -15,19 +15,24 @@ constexpr double kProbabilityOfDoubt = 0.1;  // what matching::judge leaves of t
 
 // Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in opposite directions see
 // little of the same.
-constexpr double kNarrow_m = 2.5, kNarrowScore = 0.5;
+constexpr double kNarrow_m = 2.5, kPartScore = 0.5, kLeastPartScore = 0.2;
 // Where both maps lie on each other as a whole, a match need not convince by itself: it only says how exactly they lie there.
 constexpr double kKnownPartScore = 0.7, kKnownPartConflict = 0.15, kKnownPartContradiction_m = 2.0;
 
-matching::JudgeOptions options_for(const matching::WideWindow& window, matching::JudgeOptions options) {
+matching::JudgeOptions options_for(const SubmapQuestion& question, matching::JudgeOptions options) {
+  const matching::WideWindow& window = question.from_from_to;
   if (window.known_part) {
     options.min_score *= kKnownPartScore;
     options.max_conflict = std::max(options.max_conflict, kKnownPartConflict);
     options.max_contradiction_m = std::max(options.max_contradiction_m, kKnownPartContradiction_m);
     options.second_verifier = false;
-  } else if (window.radius_m <= kNarrow_m) {
-    options.min_score *= kNarrowScore;
+  } else if (question.wanted == Thoroughness::least_part) {
+    options.min_score *= kLeastPartScore;
+  } else if (question.wanted == Thoroughness::part || window.radius_m <= kNarrow_m) {
+    options.min_score *= kPartScore;
   }
+  // In a wide window a corridor that is laid along itself scores more than what little is shared at its end.
+  if (question.wanted == Thoroughness::part) options.rival_ratio *= kPartScore;
   return options;
 }
 
@@ -113,7 +118,7 @@ std::vector<SubmapAnswer> SubmapJudge::ask(const std::vector<SubmapQuestion>& qu
     const Hash &print_a = maps_[map_a].fingerprints[sa], &print_b = maps_[map_b].fingerprints[sb];
     const bool is_first_lower = swapped ? print_b < print_a : print_a < print_b;
     const auto field = is_first_lower ? matching::Field::a : matching::Field::b;
-    const matching::JudgeOptions judge_options = options_for(window, options_.judge);
+    const matching::JudgeOptions judge_options = options_for(question, options_.judge);
     const Hash id = matching::judgement_id(first.content, second.content, window, judge_options, field);
     const auto known = memo_.find(id);
     if (known != memo_.end()) return known->second;

@@ -13,9 +13,14 @@
 
 namespace mapweave::fusion {
 
+// How much of a submap's walls need be found for a match to be weighed. `part`: about half of what the options want, for submaps of one team,
+// whose graph says about where they lie. `least_part`: a fifth, where another match says where they lie.
+enum class Thoroughness : std::uint8_t { whole, part, least_part };
+
 struct SubmapQuestion {
   std::size_t from = 0, to = 0;     // numbers of submaps
   matching::WideWindow from_from_to;  // where to search
+  Thoroughness wanted = Thoroughness::whole;
 };
 
 struct SubmapAnswer {
