@@ -312,6 +312,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   Evaluation& evaluation = evaluations_[{x.maps, z.maps}];
   const std::size_t answers = answers_between(x, z).size() + 1;  // 0: never evaluated
   if (evaluation.answers == answers) return evaluation;
+  const Evaluation before = std::move(evaluation);
   evaluation = {answers, seeds(x, z), 0.0, false, 0.0};
   for (MergeHypothesis& hypothesis : evaluation.hypotheses) grow(hypothesis, x, z);
   for (MergeHypothesis& hypothesis : grid_hypotheses(x, z)) evaluation.hypotheses.push_back(std::move(hypothesis));
@@ -337,7 +338,9 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   const MergeHypothesis& surest = evaluation.hypotheses.front();
   if (evaluation.probability < options_.merge_probability || surest.is_of_grids) return evaluation;
   // A prior tells places apart that look alike.
-  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && stands_twice(surest, x, z);
+  // What stood twice does so still, however more answers move it.
+  const bool stood_twice = before.repeats && is_same(before.hypotheses.front(), surest);
+  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && (stood_twice || stands_twice(surest, x, z));
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
 }

@@ -17,7 +17,7 @@ constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;  // around the part
 constexpr double kElsewhere_m = 3.0;                // from the middle of the part, at least
 constexpr double kShare = 0.32, kRoom_m = 20.0;     // of a part that stands twice
 // What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
-constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.15, kMostDoubt = 0.4, kAsDoubtful = 1.5;
+constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
 constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64;
 
@@ -120,7 +120,6 @@ class Part {
       };
       if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
       looked.push_back(place);
-      if (look(place, kSecondLook, 1e300).coinciding_m < 0.5 * least_m) continue;
       for (int j = -2; j <= 2; ++j)
         for (int i = -2; i <= 2; ++i) {
           Motion near = place;
@@ -144,7 +143,7 @@ class Part {
   // Hits of the first look; 0 where too few are possible.
   std::size_t hits_at(const std::vector<std::pair<double, double>>& about, double x, double y, const matching::Raster<char>& host_about,
                       double share) const {
-    const auto needed = static_cast<std::size_t>(0.9 * share * static_cast<double>(about.size()));
+    const auto needed = static_cast<std::size_t>(0.75 * share * static_cast<double>(about.size()));
     std::size_t hits = 0;
     for (std::size_t k = 0; k < about.size(); ++k) {
       hits += host_about.get(cell_of(x + about[k].first, 1.0 / kStep_m), cell_of(y + about[k].second, 1.0 / kStep_m)) != 0;
