@@ -126,5 +126,15 @@ TEST_F(WallAgreementOfTwoRobots, rests_on_a_sight_that_says_what_the_model_does)
   EXPECT_GT(through, 500U);
 }
 
+TEST(WallAgreement, counts_walls_that_several_submaps_have_once) {
+  std::vector<matching::WallPoint> walls;
+  for (int i = 0; i < 20; ++i) walls.push_back({0.1F * static_cast<float>(i) + 0.05F, 0.05F, 0.0F, 1.0F});
+  PlacedSubmap one, other;
+  one.walls = other.walls = &walls;
+  EXPECT_NEAR(length_of_walls({one}), 2.0, 1e-9);
+  other.team_from_submap = {1.0, 0.0, 0.0};
+  EXPECT_NEAR(length_of_walls({one, other}), 3.0, 1e-9);
+}
+
 }  // namespace
 }  // namespace mapweave::fusion

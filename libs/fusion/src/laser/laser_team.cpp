@@ -282,9 +282,11 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   for (int side = 0; side < 2; ++side)
     for (std::size_t i = 0; i < placed[side].size(); ++i)
       if (is_known[side][i] != 0) sides[side].push_back(placed[side][i]);
-  double walls_m[2] = {0.0, 0.0};
-  for (const std::size_t m : a) walls_m[0] += maps_[m].walls_m;
-  for (const std::size_t m : b) walls_m[1] += maps_[m].walls_m;
+  // What several maps of a team have counts once.
+  const auto walls_m_of = [&](const std::vector<std::size_t>& maps, const std::vector<PlacedSubmap>& all) {
+    return maps.size() == 1 ? maps_[maps.front()].walls_m : length_of_walls(all);
+  };
+  const double walls_m[2] = {walls_m_of(a, placed[0]), walls_m_of(b, placed[1])};
   return wall_agreement(sides[0], walls_m[0], sides[1], walls_m[1], sight_of({&sides[0], &sides[1]}));
 }
 

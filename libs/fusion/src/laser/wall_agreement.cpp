@@ -31,18 +31,19 @@ struct Region {
   }
 };
 
-// Walls of one side in a region of the team's frame, one a cell and direction.
-std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, const Region& region) {
+// Walls of one side in the team's frame, one a cell and direction; of those submaps and places that are wanted.
+template <class WantsSubmap, class WantsPlace>
+std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, WantsSubmap&& wants_submap, WantsPlace&& wants_place) {
   std::vector<std::pair<std::uint64_t, WallPoint>> keyed;
   for (const PlacedSubmap& submap : side) {
-    if (!region.is_reached_by(submap)) continue;
+    if (!wants_submap(submap)) continue;
     const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
     for (const WallPoint& wall : *submap.walls) {
       const WallPoint there{static_cast<float>(c * wall.x - s * wall.y + submap.team_from_submap.x),
                             static_cast<float>(s * wall.x + c * wall.y + submap.team_from_submap.y),
                             static_cast<float>(c * wall.normal_x - s * wall.normal_y),
                             static_cast<float>(s * wall.normal_x + c * wall.normal_y)};
-      if (!region.has(there.x, there.y)) continue;
+      if (!wants_place(there)) continue;
       const auto quadrant = static_cast<std::uint64_t>((there.normal_x > there.normal_y ? 1 : 0) + (there.normal_x > -there.normal_y ? 2 : 0));
       const auto x = static_cast<std::uint64_t>(cell_of(there.x, 1.0 / kCell_m) + (1 << 28)),
                  y = static_cast<std::uint64_t>(cell_of(there.y, 1.0 / kCell_m) + (1 << 28));
@@ -54,6 +55,11 @@ std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, const Reg
   for (std::size_t i = 0; i < keyed.size(); ++i)
     if (i == 0 || keyed[i].first != keyed[i - 1].first) walls.push_back(keyed[i].second);
   return walls;
+}
+
+std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, const Region& region) {
+  return walls_of(side, [&](const PlacedSubmap& submap) { return region.is_reached_by(submap); },
+                  [&](const WallPoint& wall) { return region.has(wall.x, wall.y); });
 }
 
 // From the team's frame to a submap's.
@@ -339,6 +345,11 @@ std::vector<Contradiction> longest_first(std::vector<Contradiction> contradictio
 }
 
 }  // namespace
+
+double length_of_walls(const std::vector<PlacedSubmap>& side) {
+  const auto all = [](const auto&) { return true; };
+  return kCell_m * static_cast<double>(walls_of(side, all, all).size());
+}
 
 WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
                              const SightOf& sight_of) {

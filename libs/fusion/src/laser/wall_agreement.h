@@ -38,8 +38,11 @@ struct WallAgreement {
   double conflict() const { return contradicted_m / std::max(1e-9, coinciding_m + contradicted_m + unclear_m); }
 };
 
+// Of all walls, what several submaps have counted once, metres.
+double length_of_walls(const std::vector<PlacedSubmap>& side);
+
 // Symmetric in its arguments. Asks for each sight once, and once more where it tells how unusual is what fits.
-// `a_walls_m`: length of all walls of that side.
+// `a_walls_m`: length of all walls of that side, also of submaps that are not given.
 WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
                              const SightOf& sight_of);
 
