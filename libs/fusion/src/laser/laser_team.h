@@ -17,6 +17,7 @@ namespace mapweave::fusion {
 
 // Log odds that two groups of maps lie as compared; no surer than this either way.
 constexpr double kSurestLogOdds = 20.0;
+constexpr std::size_t kFirstRound = 4;  // questions of a pair of maps, then four times as many
 PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
 double log_odds_of(const WallAgreement& walls);
 // Metres of wall that two hypotheses are compared by.
