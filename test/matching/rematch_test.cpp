@@ -9,12 +9,16 @@
 namespace mapweave::matching {
 namespace {
 
-TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
+Map mapped_apartment(double length_m) {
   simulation::TeamOptions options;
   options.robots = 1;
-  options.length_m = 40.0;
+  options.length_m = length_m;
   const auto team = simulation::make_apartment({}, options);
-  const Map truth = test::truth_map(team.robots[0], team.laser);
+  return test::truth_map(team.robots[0], team.laser);
+}
+
+TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
+  const Map truth = mapped_apartment(40.0);
   Map bent = truth;
   for (auto& [id, node] : bent.nodes) {
     const double t = 0.0005 * id.index;  // a slow bend
@@ -35,11 +39,7 @@ TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
 }
 
 TEST(Rematch, gives_the_same_constraints_for_any_number_of_threads) {
-  simulation::TeamOptions options;
-  options.robots = 1;
-  options.length_m = 25.0;
-  const auto team = simulation::make_apartment({}, options);
-  const Map map = test::truth_map(team.robots[0], team.laser);
+  const Map map = mapped_apartment(25.0);
   WorkerPool one(1), three(3);
   const auto a = rematch(map, {}, one), b = rematch(map, {}, three);
   ASSERT_EQ(a.size(), b.size());
@@ -50,11 +50,7 @@ TEST(Rematch, gives_the_same_constraints_for_any_number_of_threads) {
 }
 
 TEST(Rematch, gives_the_same_constraints_with_submaps_that_are_ready_and_none_of_those_left_out) {
-  simulation::TeamOptions options;
-  options.robots = 1;
-  options.length_m = 25.0;
-  const auto team = simulation::make_apartment({}, options);
-  const Map map = test::truth_map(team.robots[0], team.laser);
+  const Map map = mapped_apartment(25.0);
   WorkerPool pool(1);
   ModelCache models(std::size_t{64} << 20U);
   const SubmapId ready = map.submaps.begin()->first;

@@ -9,7 +9,7 @@ namespace mapweave::fusion {
 namespace {
 
 constexpr std::size_t kMostPlaces = 20;
-constexpr double kSame_m = 0.5, kSame_rad = 0.1;  // two hypotheses are told as one
+constexpr double kSame_m = 0.5, kSame_rad = 0.1;  // hypotheses nearer to each other than this count as one
 
 Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved) {
   return compose(solved.pose_of(graph.number(number, 0)), inverse(map.map_from_submap.front()));
