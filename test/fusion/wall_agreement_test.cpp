@@ -95,6 +95,21 @@ TEST_F(WallAgreementOfTwoRobots, leaves_the_audit_of_a_right_team_without_ghosts
   EXPECT_EQ(wrong.taken_out, std::size_t{1}) << "of two that contradict each other the one with fewer walls goes";
 }
 
+TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better) {
+  const auto any = [](std::size_t, std::size_t) { return true; };
+  EXPECT_TRUE(bent_regions({one_.at({}, 0), other_at(one_from_other())}, sight_of_, any).empty());
+  const Pose2 aside{0.6, -0.5, 0.07};
+  const std::vector<BentRegion> bent = bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, any);
+  ASSERT_FALSE(bent.empty());
+  for (const BentRegion& region : bent) {
+    const Pose2 left = compose(compose(region.moved, aside), Pose2{region.x_m, region.y_m, 0.0});
+    EXPECT_NEAR(left.x, region.x_m, 0.3);
+    EXPECT_NEAR(left.y, region.y_m, 0.3);
+    EXPECT_NEAR(left.phi, 0.0, 0.035);
+  }
+  EXPECT_TRUE(bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, [](std::size_t, std::size_t) { return false; }).empty());
+}
+
 TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {
   RegionAgreement region;
   region.coinciding_m = 60.0;

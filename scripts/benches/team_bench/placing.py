@@ -2,7 +2,7 @@
 the error of their relative placement. A map that is bent a little moves it little."""
 import math
 
-from benches.team_bench.carmen import compose, inverse, wrap
+from benches.team_bench.carmen import between, compose, inverse, wrap
 from benches.team_bench.judging import mean
 
 
@@ -60,3 +60,18 @@ def of_team(team, truths):
             together = team[a][0] == team[b][0] and fits[a] and fits[b]
             found[a, b] = off_by(fits[a][0], fits[b][0], fits[b][1]) if together else None
     return found
+
+
+def off_where_shared(looks, a, b, truth, b_from_a=(0.0, 0.0, 0.0)):
+    """Metres and degrees that most (four of five) of the `looks` [(stamp of a, stamp of b)] at the same place are within, of what the truth says
+    of the one scan from the other. `a`, `b`: trajectories, each in its own frame. None where no scan is known."""
+    metres, degrees = [], []
+    for stamp_a, stamp_b in looks:
+        poses = a.at(stamp_a), b.at(stamp_b), truth.at(stamp_a), truth.at(stamp_b)
+        if None in poses:
+            continue
+        x, y, yaw = between(between(poses[2], poses[3]), between(compose(b_from_a, poses[0]), poses[1]))
+        metres.append(math.hypot(x, y))
+        degrees.append(abs(math.degrees(wrap(yaw))))
+    most = (4 * len(metres)) // 5
+    return (sorted(metres)[most], sorted(degrees)[most]) if metres else None

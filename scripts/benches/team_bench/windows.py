@@ -7,6 +7,7 @@ from benches.team_bench import carmen, inputs, judging
 
 CELL_M, RANGE_M, RAYS = 0.5, 20.0, 45
 LOOK_EVERY_M, LOOK_EVERY_RAD = 0.5, 0.5
+FEWEST_LOOKS = 5
 _lock = threading.Lock()
 
 
@@ -83,6 +84,17 @@ class Seen:
             if first_s <= stamp < end_s:
                 mask |= some
         return mask
+
+    def looks_at_the_same(self, a, b):
+        """[(stamp of a, stamp of b)]: for each look of `a` the look of `b` that shares most with it, where that is half of what either saw; where
+        none shares so much, the FEWEST_LOOKS that share most."""
+        looks = [[look for look in self._masks if window.first_s <= look[0] < window.end_s] for window in (a, b)]
+        found = []
+        for stamp, mask in looks[0]:
+            share, other = max(((overlap(mask, seen), at) for at, seen in looks[1]), default=(0.0, None))
+            found.append((share, stamp, other))
+        found.sort(key=lambda one: -one[0])
+        return [(stamp, other) for i, (share, stamp, other) in enumerate(found) if other is not None and (share >= 0.5 or i < FEWEST_LOOKS)]
 
     def draw(self, draw, least_m, most_m):
         """A stretch of so many metres somewhere: first and end."""

@@ -196,6 +196,7 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     result.solved.match_weight.assign(matches.size(), 1.0);
   };
   settle();
+  const std::size_t given = matches.size();
   // In the last search narrow and wide windows take turns once they find nothing new: narrow ones are many, and rounds are few.
   bool widen = false;
   int fruitless = 0;  // rounds, since the last match
@@ -258,7 +259,7 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     fruitless = any ? 0 : fruitless + 1;
     if (is_final && fruitless == kFruitless) break;
     widen = is_final && !any && !is_wide;
-    if (!is_wide && result.supporting + result.contradicting >= kFewestLooks && result.contradicting > 2 * result.supporting + 2) {
+    if (!is_wide && result.supporting + result.contradicting >= kFewestLooks && result.contradicting > 2 * (result.supporting + given) + 2) {
       result.is_hopeless = true;
       break;
     }

@@ -20,6 +20,8 @@ constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
+constexpr int kMostMendings = 6;
+constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 constexpr double kAsGoodAFit = 0.9;
 constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
 
@@ -266,19 +268,58 @@ void LaserMerger::close_loops(LaserTeam& team) {
   const auto in_scope = [&](std::size_t i, std::size_t j) {
     return refused_.count(std::minmax(graph_.map_of(i), graph_.map_of(j))) == 0 && !are_grids(i, j);
   };
-  ConstraintSearchResult found = search_.run(team.maps, team.matches, in_scope, kMostRoundsFinal, true);
-  team.matches = std::move(found.matches);
-  team.solved = std::move(found.solved);
+  const auto search = [&] {
+    ConstraintSearchResult found = search_.run(team.maps, std::move(team.matches), in_scope, kMostRoundsFinal, true);
+    team.matches = std::move(found.matches);
+    team.solved = std::move(found.solved);
+  };
+  search();
+  std::set<Hash> asked;
+  for (int round = 0; round < kMostMendings; ++round) {
+    const std::vector<SubmapMatch> found = matches_at_ghosts(team, asked);
+    if (found.empty()) break;
+    team.matches.insert(team.matches.end(), found.begin(), found.end());
+    search();
+  }
+}
+
+// New ones, where the maps of a team would no longer show something twice. `asked`: judgements that were tried.
+std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const LaserTeam& team, std::set<Hash>& asked) {
+  const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); };
+  const auto placed_maps = placed_apart(team.maps, pose_of);
+  std::vector<const std::vector<PlacedSubmap>*> sides;
+  for (const auto& side : placed_maps) sides.push_back(&side);
+  const SightOf sight = sight_of(sides);
+  const auto may_be_bent = [&](std::size_t a, std::size_t b) {
+    return refused_.count({team.maps[a], team.maps[b]}) == 0 && !(grids_.is_grid(team.maps[a]) && grids_.is_grid(team.maps[b]));
+  };
+  std::vector<SubmapQuestion> questions;
+  for (const BentRegion& region : bent_regions(placed_maps, sight, may_be_bent)) {
+    std::vector<PlacedSubmap> there[2];
+    for (const std::size_t side : {0, 1})
+      for (const PlacedSubmap& submap : placed_maps[side == 0 ? region.a : region.b])
+        if (std::hypot(submap.x_m - region.x_m, submap.y_m - region.y_m) < submap.radius_m + 0.5 * RegionAgreement::kSide_m) there[side].push_back(submap);
+    const auto some = proposals_.of_most_shared(team.maps[region.a], team.maps[region.b], there[0], there[1], inverse(region.moved), kBentRadius_m,
+                                                kBentYaw_rad, sight);
+    questions.insert(questions.end(), some.begin(), some.end());
+  }
+  std::vector<SubmapMatch> found;
+  for (const SubmapAnswer& answer : judge_.ask(questions))
+    if (asked.insert(answer.judgement.id).second && answer.holds) found.push_back(answer.hypotheses.front());
+  return found;
+}
+
+std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
+  std::vector<std::vector<PlacedSubmap>> result;
+  for (const std::size_t map : maps) result.push_back(placed({map}, pose_of));
+  return result;
 }
 
 TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
-  std::vector<std::vector<PlacedSubmap>> placed_maps;
+  const auto placed_maps = placed_apart(maps, pose_of);
   std::vector<const std::vector<PlacedSubmap>*> sides;
   std::vector<double> walls_m;
-  for (const std::size_t map : maps) {
-    placed_maps.push_back(placed({map}, pose_of));
-    walls_m.push_back(maps_[map].walls_m);
-  }
+  for (const std::size_t map : maps) walls_m.push_back(maps_[map].walls_m);
   for (const auto& side : placed_maps) sides.push_back(&side);
   // Two grids were compared with each other by what grids of other makers may differ in.
   const auto may_show_ghosts = [&](std::size_t a, std::size_t b) { return grids_.pair(maps[a], maps[b]) == nullptr; };

@@ -24,6 +24,25 @@ PlaneBox box_of(const std::vector<PlacedSubmap>& side) {
   return box;
 }
 
+std::vector<matching::WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const PlaneBox& box) {
+  std::vector<matching::WallPoint> walls;
+  matching::Raster<char> taken(cell_of(box.x0_m, 1.0 / SeenRaster::kCell_m), cell_of(box.y0_m, 1.0 / SeenRaster::kCell_m), cell_of(box.x1_m, 1.0 / SeenRaster::kCell_m),
+                               cell_of(box.y1_m, 1.0 / SeenRaster::kCell_m));
+  for (const PlacedSubmap& submap : side) {
+    const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
+    for (const matching::WallPoint& wall : *submap.walls) {
+      const double x = c * wall.x - s * wall.y + submap.team_from_submap.x, y = s * wall.x + c * wall.y + submap.team_from_submap.y;
+      if (!box.has(x, y)) continue;
+      char& cell = taken.at(cell_of(x, 1.0 / SeenRaster::kCell_m), cell_of(y, 1.0 / SeenRaster::kCell_m));
+      if (cell != 0) continue;
+      cell = 1;
+      walls.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(c * wall.normal_x - s * wall.normal_y),
+                       static_cast<float>(s * wall.normal_x + c * wall.normal_y)});
+    }
+  }
+  return walls;
+}
+
 SeenRaster::SeenRaster(const std::vector<PlacedSubmap>& side, const PlaneBox& box, const SightOf& sight_of)
     : cells_(cell_of(box.x0_m, 1.0 / kCell_m), cell_of(box.y0_m, 1.0 / kCell_m), cell_of(box.x1_m, 1.0 / kCell_m),
              cell_of(box.y1_m, 1.0 / kCell_m)) {

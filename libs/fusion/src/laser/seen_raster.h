@@ -20,6 +20,9 @@ struct PlaneBox {
 // Around all walls.
 PlaneBox box_of(const std::vector<PlacedSubmap>& side);
 
+// Walls in the box, one a cell of the raster's size, team frame.
+std::vector<matching::WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const PlaneBox& box);
+
 // Cells of the team's frame.
 class SeenRaster {
  public:

@@ -21,26 +21,6 @@ constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.25, kMostDoubt = 0.
 constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64;
 
-// Walls of a side in a box of the team's frame, one a cell.
-std::vector<WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const PlaneBox& box) {
-  std::vector<WallPoint> walls;
-  matching::Raster<char> taken(cell_of(box.x0_m, 1.0 / kCell_m), cell_of(box.y0_m, 1.0 / kCell_m), cell_of(box.x1_m, 1.0 / kCell_m),
-                               cell_of(box.y1_m, 1.0 / kCell_m));
-  for (const PlacedSubmap& submap : side) {
-    const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
-    for (const WallPoint& wall : *submap.walls) {
-      const double x = c * wall.x - s * wall.y + submap.team_from_submap.x, y = s * wall.x + c * wall.y + submap.team_from_submap.y;
-      if (!box.has(x, y)) continue;
-      char& cell = taken.at(cell_of(x, 1.0 / kCell_m), cell_of(y, 1.0 / kCell_m));
-      if (cell != 0) continue;
-      cell = 1;
-      walls.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(c * wall.normal_x - s * wall.normal_y),
-                       static_cast<float>(s * wall.normal_x + c * wall.normal_y)});
-    }
-  }
-  return walls;
-}
-
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {
   std::vector<WallPoint> some;
   const std::size_t count = std::min(most, walls.size());

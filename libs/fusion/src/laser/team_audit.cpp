@@ -1,5 +1,7 @@
 #include "team_audit.h"
 
+#include "region_displacement.h"
+
 #include <algorithm>
 #include <map>
 #include <tuple>
@@ -10,9 +12,16 @@ namespace {
 // In regions of right team maps of public logs it is at most a tenth of what coincides, or 2 m, and a quarter where a partition was moved
 // (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
 constexpr double kGhost_m = 4.0, kGhostShare = 0.25;
+constexpr double kMovedShare = 0.4;  // in doubt, of what coincides, that may have moved
+constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
 constexpr double kUnclearWeight = 0.25;  // a wall that another one stands close to, drawn twice
 
 double in_doubt_m(const RegionAgreement& region) { return region.contradicted_m + kUnclearWeight * region.unclear_m; }
+
+// Whether a region is contradicted by things that moved, among walls that lie where they should.
+bool shows_what_moved(const RegionAgreement& region, const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of) {
+  return in_doubt_m(region) < kMovedShare * region.coinciding_m && !better_place(maps[region.a], maps[region.b], region, sight_of);
+}
 
 }  // namespace
 
@@ -30,7 +39,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.contradicted_m += region.contradicted_m;
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
-    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b)) continue;
+    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b) || shows_what_moved(region, maps, sight_of)) continue;
     pair.ghosts_m += in_doubt_m(region);
     ghosts_m[region.a] += in_doubt_m(region);
     ghosts_m[region.b] += in_doubt_m(region);
@@ -45,6 +54,17 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     if (ghosts_m[m] <= 0.0) continue;
     if (!result.taken_out || std::make_pair(ghosts_m[m], -walls_m[m]) > std::make_pair(ghosts_m[*result.taken_out], -walls_m[*result.taken_out]))
       result.taken_out = m;
+  }
+  return result;
+}
+
+std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
+                                     const std::function<bool(std::size_t, std::size_t)>& may_be_bent) {
+  std::vector<BentRegion> result;
+  for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
+    if (in_doubt_m(region) < kLookedAt_m || !may_be_bent(region.a, region.b)) continue;
+    if (const auto moved = better_place(maps[region.a], maps[region.b], region, sight_of))
+      result.push_back({region.a, region.b, region.x_m, region.y_m, *moved});
   }
   return result;
 }

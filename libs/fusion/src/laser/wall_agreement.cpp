@@ -17,7 +17,7 @@ using matching::Sight;
 using matching::WallPoint;
 
 constexpr double kCell_m = 0.1;  // a wall counts once in each
-constexpr double kRegion_m = 24.0;  // what is compared at a time
+constexpr double kRegion_m = RegionAgreement::kSide_m;
 constexpr double kFarthestShift_m = 4.0, kNearestShift_m = 0.75, kShiftStep_m = 0.25;
 
 struct Region {

@@ -48,6 +48,7 @@ WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_
 
 // What two maps of a finished team saw of each other's walls in one region.
 struct RegionAgreement {
+  static constexpr double kSide_m = 24.0;
   std::size_t a = 0, b = 0;      // places of the maps in the team, a < b
   double x_m = 0.0, y_m = 0.0;   // middle of the region, team frame
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;

@@ -37,6 +37,32 @@ const matching::GridWalls& WholeMapProposals::walls(std::size_t map, const std::
   return walls_.emplace(map, matching::walls_of(SeenRaster(submaps, box_of(submaps), sight_of).grid())).first->second;
 }
 
+std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
+                                                              const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b,
+                                                              double radius_m, double yaw_rad, const SightOf& sight_of) const {
+  std::vector<std::tuple<double, Hash, Hash, std::size_t, std::size_t>> sharing;
+  for (std::size_t i = 0; i < submaps_a.size(); ++i)
+    for (std::size_t j = 0; j < submaps_b.size(); ++j) {
+      const PlacedSubmap &one = submaps_a[i], &other = submaps_b[j];
+      const Pose2 middle = compose(a_from_b, Pose2{other.x_m, other.y_m, 0.0});
+      if (std::hypot(one.x_m - middle.x, one.y_m - middle.y) > one.radius_m + other.radius_m) continue;
+      const double shared_m = std::min(coinciding_m(other, between(one.team_from_submap, compose(a_from_b, other.team_from_submap)), *sight_of(one.number)),
+                                       coinciding_m(one, between(compose(a_from_b, other.team_from_submap), one.team_from_submap), *sight_of(other.number)));
+      if (shared_m < kLeastShared_m) continue;
+      const auto prints = std::minmax(maps_[a].fingerprints[graph_.submap_of(one.number)], maps_[b].fingerprints[graph_.submap_of(other.number)]);
+      sharing.emplace_back(-shared_m, prints.first, prints.second, i, j);
+    }
+  std::sort(sharing.begin(), sharing.end());
+  if (sharing.size() > kMostQuestions) sharing.resize(kMostQuestions);
+  std::vector<SubmapQuestion> questions;
+  for (const auto& entry : sharing) {
+    const PlacedSubmap &one = submaps_a[std::get<3>(entry)], &other = submaps_b[std::get<4>(entry)];
+    const Pose2 expected = between(one.team_from_submap, compose(a_from_b, other.team_from_submap));
+    questions.push_back({one.number, other.number, {expected, radius_m, yaw_rad, true}});
+  }
+  return questions;
+}
+
 std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
                                                          const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of) {
   if (submaps_a.empty() || submaps_b.empty()) return {};
@@ -51,26 +77,8 @@ std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::siz
   for (const matching::GridProposal& proposal :
        swapped ? matching::propose_alignments(in_b, in_a, options) : matching::propose_alignments(in_a, in_b, options)) {
     const Pose2 a_from_b = swapped ? inverse(proposal.a_from_b.pose) : proposal.a_from_b.pose;
-    // Those that share most walls.
-    std::vector<std::tuple<double, Hash, Hash, std::size_t, std::size_t>> sharing;
-    for (std::size_t i = 0; i < submaps_a.size(); ++i)
-      for (std::size_t j = 0; j < submaps_b.size(); ++j) {
-        const PlacedSubmap &one = submaps_a[i], &other = submaps_b[j];
-        const Pose2 middle = compose(a_from_b, Pose2{other.x_m, other.y_m, 0.0});
-        if (std::hypot(one.x_m - middle.x, one.y_m - middle.y) > one.radius_m + other.radius_m) continue;
-        const double shared_m = std::min(coinciding_m(other, between(one.team_from_submap, compose(a_from_b, other.team_from_submap)), *sight_of(one.number)),
-                                         coinciding_m(one, between(compose(a_from_b, other.team_from_submap), one.team_from_submap), *sight_of(other.number)));
-        if (shared_m < kLeastShared_m) continue;
-        const auto prints = std::minmax(maps_[a].fingerprints[graph_.submap_of(one.number)], maps_[b].fingerprints[graph_.submap_of(other.number)]);
-        sharing.emplace_back(-shared_m, prints.first, prints.second, i, j);
-      }
-    std::sort(sharing.begin(), sharing.end());
-    if (sharing.size() > kMostQuestions) sharing.resize(kMostQuestions);
-    for (const auto& entry : sharing) {
-      const PlacedSubmap &one = submaps_a[std::get<3>(entry)], &other = submaps_b[std::get<4>(entry)];
-      const Pose2 expected = between(one.team_from_submap, compose(a_from_b, other.team_from_submap));
-      questions.push_back({one.number, other.number, {expected, kRadius_m, kYaw_rad, true}});
-    }
+    const auto some = of_most_shared(a, b, submaps_a, submaps_b, a_from_b, kRadius_m, kYaw_rad, sight_of);
+    questions.insert(questions.end(), some.begin(), some.end());
   }
   return questions;
 }

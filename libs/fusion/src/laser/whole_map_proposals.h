@@ -18,6 +18,10 @@ class WholeMapProposals {
   // Narrow questions about the submaps of two maps, those of the best proposal first. `as_mapped` places a map's submaps in its own frame.
   std::vector<SubmapQuestion> questions(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
                                         const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of);
+  // About the submaps that share most walls if the frame of those of b lies so in that of those of a, at most six: narrow ones around that.
+  std::vector<SubmapQuestion> of_most_shared(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
+                                             const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b, double radius_m, double yaw_rad,
+                                             const SightOf& sight_of) const;
 
  private:
   const matching::GridWalls& walls(std::size_t map, const std::vector<PlacedSubmap>& submaps, const SightOf& sight_of);
