@@ -2,7 +2,8 @@
 
 Two stretches of one log that have no second in common and saw the same places on different passes, so that their scans, their odometry and their
 drift are independent (of corrected logs the odometry is ours, drawn for each stretch). Overlap: cells of half a metre that both saw, of the smaller
-one's; within 5 % of the level. Joint optimum: the log as one robot. Success by the team's map: each robot's path is laid on the joint optimum's.
+one's; within 5 % of the level. Joint optimum: the log as one robot. Right: of the scans of the two robots that saw the same place, four of five
+lie to each other in the team's map as they do in the joint optimum. Elsewhere a robot's map may be bent, with or without the other one.
 """
 import itertools
 import math
@@ -63,16 +64,21 @@ def choose(bench, level, found, wanted):
 
 def measure(bench, item):
     level, (a, b, shared) = item
-    truth = windows.seen(bench, a.log).truth
-    maps = [window.map(bench)[0] for window in (a, b)]
+    seen = windows.seen(bench, a.log)
+    looks = seen.looks_at_the_same(a, b)
+    maps, own = zip(*(window.map(bench) for window in (a, b)))
     out = bench.scratch(f"overlap-{a.log}-{level}-{a.name}-{b.name}")
     done, _, merges = bench.merge(maps, out)
-    off = placing.of_team(judging.team_of(out, {}), {a.name: truth, b.name: truth}).get(tuple(sorted((a.name, b.name))))
+    team = judging.team_of(out, {})
+    is_one = team[a.name][0] == team[b.name][0]
+    off = placing.off_where_shared(looks, team[a.name][1], team[b.name][1], seen.truth) if is_one else None
     result = "apart" if off is None else "right" if off[0] <= RIGHT_M and off[1] <= RIGHT_DEG else "off"
     if result != "right":
-        bench.picture(maps, f"overlap-{a.log}-{level}-{a.name}-{b.name}")
-    fits = {window.name: placing.fit(window.map(bench)[1], truth) for window in (a, b)}
-    return {"log": a.log, "level": level, "beliefs": [found for verdict in merges if (found := placing.belief(verdict, fits))], "a": a.name, "b": b.name, "overlap": shared, "result": result, "off_m": off and off[0], "off_deg": off and off[1],
+        bench.picture(list(maps), f"overlap-{a.log}-{level}-{a.name}-{b.name}")
+    beliefs = [[verdict["probability"], placing.is_right_where_shared(verdict, looks, {a.name: own[0], b.name: own[1]}, seen.truth, RIGHT_M, RIGHT_DEG)]
+               for verdict in merges if verdict["b_from_a"] and "x" in verdict["b_from_a"]]
+    return {"log": a.log, "level": level, "beliefs": beliefs, "a": a.name, "b": b.name, "overlap": shared,
+            "result": result, "off_m": off and off[0], "off_deg": off and off[1],
             "reason": merges[0]["reason"] if merges else "none", "cpu_s": done.cpu_s}
 
 

@@ -75,3 +75,12 @@ def off_where_shared(looks, a, b, truth, b_from_a=(0.0, 0.0, 0.0)):
         degrees.append(abs(math.degrees(wrap(yaw))))
     most = (4 * len(metres)) // 5
     return (sorted(metres)[most], sorted(degrees)[most]) if metres else None
+
+
+def is_right_where_shared(verdict, looks, own, truth, right_m, right_deg):
+    """Whether a verdict's transform lays the scans that saw the same as the truth does; `own`: the robots' own trajectories by name, those of `looks`
+    in their order."""
+    place, (a, b) = verdict["b_from_a"], own
+    b_from_a = (place["x"], place["y"], place["yaw"])
+    off = off_where_shared(looks, own[a], own[b], truth, b_from_a if verdict["a"] == a else inverse(b_from_a))
+    return off is not None and off[0] <= right_m and off[1] <= right_deg

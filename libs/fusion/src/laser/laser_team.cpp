@@ -20,7 +20,8 @@ constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
-constexpr int kMostMendings = 6;
+constexpr int kMostMendings = 6, kMostMendingsAlone = 2;  // of a team; of two groups that are not joined yet
+constexpr std::size_t kFewestToMend = 3;                  // matches
 constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 constexpr double kAsGoodAFit = 0.9;
 constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
@@ -153,16 +154,27 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
     const std::size_t a = graph_.map_of(i), b = graph_.map_of(j);
     return contains(x.maps, a) != contains(x.maps, b) && refused_.count(std::minmax(a, b)) == 0 && !are_grids(i, j);
   };
-  ConstraintSearchResult found = search_.run(united(x.maps, z.maps), std::move(matches), between_groups, kMostRounds, false);
-  hypothesis.matches.clear();
-  for (const SubmapMatch& match : found.matches)
-    if (contains(x.maps, graph_.map_of(match.from)) != contains(x.maps, graph_.map_of(match.to))) hypothesis.matches.push_back(match);
-  hypothesis.solved = std::move(found.solved);
-  hypothesis.log_odds = -kSurestLogOdds;
-  if (hypothesis.matches.empty() || found.is_hopeless) return;
-  hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
-  hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
-  hypothesis.log_odds = std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
+  const auto between_maps = [&](std::size_t a, std::size_t b) { return contains(x.maps, a) != contains(x.maps, b); };
+  const std::vector<std::size_t> both = united(x.maps, z.maps);
+  std::set<Hash> asked;
+  for (int mendings = 0;; ++mendings) {
+    ConstraintSearchResult found = search_.run(both, std::move(matches), between_groups, kMostRounds, false);
+    hypothesis.matches.clear();
+    for (const SubmapMatch& match : found.matches)
+      if (between_maps(graph_.map_of(match.from), graph_.map_of(match.to))) hypothesis.matches.push_back(match);
+    hypothesis.solved = std::move(found.solved);
+    hypothesis.log_odds = -kSurestLogOdds;
+    const bool may_be_bent = hypothesis.matches.size() >= kFewestToMend;
+    if (hypothesis.matches.empty() || (found.is_hopeless && !may_be_bent)) return;
+    hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
+    hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
+    hypothesis.log_odds = std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
+    if (hypothesis.log_odds == kSurestLogOdds || !may_be_bent || mendings == kMostMendingsAlone) return;
+    const std::vector<SubmapMatch> mending = matches_at_ghosts(both, hypothesis.solved, between_maps, asked);
+    if (mending.empty()) return;
+    matches = std::move(found.matches);
+    matches.insert(matches.end(), mending.begin(), mending.end());
+  }
 }
 
 const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const LaserTeam& z) {
@@ -276,22 +288,23 @@ void LaserMerger::close_loops(LaserTeam& team) {
   search();
   std::set<Hash> asked;
   for (int round = 0; round < kMostMendings; ++round) {
-    const std::vector<SubmapMatch> found = matches_at_ghosts(team, asked);
+    const std::vector<SubmapMatch> found = matches_at_ghosts(team.maps, team.solved, [](std::size_t, std::size_t) { return true; }, asked);
     if (found.empty()) break;
     team.matches.insert(team.matches.end(), found.begin(), found.end());
     search();
   }
 }
 
-// New ones, where the maps of a team would no longer show something twice. `asked`: judgements that were tried.
-std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const LaserTeam& team, std::set<Hash>& asked) {
-  const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); };
-  const auto placed_maps = placed_apart(team.maps, pose_of);
+// New ones, where maps would no longer show something twice. `asked`: judgements that were tried.
+std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
+                                                        const std::function<bool(std::size_t, std::size_t)>& may_match, std::set<Hash>& asked) {
+  const auto placed_maps = placed_apart(maps, [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); });
   std::vector<const std::vector<PlacedSubmap>*> sides;
   for (const auto& side : placed_maps) sides.push_back(&side);
   const SightOf sight = sight_of(sides);
-  const auto may_be_bent = [&](std::size_t a, std::size_t b) {
-    return refused_.count({team.maps[a], team.maps[b]}) == 0 && !(grids_.is_grid(team.maps[a]) && grids_.is_grid(team.maps[b]));
+  const auto may_be_bent = [&](std::size_t i, std::size_t j) {
+    const std::size_t a = maps[i], b = maps[j];
+    return refused_.count({a, b}) == 0 && !(grids_.is_grid(a) && grids_.is_grid(b)) && may_match(a, b);
   };
   std::vector<SubmapQuestion> questions;
   for (const BentRegion& region : bent_regions(placed_maps, sight, may_be_bent)) {
@@ -299,7 +312,7 @@ std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const LaserTeam& team, s
     for (const std::size_t side : {0, 1})
       for (const PlacedSubmap& submap : placed_maps[side == 0 ? region.a : region.b])
         if (std::hypot(submap.x_m - region.x_m, submap.y_m - region.y_m) < submap.radius_m + 0.5 * RegionAgreement::kSide_m) there[side].push_back(submap);
-    const auto some = proposals_.of_most_shared(team.maps[region.a], team.maps[region.b], there[0], there[1], inverse(region.moved), kBentRadius_m,
+    const auto some = proposals_.of_most_shared(maps[region.a], maps[region.b], there[0], there[1], inverse(region.moved), kBentRadius_m,
                                                 kBentYaw_rad, sight);
     questions.insert(questions.end(), some.begin(), some.end());
   }

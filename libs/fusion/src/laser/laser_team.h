@@ -114,7 +114,8 @@ class LaserMerger {
   void merge_all();
   void close_loops(LaserTeam& team);
   std::vector<std::vector<PlacedSubmap>> placed_apart(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
-  std::vector<SubmapMatch> matches_at_ghosts(const LaserTeam& team, std::set<Hash>& asked);
+  std::vector<SubmapMatch> matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
+                                             const std::function<bool(std::size_t, std::size_t)>& may_match, std::set<Hash>& asked);
   void split_unconnected();
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
