@@ -124,21 +124,26 @@ TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {
 TEST_F(WallAgreementOfTwoRobots, rests_on_a_sight_that_says_what_the_model_does) {
   const matching::SubmapModel& model = *one_.models().front();
   const WallSight sight(model);
-  std::size_t walls = 0, through = 0;
+  std::map<Seen, std::size_t> times;
   for (double y = -6.0; y < 6.0; y += 0.07)
     for (double x = -6.0; x < 6.0; x += 0.07) {
-      const bool is_wall = model.field().likelihood().get(matching::cell_of(x, 20.0), matching::cell_of(y, 20.0)) > 60;
-      const Seen seen = sight.at(x, y);
-      EXPECT_EQ(seen == Seen::wall, is_wall) << x << ' ' << y;
-      walls += is_wall;
-      if (seen != Seen::through) continue;
-      ++through;
       const int cx = matching::cell_of(x, 10.0), cy = matching::cell_of(y, 10.0);
+      bool is_beside_wall = false, is_clear = true;
       for (int j = -2; j <= 2; ++j)
-        for (int i = -2; i <= 2; ++i) EXPECT_EQ(model.sight().get(cx + i, cy + j), matching::Sight::free);
+        for (int i = -2; i <= 2; ++i) {
+          is_beside_wall = is_beside_wall || model.sight().get(cx + i, cy + j) == matching::Sight::wall;
+          is_clear = is_clear && model.sight().get(cx + i, cy + j) == matching::Sight::free;
+        }
+      Seen expected = is_clear ? Seen::through : is_beside_wall ? Seen::beside_wall : Seen::in_part;
+      if (model.sight().get(cx, cy) == matching::Sight::unknown) expected = Seen::not_at_all;
+      if (model.field().likelihood().get(matching::cell_of(x, 20.0), matching::cell_of(y, 20.0)) > 60) expected = Seen::wall;
+      EXPECT_EQ(sight.at(x, y), expected) << x << ' ' << y;
+      ++times[expected];
     }
-  EXPECT_GT(walls, 50U);
-  EXPECT_GT(through, 500U);
+  EXPECT_GT(times[Seen::wall], 50U);
+  EXPECT_GT(times[Seen::beside_wall], 50U);
+  EXPECT_GT(times[Seen::in_part], 50U);
+  EXPECT_GT(times[Seen::through], 500U);
 }
 
 TEST(WallAgreement, counts_walls_that_several_submaps_have_once) {
