@@ -1,4 +1,5 @@
 """The logs of which teams are cut, and how: a Cut names everything that a robot's map depends on."""
+import bisect
 import dataclasses
 import functools
 import math
@@ -13,6 +14,7 @@ BENCHMARK_LOGS = {"intel": 0.0, "fr079": 0.04, "mit-killian": 0.0, "fr-clinic": 
 CORRECTED_LOGS = ("freiburg-101", "fhw", "edmonton", "acapulco")
 VISITS = ("exp1", "exp2", "exp3")
 LASER = common.DATA / "laser"
+FEWEST_SCANS = 10
 LEAST_PART = 0.4          # of an equal part, the shortest one of a random cut
 NEAR_M, FACING_RAD = 3.0, math.radians(60)   # relations of corrected logs: scans that saw the same
 MOST_PER_PAIR = 300
@@ -102,9 +104,14 @@ class Cut:
         first, last = span(self.log)
         draw = random.Random(f"{self.log} {self.robots} {self.seed}")
         least = LEAST_PART / self.robots
-        points = sorted(draw.random() for _ in range(self.robots - 1))
-        # Parts of at least `least`, the rest as the points say.
-        return [round(first + (last - first) * (least * (i + 1) + (1 - least * self.robots) * point), 3) for i, point in enumerate(points)]
+        while True:
+            points = sorted(draw.random() for _ in range(self.robots - 1))
+            # Parts of at least `least`, the rest as the points say.
+            times = [round(first + (last - first) * (least * (i + 1) + (1 - least * self.robots) * point), 3) for i, point in enumerate(points)]
+            # Logs have pauses: a part between two of them would be empty.
+            edges = [bisect.bisect_left(text(self.log).stamps, at) for at in (first, *times, last + 1.0)]
+            if min(end - begin for begin, end in zip(edges, edges[1:])) >= FEWEST_SCANS:
+                return times
 
     def needs_text(self):
         return self.clocks or self.mirrored or self.log not in BENCHMARK_LOGS
