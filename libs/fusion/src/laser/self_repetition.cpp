@@ -51,6 +51,20 @@ struct Motion {
   }
 };
 
+// For each of `columns` cells from (x, y) rightwards: how many of the places, which are cells relative to it, hold a wall.
+void count_hits(const std::vector<std::pair<int, int>>& places, int x, int y, const matching::Raster<char>& walls, std::vector<char>& hits) {
+  static_assert(kFirstLook < 128, "they are counted in a byte");
+  std::fill(hits.begin(), hits.end(), char{0});
+  const int columns = static_cast<int>(hits.size());
+  for (const auto& [right, up] : places) {
+    const int row = y + up, first = std::max(x + right, walls.first_x()), end = std::min(x + right + columns, walls.first_x() + walls.width());
+    if (first >= end || row < walls.first_y() || row >= walls.first_y() + walls.height()) continue;
+    const char* wall = walls.row(first, row);
+    char* hit = hits.data() + (first - x - right);
+    for (int k = 0; k < end - first; ++k) hit[k] = static_cast<char>(hit[k] + wall[k]);
+  }
+}
+
 // The part of a guest that a host knows, and how it lies on the host.
 class Part {
  public:
@@ -69,43 +83,34 @@ class Part {
     middle_y_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
     const double direction = 0.25 * std::atan2(sine, cosine);
     for (const WallPoint& wall : walls_) faces_.push_back(std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction)) > 0.0 ? 0 : 1);
-    here_ = look({middle_x_, middle_y_, 0, 0.0, 0.0}, walls_.size(), 0.0);
+    const Motion here{middle_x_, middle_y_, 0, 0.0, 0.0};
+    here_ = look(placed(here, walls_.size()), 0, 0);
+    if (shared_m() >= kRoom_m) here_.contradicted_m += missing_m(here, 1e300);
   }
 
   double shared_m() const { return here_.coinciding_m; }
-  const PlaneBox& box() const { return box_; }
 
   // Walls that coincide elsewhere on the host, at most.
   double repeated_m(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
-    const std::vector<WallPoint> few = some_of(walls_, kFirstLook);
     const double least_m = std::max(kRoom_m, kShare * here_.coinciding_m);
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
-    std::vector<std::pair<std::size_t, Motion>> places;
-    for (int quarters = 0; quarters < 4; ++quarters) {
-      std::vector<std::pair<double, double>> about;
-      for (const WallPoint& wall : few) about.push_back(Motion::turned(wall.x - middle_x_, wall.y - middle_y_, quarters));
-      for (double y = host_box.y0_m; y <= host_box.y1_m; y += kStep_m)
-        for (double x = host_box.x0_m; x <= host_box.x1_m; x += kStep_m) {
-          if (std::hypot(x - middle_x_, y - middle_y_) < kElsewhere_m) continue;
-          const std::size_t hits = hits_at(about, x, y, host_about, least_m / (kCell_m * static_cast<double>(walls_.size())));
-          if (hits > 0) places.emplace_back(hits, Motion{middle_x_, middle_y_, quarters, x - middle_x_, y - middle_y_});
-        }
-    }
-    std::stable_sort(places.begin(), places.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
     std::vector<Motion> looked;
     double most_m = 0.0;
-    for (const auto& [hits, place] : places) {
-      const auto is_near = [place = place](const Motion& other) {
+    for (const Motion& place : likely_places(host_about, host_box, least_m)) {
+      const auto is_near = [&](const Motion& other) {
         return other.quarters == place.quarters && std::hypot(other.shift_x - place.shift_x, other.shift_y - place.shift_y) < 0.5;
       };
       if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
       looked.push_back(place);
+      const std::vector<Placed> walls = placed(place, kSecondLook);
       for (int j = -2; j <= 2; ++j)
         for (int i = -2; i <= 2; ++i) {
+          Look there = look(walls, i, j);
+          if (there.coinciding_m < least_m || there.coinciding_m <= most_m || !there.is_of_two_directions() || there.doubt() > doubt) continue;
           Motion near = place;
           near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
-          const Look there = look(near, kSecondLook, std::max(least_m, most_m));
-          if (there.coinciding_m >= least_m && there.coinciding_m > most_m && there.is_of_two_directions() && there.doubt() <= doubt) most_m = there.coinciding_m;
+          there.contradicted_m += missing_m(near, doubt * there.coinciding_m / kContradictionWeight - there.contradicted_m);
+          if (there.doubt() <= doubt) most_m = there.coinciding_m;
         }
       if (looked.size() == kMostPlaces) break;
     }
@@ -119,40 +124,75 @@ class Part {
     double doubt() const { return kContradictionWeight * contradicted_m / std::max(kCell_m, coinciding_m); }
     bool is_of_two_directions() const { return std::min(by_direction_m[0], by_direction_m[1]) >= kAcross * coinciding_m; }
   };
+  struct Placed {
+    int x, y;  // cell
+    std::uint8_t face;
+  };
 
-  // Hits of the first look; 0 where too few are possible.
-  std::size_t hits_at(const std::vector<std::pair<double, double>>& about, double x, double y, const matching::Raster<char>& host_about,
-                      double share) const {
-    const auto needed = static_cast<std::size_t>(0.75 * share * static_cast<double>(about.size()));
-    std::size_t hits = 0;
-    for (std::size_t k = 0; k < about.size(); ++k) {
-      hits += host_about.get(cell_of(x + about[k].first, 1.0 / kStep_m), cell_of(y + about[k].second, 1.0 / kStep_m)) != 0;
-      if (hits + about.size() - k - 1 < needed) return 0;
+  // Where some of the walls may coincide, most of them first.
+  std::vector<Motion> likely_places(const matching::Raster<char>& host_about, const PlaneBox& host_box, double least_m) const {
+    const std::vector<WallPoint> few = some_of(walls_, kFirstLook);
+    const double share = least_m / (kCell_m * static_cast<double>(walls_.size()));
+    const auto needed = std::max(1, static_cast<int>(0.75 * share * static_cast<double>(few.size())));
+    const auto steps = [](double from, double to) { return static_cast<int>((to - from) / kStep_m) + 1; };
+    const int columns = steps(host_box.x0_m, host_box.x1_m), rows = steps(host_box.y0_m, host_box.y1_m);
+    std::vector<char> hits(static_cast<std::size_t>(columns));
+    std::vector<std::pair<int, Motion>> places;
+    for (int quarters = 0; quarters < 4; ++quarters) {
+      std::vector<std::pair<int, int>> about;
+      for (const WallPoint& wall : few) {
+        const auto [u, v] = Motion::turned(wall.x - middle_x_, wall.y - middle_y_, quarters);
+        about.emplace_back(cell_of(host_box.x0_m + u, 1.0 / kStep_m), cell_of(host_box.y0_m + v, 1.0 / kStep_m));
+      }
+      for (int j = 0; j < rows; ++j) {
+        count_hits(about, 0, j, host_about, hits);
+        for (int i = 0; i < columns; ++i) {
+          if (hits[static_cast<std::size_t>(i)] < needed) continue;
+          const double shift_x = host_box.x0_m + i * kStep_m - middle_x_, shift_y = host_box.y0_m + j * kStep_m - middle_y_;
+          if (std::hypot(shift_x, shift_y) < kElsewhere_m) continue;
+          places.emplace_back(hits[static_cast<std::size_t>(i)], Motion{middle_x_, middle_y_, quarters, shift_x, shift_y});
+        }
+      }
     }
-    return hits;
+    std::stable_sort(places.begin(), places.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
+    std::vector<Motion> result;
+    for (const auto& entry : places) result.push_back(entry.second);
+    return result;
   }
 
-  // By some of the walls; contradictions are looked for where at least so much coincides.
-  Look look(const Motion& motion, std::size_t most_walls, double least_m) const {
-    Look result;
+  // Some of the walls, as they lie then.
+  std::vector<Placed> placed(const Motion& motion, std::size_t most_walls) const {
+    std::vector<Placed> result;
     const std::size_t count = std::min(most_walls, walls_.size());
-    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, count));
     for (std::size_t k = 0; k < count; ++k) {
       const std::size_t i = k * walls_.size() / count;
       const auto [x, y] = motion.moved(walls_[i].x, walls_[i].y);
-      const Seen seen = host_.at(x, y);
-      if (seen == Seen::wall) {
-        result.coinciding_m += each_m;
-        result.by_direction_m[faces_[i]] += each_m;
-      } else if (seen == Seen::through) {
-        result.contradicted_m += each_m;
-      }
+      result.push_back({cell_of(x, 1.0 / kCell_m), cell_of(y, 1.0 / kCell_m), faces_[i]});
     }
-    if (result.coinciding_m < least_m) return result;
-    // Walls of the host where the part has none.
+    return result;
+  }
+
+  // What the host has there, shifted by so many cells.
+  Look look(const std::vector<Placed>& walls, int right, int up) const {
+    std::array<int, 2> hits{0, 0};
+    int through = 0;
+    for (const Placed& wall : walls) {
+      const Seen seen = host_.at_cell(wall.x + right, wall.y + up);
+      hits[wall.face] += seen == Seen::wall ? 1 : 0;
+      through += seen == Seen::through ? 1 : 0;
+    }
+    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, walls.size()));
+    return {each_m * (hits[0] + hits[1]), each_m * through, {each_m * hits[0], each_m * hits[1]}};
+  }
+
+  // Walls of the host where the part, laid there, has none; no more are counted once they are more than `most_m`.
+  double missing_m(const Motion& motion, double most_m) const {
+    double result = 0.0;
     for (const WallPoint& wall : host_walls_) {
       const auto [x, y] = motion.back(wall.x, wall.y);
-      if (box_.has(x, y) && guest_.at(x, y) == Seen::through && host_.at(x, y) != Seen::not_at_all) result.contradicted_m += kCell_m;
+      if (!box_.has(x, y) || guest_.at(x, y) != Seen::through || host_.at(x, y) == Seen::not_at_all) continue;
+      result += kCell_m;
+      if (result > most_m) break;
     }
     return result;
   }

@@ -9,12 +9,12 @@ using matching::cell_of;
 using matching::Sight;
 using matching::SubmapModel;
 
-constexpr double kInverseCell = 1.0 / SubmapModel::kSightResolution;
 constexpr double kInverseQuarter = 1.0 / matching::WallField::kResolution;
 constexpr std::uint8_t kNearWall = 60;  // likelihood 0.12 m from a wall
 constexpr int kClear = 2;               // cells around that must be free
 
-int tile_of(int cell, int side) { return cell >= 0 ? cell / side : (cell + 1) / side - 1; }
+// `side`: a power of two.
+int tile_of(int cell, int side) { return (cell - (cell & (side - 1))) / side; }
 
 // What is seen of each cell, by all cells within kClear of it: along rows, then along columns.
 matching::Raster<Seen> seen_around(const matching::Raster<Sight>& sight) {
@@ -78,12 +78,13 @@ WallSight::WallSight(const SubmapModel& model) {
 }
 
 Seen WallSight::at(double x_m, double y_m) const {
-  const int x = cell_of(x_m, kInverseCell), y = cell_of(y_m, kInverseCell), tx = tile_of(x, kTile), ty = tile_of(y, kTile);
+  const int quarter_x = cell_of(x_m, kInverseQuarter), quarter_y = cell_of(y_m, kInverseQuarter);
+  const int x = tile_of(quarter_x, 2), y = tile_of(quarter_y, 2), tx = tile_of(x, kTile), ty = tile_of(y, kTile);
   if (!index_.contains(tx, ty)) return Seen::not_at_all;
   const std::uint32_t index = index_.at(tx, ty);
   if (index == 0) return Seen::not_at_all;
   const unsigned cell = tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
-  const auto quarter = static_cast<unsigned>((cell_of(x_m, kInverseQuarter) & 1) + 2 * (cell_of(y_m, kInverseQuarter) & 1));
+  const auto quarter = static_cast<unsigned>((quarter_x & 1) + 2 * (quarter_y & 1));
   return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
 }
 

@@ -3,14 +3,17 @@
 // resolution.
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 namespace mapweave::matching {
 
-inline int cell_of(double metres, double inverse_resolution) { return static_cast<int>(std::floor(metres * inverse_resolution)); }
+inline int cell_of(double metres, double inverse_resolution) {
+  const double cells = metres * inverse_resolution;
+  const int towards_zero = static_cast<int>(cells);
+  return towards_zero - (cells < towards_zero ? 1 : 0);
+}
 
 template <class T>
 class Raster {
