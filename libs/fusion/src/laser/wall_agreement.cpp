@@ -164,11 +164,11 @@ class WallRaster {
   void add(const WallSight& sight, const Pose2& team_from_submap) {
     const IntoSubmap into(team_from_submap);
     const double c = std::cos(team_from_submap.phi), s = std::sin(team_from_submap.phi);
-    const double reach = 0.5 * WallSight::kBlock_m * (std::abs(c) + std::abs(s));
-    for (const Eigen::Vector2d& block : sight.wall_blocks()) {
-      const double x = c * block.x() - s * block.y() + team_from_submap.x - x_m_, y = s * block.x() + c * block.y() + team_from_submap.y - y_m_;
-      const int low_x = std::max(0, cell_of(x - reach, 1.0 / kCell_m)), high_x = std::min(kSide - 1, cell_of(x + reach, 1.0 / kCell_m));
-      const int low_y = std::max(0, cell_of(y - reach, 1.0 / kCell_m)), high_y = std::min(kSide - 1, cell_of(y + reach, 1.0 / kCell_m));
+    for (const WallSight::Block& block : sight.wall_blocks()) {
+      const double x = c * block.middle.x() - s * block.middle.y() + team_from_submap.x - x_m_, reach_x = std::abs(c) * block.half.x() + std::abs(s) * block.half.y();
+      const double y = s * block.middle.x() + c * block.middle.y() + team_from_submap.y - y_m_, reach_y = std::abs(s) * block.half.x() + std::abs(c) * block.half.y();
+      const int low_x = std::max(0, cell_of(x - reach_x, 1.0 / kCell_m)), high_x = std::min(kSide - 1, cell_of(x + reach_x, 1.0 / kCell_m));
+      const int low_y = std::max(0, cell_of(y - reach_y, 1.0 / kCell_m)), high_y = std::min(kSide - 1, cell_of(y + reach_y, 1.0 / kCell_m));
       for (int j = low_y; j <= high_y; ++j)
         for (int i = low_x; i <= high_x; ++i) {
           char& cell = cells_[static_cast<std::size_t>(j) * kSide + static_cast<std::size_t>(i)];

@@ -75,6 +75,7 @@ WallSight::WallSight(const SubmapModel& model) {
   for (int y = walls.first_y(); y < walls.first_y() + walls.height(); ++y)
     for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)
       if (walls.at(x, y) > kNearWall) cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
+  find_wall_blocks();
 }
 
 Seen WallSight::at(double x_m, double y_m) const {
@@ -88,18 +89,24 @@ Seen WallSight::at(double x_m, double y_m) const {
   return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
 }
 
-std::vector<Eigen::Vector2d> WallSight::wall_blocks() const {
-  static_assert(kTile * SubmapModel::kSightResolution > kBlock_m - 1e-9 && kTile * SubmapModel::kSightResolution < kBlock_m + 1e-9, "a tile is a block");
-  std::vector<Eigen::Vector2d> middles;
-  for (int y = index_.first_y(); y < index_.first_y() + index_.height(); ++y)
-    for (int x = index_.first_x(); x < index_.first_x() + index_.width(); ++x) {
-      const std::uint32_t index = index_.at(x, y);
+void WallSight::find_wall_blocks() {
+  constexpr double kCell_m = SubmapModel::kSightResolution;
+  for (int ty = index_.first_y(); ty < index_.first_y() + index_.height(); ++ty)
+    for (int tx = index_.first_x(); tx < index_.first_x() + index_.width(); ++tx) {
+      const std::uint32_t index = index_.at(tx, ty);
       if (index == 0) continue;
       const Tile& tile = tiles_[index - 1U];
-      if (std::any_of(tile.begin(), tile.end(), [](std::uint8_t cell) { return (cell & 15U) != 0; }))
-        middles.emplace_back((x + 0.5) * kBlock_m, (y + 0.5) * kBlock_m);
+      Eigen::Array2i low(kTile, kTile), high(-1, -1);
+      for (int y = 0; y < kTile; ++y)
+        for (int x = 0; x < kTile; ++x)
+          if ((tile[static_cast<std::size_t>(y * kTile + x)] & 15U) != 0) {
+            low = low.min(Eigen::Array2i(x, y));
+            high = high.max(Eigen::Array2i(x, y));
+          }
+      if (high.x() < 0) continue;
+      const Eigen::Array2d from = (low + Eigen::Array2i(tx, ty) * kTile).cast<double>() * kCell_m, sides = (high + 1 - low).cast<double>() * kCell_m;
+      wall_blocks_.push_back({from + 0.5 * sides, 0.5 * sides});
     }
-  return middles;
 }
 
 std::shared_ptr<const WallSight> WallSightCache::find(std::size_t submap) {

@@ -22,17 +22,21 @@ class WallSight {
  public:
   explicit WallSight(const matching::SubmapModel& model);
   Seen at(double x_m, double y_m) const;
-  // Middles of the squares of kBlock_m that hold walls, in the submap's frame.
-  std::vector<Eigen::Vector2d> wall_blocks() const;
-  static constexpr double kBlock_m = 1.6;
-  std::size_t bytes() const { return tiles_.size() * sizeof(Tile) + index_.bytes(); }
+  // Rectangles of the submap's frame, none larger than 1.6 m, outside of which nothing is a wall.
+  struct Block {
+    Eigen::Vector2d middle, half;  // half: of its sides
+  };
+  const std::vector<Block>& wall_blocks() const { return wall_blocks_; }
+  std::size_t bytes() const { return tiles_.size() * sizeof(Tile) + index_.bytes() + wall_blocks_.capacity() * sizeof(Block); }
 
  private:
+  void find_wall_blocks();
   static constexpr int kTile = 16;  // cells along a side
   // Of a cell: bits 0 to 3 whether its quarters are within 0.12 m of a wall, above them what rays said.
   using Tile = std::array<std::uint8_t, kTile * kTile>;
   matching::Raster<std::uint32_t> index_;  // 0: nothing was seen, else number of the tile and 1
   std::vector<Tile> tiles_;
+  std::vector<Block> wall_blocks_;  // of each tile that holds walls
 };
 
 // Keeps at most so many bytes, those used last. Not for several threads.
