@@ -36,9 +36,9 @@ TEST(Timeline, adds_what_edges_wait_for) {
   EXPECT_NEAR(line.robots[1].mapped_s, 4.0 + 2.0 + 10.0, 1e-6);
   EXPECT_NEAR(line.robots[1].load, 0.04, 1e-9);
   ASSERT_EQ(line.edges.size(), 2U);
-  EXPECT_NEAR(line.edges[0].arrived_s, 8.0 + 1.5 + 0.6, 1e-6);
-  EXPECT_NEAR(line.edges[1].arrived_s, 16.0 + 2.0 + 1.0, 1e-6);
-  EXPECT_NEAR(line.total_s, 19.0 + 5.0, 1e-6);
+  EXPECT_NEAR(line.edges[0].arrived_s, 8.0 + 1.5 + 0.2, 1e-6) << "the map is there already";
+  EXPECT_NEAR(line.edges[1].arrived_s, 16.0 + 2.0 + 0.2, 1e-6);
+  EXPECT_NEAR(line.total_s, 18.2 + 5.0, 1e-6);
 }
 
 TEST(Timeline, has_robots_map_where_no_edge_does) {
@@ -48,7 +48,7 @@ TEST(Timeline, has_robots_map_where_no_edge_does) {
   EXPECT_NEAR(onboard.robots[1].mapped_s, 40.0, 1e-9);
   EXPECT_NEAR(onboard.robots[1].arrived_s, 40.4, 1e-6);
   EXPECT_NEAR(onboard.robots[1].load, 0.4, 1e-9);
-  EXPECT_NEAR(onboard.total_s, 40.4 + 4.0 + 1.0 + 5.0, 1e-6);
+  EXPECT_NEAR(onboard.total_s, 40.4 + 4.0 + 0.2 + 5.0, 1e-6);
   Work work = two_robots();
   work.edges.clear();
   const Timeline alone = timeline(with(Mode::cloud_only, wires(), processors), work);
@@ -75,21 +75,25 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
   const Timeline line = timeline(options, work);
   EXPECT_NEAR(line.edges[1].fused_s, 2.0 + 2.0 + 10.0 + 2.0, 1e-6) << "an edge of twice the speed";
   EXPECT_EQ(line.edges[1].arrived_s, line.edges[1].fused_s) << "it is there";
-  EXPECT_NEAR(line.edges[0].arrived_s, 1.0 + 1.0 + 10.0 + 3.0 + 0.6, 1e-6);
+  EXPECT_NEAR(line.edges[0].arrived_s, 1.0 + 1.0 + 10.0 + 3.0 + 0.2, 1e-6);
   EXPECT_NEAR(line.total_s, 16.0 + 2.5, 1e-6);
   ASSERT_EQ(line.pushes.size(), 1U);
   EXPECT_NEAR(line.pushes[0].arrived_s, 18.5 + 1.0, 1e-6);
 }
 
-TEST(Timeline, lets_edges_judge_once_all_maps_are_there) {
+TEST(Timeline, lends_maps_once_all_are_there_to_edges_that_have_fused_their_own) {
   Work work = two_robots();
   work.edges[0].lent_bytes = 500'000, work.edges[0].judging_s = 2.0, work.edges[0].judged_bytes = 50'000;
-  const Timeline line = timeline(with(Mode::offload, wires()), work);
-  const double all_there_s = 2.0 + 2.0 + 20.0 + 4.0 + 1.0;
-  EXPECT_NEAR(line.edges[1].arrived_s, all_there_s, 1e-6);
-  EXPECT_NEAR(line.edges[0].judged_s, all_there_s + 1.0 + 2.0 + 0.1, 1e-6);
+  work.planning_s = 1.5;
+  const double all_there_s = 2.0 + 2.0 + 20.0 + 0.8, lent_s = all_there_s + 1.5 + 1.0;
+  Timeline line = timeline(with(Mode::offload, wires()), work);
+  EXPECT_NEAR(line.edges[0].judged_s, lent_s + 2.0 + 0.1, 1e-6);
+  EXPECT_NEAR(line.edges[1].arrived_s, 24.0 + 4.0 + 0.2, 1e-6) << "fused while the other judged";
   EXPECT_EQ(line.edges[1].judged_s, 0.0);
-  EXPECT_NEAR(line.total_s, line.edges[0].judged_s + 5.0, 1e-6);
+  EXPECT_NEAR(line.total_s, line.edges[0].judged_s + 5.0 - 1.5, 1e-6);
+  work.edges[0].fusing_s = 40.0;
+  line = timeline(with(Mode::offload, wires()), work);
+  EXPECT_NEAR(line.edges[0].judged_s, 12.0 + 40.0 + 2.0 + 0.1, 1e-6);
 }
 
 TEST(Timeline, knows_common_processors) {
@@ -107,7 +111,7 @@ TEST(Timeline, has_a_robot_without_an_edge_map_on_board) {
   EXPECT_NEAR(line.robots[0].mapped_s, 10.0, 1e-9);
   EXPECT_NEAR(line.robots[0].arrived_s, 12.0, 1e-6) << "over its wire to the cloud";
   EXPECT_NEAR(line.robots[1].mapped_s, 24.0, 1e-6);
-  EXPECT_NEAR(line.total_s, 24.0 + 4.0 + 1.0 + 5.0, 1e-6);
+  EXPECT_NEAR(line.total_s, 24.0 + 4.0 + 0.2 + 5.0, 1e-6);
 }
 
 }  // namespace

@@ -199,6 +199,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     double before_s = process_cpu_seconds();
     const auto errands = cloud.errands(names, pool);
     report.work.fusing_s += process_cpu_seconds() - before_s;
+    report.work.planning_s = report.work.fusing_s;
     for (std::size_t i = 0; i < edges.size(); ++i) {
       const auto errand = errands.find(edges[i].id());
       if (errand == errands.end()) continue;

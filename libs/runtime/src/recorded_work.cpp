@@ -68,7 +68,9 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     done.judging_s = field(edge, "judging_cpu_seconds", where, key);
     work.edges.push_back(done);
   }
-  work.fusing_s = field(member(line, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
+  const Json& cloud = member(line, "cloud", where, "timeline");
+  work.fusing_s = field(cloud, "fusing_cpu_seconds", where, "timeline.cloud");
+  if (cloud.contains("planning_cpu_seconds")) work.planning_s = field(cloud, "planning_cpu_seconds", where, "timeline.cloud");
   for (const Json& push : list(line, "pushes", where)) {
     const std::string key = "timeline.pushes";
     if (!push.is_object()) refuse("an object was expected", where, key, "");

@@ -52,8 +52,13 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   Timeline result;
   result.mode = options.mode;
   result.recorded_s = options.recorded_s;
+  struct Finished {
+    double at_s;
+    const RobotWork* robot;
+  };
+  std::vector<Finished> at_edges;
   std::map<TierId, double> ready_s;
-  double all_there_s = 0.0;
+  double maps_there_s = 0.0;
   for (const RobotWork& robot : work.robots) {
     Timeline::Robot line{robot.id, robot.edge};
     const std::string id = robot.id.str(), edge = robot.edge.str();
@@ -73,31 +78,46 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     }
     if (robot.log_s > 0.0) line.load = busy_s / robot.log_s;
     const double there_s = std::max(line.arrived_s, line.mapped_s);
-    if (is_alone)
-      all_there_s = std::max(all_there_s, there_s);
-    else
+    if (is_alone || edge == cloud) maps_there_s = std::max(maps_there_s, there_s);
+    if (!is_alone) {
       ready_s[robot.edge] = std::max(ready_s[robot.edge], there_s);
+      if (edge != cloud) at_edges.push_back({there_s, &robot});
+    }
     result.robots.push_back(line);
   }
+  // Each map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
+  std::map<TierId, std::uint64_t> sent;
+  std::stable_sort(at_edges.begin(), at_edges.end(), [](const Finished& l, const Finished& r) { return l.at_s < r.at_s; });
+  for (const auto& [at_s, robot] : at_edges) {
+    maps_there_s = std::max(maps_there_s, wires.send(robot->edge.str(), cloud, network.edge_cloud, at_s, robot->map_bytes));
+    sent[robot->edge] += robot->map_bytes;
+  }
+  double told_s = 0.0, free_s = 0.0;  // free: where the cloud is an edge, that has fused
   for (const EdgeWork& edge : work.edges) {
     Timeline::Edge line{edge.id, ready_s[edge.id]};
+    const bool is_here = edge.id.str() == cloud;
     line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
-    line.arrived_s = edge.id.str() == cloud ? line.fused_s : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s, edge.bytes);
-    all_there_s = std::max(all_there_s, line.arrived_s);
+    line.arrived_s = is_here ? line.fused_s
+                             : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s, edge.bytes - std::min(edge.bytes, sent[edge.id]));
+    if (is_here) free_s = line.fused_s;
+    told_s = std::max(told_s, line.arrived_s);
     result.edges.push_back(line);
   }
-  // Once all maps are there, edges compare those that lie on two of them.
-  double judged_s = all_there_s;
+  // Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused their own.
+  const double cloud_speed = options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud));
+  const double planned_s = std::max(maps_there_s, free_s) + work.planning_s / cloud_speed;
+  double judged_s = std::max(told_s, planned_s);
   for (std::size_t i = 0; i < work.edges.size(); ++i) {
     const EdgeWork& edge = work.edges[i];
+    Timeline::Edge& line = result.edges[i];
     if (edge.judging_s == 0.0 && edge.lent_bytes == 0) continue;
     const bool is_here = edge.id.str() == cloud;
-    const double lent_s = is_here ? all_there_s : wires.send(cloud, edge.id.str(), network.edge_cloud, all_there_s, edge.lent_bytes);
-    const double done_s = lent_s + edge.judging_s / speed_of(edge.id);
-    result.edges[i].judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
-    judged_s = std::max(judged_s, result.edges[i].judged_s);
+    const double lent_s = is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.lent_bytes);
+    const double done_s = std::max(line.fused_s, lent_s) + edge.judging_s / speed_of(edge.id);
+    line.judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
+    judged_s = std::max(judged_s, line.judged_s);
   }
-  result.total_s = judged_s + work.fusing_s / (options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud)));
+  result.total_s = judged_s + (work.fusing_s - work.planning_s) / cloud_speed;
   for (const PushWork& push : work.pushes)
     result.pushes.push_back(
         {push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
@@ -148,7 +168,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
   return {{"mode", kModes[static_cast<int>(timeline.mode)]},
           {"robots", robots},
           {"edges", edges},
-          {"cloud", {{"fusing_cpu_seconds", work.fusing_s}}},
+          {"cloud", {{"fusing_cpu_seconds", work.fusing_s}, {"planning_cpu_seconds", work.planning_s}}},
           {"total_seconds", timeline.total_s},
           {"recorded_seconds", timeline.recorded_s},
           {"pushes", pushes},

@@ -98,7 +98,7 @@ struct RobotWork {
 struct EdgeWork {
   TierId id;
   double fusing_s = 0.0;
-  std::uint64_t bytes = 0;  // for the cloud
+  std::uint64_t bytes = 0;  // for the cloud: its robots' maps, and what it found of them
   double speed = 1.0;       // relative to ProcessorOptions::edge
   // Maps of other edges, lent to be compared with its own; what it told of them.
   std::uint64_t lent_bytes = 0, judged_bytes = 0;
@@ -117,7 +117,8 @@ struct OverlapOfRobots {
 struct Work {
   std::vector<RobotWork> robots;  // by id
   std::vector<EdgeWork> edges;    // by id; of cloud_only none
-  double fusing_s = 0.0;          // in the cloud
+  double fusing_s = 0.0;          // in the cloud, all of it
+  double planning_s = 0.0;        // of these, before it knew what edges shall compare
   std::vector<PushWork> pushes;
   std::vector<OverlapOfRobots> overlaps;
 };
@@ -132,7 +133,7 @@ struct Timeline {
   };
   struct Edge {
     TierId id;
-    double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there
+    double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there; arrived: what it found of them, too
     double judged_s = 0.0;                                 // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
   };
   struct Push {
