@@ -27,17 +27,19 @@ Constraint constraint_of(const Witness& w, const PreparedMap& a, const PreparedM
 }
 
 void add_constraints(Map& map, std::vector<Constraint> constraints) {
-  std::vector<Constraint> all;
+  // They are large: what is sorted is where they are.
+  std::vector<Constraint*> all;
   all.reserve(map.constraints.size() + constraints.size());
-  for (auto& entry : map.constraints) all.push_back(std::move(entry.second));
-  for (auto& constraint : constraints) all.push_back(std::move(constraint));
-  std::stable_sort(all.begin(), all.end(), [](const Constraint& l, const Constraint& r) { return l.id < r.id; });
-  map.constraints = {};
-  map.constraints.reserve(all.size());
-  for (auto& constraint : all) {
-    const ConstraintId id = constraint.id;
-    map.constraints.set(id, std::move(constraint));
+  for (auto& entry : map.constraints) all.push_back(&entry.second);
+  for (Constraint& constraint : constraints) all.push_back(&constraint);
+  std::stable_sort(all.begin(), all.end(), [](const Constraint* l, const Constraint* r) { return l->id < r->id; });
+  Table<ConstraintId, Constraint> sorted;
+  sorted.reserve(all.size());
+  for (Constraint* constraint : all) {
+    const ConstraintId id = constraint->id;
+    sorted.set(id, std::move(*constraint));
   }
+  map.constraints = std::move(sorted);
 }
 
 }  // namespace mapweave::fusion

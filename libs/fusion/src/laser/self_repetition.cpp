@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 namespace mapweave::fusion {
 namespace {
@@ -61,7 +62,15 @@ void count_hits(const std::vector<std::pair<int, int>>& places, int x, int y, co
     if (first >= end || row < walls.first_y() || row >= walls.first_y() + walls.height()) continue;
     const char* wall = walls.row(first, row);
     char* hit = hits.data() + (first - x - right);
-    for (int k = 0; k < end - first; ++k) hit[k] = static_cast<char>(hit[k] + wall[k]);
+    int k = 0;
+    for (constexpr int kLane = sizeof(std::uint64_t); k + kLane <= end - first; k += kLane) {
+      std::uint64_t sums = 0, ones = 0;  // of a byte each, which none outgrows
+      std::memcpy(&sums, hit + k, kLane);
+      std::memcpy(&ones, wall + k, kLane);
+      sums += ones;
+      std::memcpy(hit + k, &sums, kLane);
+    }
+    for (; k < end - first; ++k) hit[k] = static_cast<char>(hit[k] + wall[k]);
   }
 }
 
@@ -96,7 +105,8 @@ class Part {
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
     std::vector<Motion> looked;
     double most_m = 0.0;
-    for (const Motion& place : likely_places(host_about, host_box, least_m)) {
+    for (const Likely& likely : likely_places(host_about, host_box, least_m)) {
+      const Motion place{middle_x_, middle_y_, likely.quarters, likely.shift_x, likely.shift_y};
       const auto is_near = [&](const Motion& other) {
         return other.quarters == place.quarters && std::hypot(other.shift_x - place.shift_x, other.shift_y - place.shift_y) < 0.5;
       };
@@ -124,20 +134,24 @@ class Part {
     double doubt() const { return kContradictionWeight * contradicted_m / std::max(kCell_m, coinciding_m); }
     bool is_of_two_directions() const { return std::min(by_direction_m[0], by_direction_m[1]) >= kAcross * coinciding_m; }
   };
+  struct Likely {
+    int hits, quarters;
+    double shift_x, shift_y;
+  };
   struct Placed {
     int x, y;  // cell
     std::uint8_t face;
   };
 
   // Where some of the walls may coincide, most of them first.
-  std::vector<Motion> likely_places(const matching::Raster<char>& host_about, const PlaneBox& host_box, double least_m) const {
+  std::vector<Likely> likely_places(const matching::Raster<char>& host_about, const PlaneBox& host_box, double least_m) const {
     const std::vector<WallPoint> few = some_of(walls_, kFirstLook);
     const double share = least_m / (kCell_m * static_cast<double>(walls_.size()));
     const auto needed = std::max(1, static_cast<int>(0.75 * share * static_cast<double>(few.size())));
     const auto steps = [](double from, double to) { return static_cast<int>((to - from) / kStep_m) + 1; };
     const int columns = steps(host_box.x0_m, host_box.x1_m), rows = steps(host_box.y0_m, host_box.y1_m);
     std::vector<char> hits(static_cast<std::size_t>(columns));
-    std::vector<std::pair<int, Motion>> places;
+    std::vector<Likely> places;
     for (int quarters = 0; quarters < 4; ++quarters) {
       std::vector<std::pair<int, int>> about;
       for (const WallPoint& wall : few) {
@@ -150,14 +164,12 @@ class Part {
           if (hits[static_cast<std::size_t>(i)] < needed) continue;
           const double shift_x = host_box.x0_m + i * kStep_m - middle_x_, shift_y = host_box.y0_m + j * kStep_m - middle_y_;
           if (std::hypot(shift_x, shift_y) < kElsewhere_m) continue;
-          places.emplace_back(hits[static_cast<std::size_t>(i)], Motion{middle_x_, middle_y_, quarters, shift_x, shift_y});
+          places.push_back({hits[static_cast<std::size_t>(i)], quarters, shift_x, shift_y});
         }
       }
     }
-    std::stable_sort(places.begin(), places.end(), [](const auto& l, const auto& r) { return l.first > r.first; });
-    std::vector<Motion> result;
-    for (const auto& entry : places) result.push_back(entry.second);
-    return result;
+    std::stable_sort(places.begin(), places.end(), [](const Likely& l, const Likely& r) { return l.hits > r.hits; });
+    return places;
   }
 
   // Some of the walls, as they lie then.

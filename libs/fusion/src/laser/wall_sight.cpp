@@ -9,12 +9,8 @@ using matching::cell_of;
 using matching::Sight;
 using matching::SubmapModel;
 
-constexpr double kInverseQuarter = 1.0 / matching::WallField::kResolution;
 constexpr std::uint8_t kNearWall = 60;  // likelihood 0.12 m from a wall
 constexpr int kClear = 2;               // cells around that must be free
-
-// `side`: a power of two.
-int tile_of(int cell, int side) { return (cell - (cell & (side - 1))) / side; }
 
 // What is seen of each cell, by all cells within kClear of it: along rows, then along columns.
 matching::Raster<Seen> seen_around(const matching::Raster<Sight>& sight) {
@@ -76,17 +72,6 @@ WallSight::WallSight(const SubmapModel& model) {
     for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)
       if (walls.at(x, y) > kNearWall) cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
   find_wall_blocks();
-}
-
-Seen WallSight::at(double x_m, double y_m) const {
-  const int quarter_x = cell_of(x_m, kInverseQuarter), quarter_y = cell_of(y_m, kInverseQuarter);
-  const int x = tile_of(quarter_x, 2), y = tile_of(quarter_y, 2), tx = tile_of(x, kTile), ty = tile_of(y, kTile);
-  if (!index_.contains(tx, ty)) return Seen::not_at_all;
-  const std::uint32_t index = index_.at(tx, ty);
-  if (index == 0) return Seen::not_at_all;
-  const unsigned cell = tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
-  const auto quarter = static_cast<unsigned>((quarter_x & 1) + 2 * (quarter_y & 1));
-  return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
 }
 
 void WallSight::find_wall_blocks() {

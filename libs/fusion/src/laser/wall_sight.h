@@ -21,7 +21,16 @@ enum class Seen : std::uint8_t { not_at_all, in_part, through, beside_wall, wall
 class WallSight {
  public:
   explicit WallSight(const matching::SubmapModel& model);
-  Seen at(double x_m, double y_m) const;
+  Seen at(double x_m, double y_m) const {
+    const int quarter_x = matching::cell_of(x_m, kInverseQuarter), quarter_y = matching::cell_of(y_m, kInverseQuarter);
+    const int x = tile_of(quarter_x, 2), y = tile_of(quarter_y, 2), tx = tile_of(x, kTile), ty = tile_of(y, kTile);
+    if (!index_.contains(tx, ty)) return Seen::not_at_all;
+    const std::uint32_t index = index_.at(tx, ty);
+    if (index == 0) return Seen::not_at_all;
+    const unsigned cell = tiles_[index - 1U][static_cast<std::size_t>((y - ty * kTile) * kTile + x - tx * kTile)];
+    const auto quarter = static_cast<unsigned>((quarter_x & 1) + 2 * (quarter_y & 1));
+    return (cell >> quarter & 1U) != 0 ? Seen::wall : static_cast<Seen>(cell >> 4U);
+  }
   // Rectangles of the submap's frame, none larger than 1.6 m, outside of which nothing is a wall.
   struct Block {
     Eigen::Vector2d middle, half;  // half: of its sides
@@ -32,6 +41,9 @@ class WallSight {
  private:
   void find_wall_blocks();
   static constexpr int kTile = 16;  // cells along a side
+  static constexpr double kInverseQuarter = 1.0 / matching::WallField::kResolution;
+  // `side`: a power of two.
+  static int tile_of(int cell, int side) { return (cell - (cell & (side - 1))) / side; }
   // Of a cell: bits 0 to 3 whether its quarters are within 0.12 m of a wall, above them what rays said.
   using Tile = std::array<std::uint8_t, kTile * kTile>;
   matching::Raster<std::uint32_t> index_;  // 0: nothing was seen, else number of the tile and 1
