@@ -38,12 +38,13 @@ matching::JudgeOptions options_for(const SubmapQuestion& question, matching::Jud
 
 const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *map.submaps[submap]; }
 
-// In which order questions are answered, so that few submaps are needed at a time: by blocks of submaps on either side.
+// In which order questions are answered, so that few submaps are needed at a time: a block of submaps on the one side stays, those on the
+// other come one after the other.
 std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions) {
-  constexpr std::size_t kBlock = 8;
+  constexpr std::size_t kBlock = 64;
   const auto key = [&](std::size_t i) {
     const SubmapQuestion& q = questions[i];
-    return std::make_tuple(q.from / kBlock, q.to / kBlock, q.from, q.to, i);
+    return std::make_tuple(q.from / kBlock, q.to, q.from, i);
   };
   std::vector<std::size_t> order(questions.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
