@@ -132,7 +132,7 @@ class Fusing {
 
 }  // namespace
 
-std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<MapPair>& pairs, const FusionOptions& options, Memo& memo,
+std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<FirstPair>& pairs, const FusionOptions& options, Memo& memo,
                                    WorkerPool& pool, Progress& progress) {
   PairJudging judging(input, options, memo, pool);
   judging.prepare_maps();
@@ -144,7 +144,7 @@ std::shared_ptr<matching::ModelCache> make_models(const FusionOptions& options) 
   return std::make_shared<matching::ModelCache>(static_cast<std::size_t>(options.cache_mb) << 20U);
 }
 
-std::vector<MapPair> first_pairs(const FusionInput& input, const FusionOptions& options, WorkerPool& pool) {
+std::vector<FirstPair> first_pairs(const FusionInput& input, const FusionOptions& options, WorkerPool& pool) {
   Memo memo;
   PairJudging judging(input, options, memo, pool);
   judging.prepare_maps();

@@ -204,23 +204,30 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
   return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;
 }
 
-void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
-  const auto known_number = [&](const MapId& id) {
-    const std::size_t number = number_of(id);
-    MAPWEAVE_EXPECT(number < maps_.size(), "map '" + id.str() + "' is among the maps");
-    return number;
-  };
+std::size_t PairJudging::known_number(const MapId& id) const {
+  const std::size_t number = number_of(id);
+  if (number == maps_.size()) throw Error(ErrorCode::kBadInput, "map '" + id.str() + "' is to be judged and is not there");
+  return number;
+}
+
+void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress) {
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
-  std::vector<std::pair<std::size_t, std::size_t>> numbers;
-  for (const auto& [one, other] : pairs) {
-    numbers.push_back(std::minmax(known_number(one), known_number(other)));
-    MAPWEAVE_EXPECT(numbers.back().first != numbers.back().second, "a pair has two maps");
-  }
   lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);
-  lasers_->judge_first(numbers);
+  const auto number_of_submap = [&](std::size_t map, const SubmapId& id) {
+    const auto& submaps = maps_[map].submaps;
+    const auto place = std::find_if(submaps.begin(), submaps.end(), [&](const Submap* submap) { return submap->id == id; });
+    if (place == submaps.end())
+      throw Error(ErrorCode::kBadInput, "a submap of map '" + maps_[map].map->id.str() + "' is to be judged and is not there");
+    return lasers_->graph().number(map, static_cast<std::size_t>(place - submaps.begin()));
+  };
+  std::vector<SubmapQuestion> questions;
+  for (const FirstPair& pair : pairs)
+    for (const SubmapPair& places : pair.submaps)
+      questions.push_back({number_of_submap(known_number(pair.a), places.a), number_of_submap(known_number(pair.b), places.b), places.a_from_b});
+  lasers_->judge_first(questions);
   judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    const auto [a, b] = numbers[i];
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto [a, b] = std::minmax(known_number(pairs[i].a), known_number(pairs[i].b));
     if (!seen_[a].empty() && !seen_[b].empty()) {
       const auto ids = seen_by_cameras(a, b).judged;
       judged_.insert(judged_.end(), ids.begin(), ids.end());
@@ -230,17 +237,26 @@ void PairJudging::judge(const std::vector<MapPair>& pairs, Progress& progress) {
   progress.end(task);
 }
 
-std::vector<MapPair> PairJudging::first_pairs() {
+std::vector<FirstPair> PairJudging::first_pairs() {
   lasers_.emplace(maps_, *grids_, input_, options_, excluded_, cache_, memo_, pool_);
-  std::vector<std::pair<std::size_t, std::size_t>> numbers = lasers_->first_pairs();
+  std::map<std::pair<std::size_t, std::size_t>, FirstPair> pairs;
+  const auto pair_of = [&](std::size_t a, std::size_t b) -> FirstPair& {
+    FirstPair& pair = pairs[{a, b}];
+    pair.a = maps_[a].map->id;
+    pair.b = maps_[b].map->id;
+    return pair;
+  };
+  const SubmapGraph& graph = lasers_->graph();
+  const auto id_of = [&](std::size_t submap) { return maps_[graph.map_of(submap)].submaps[graph.submap_of(submap)]->id; };
+  for (const SubmapQuestion& question : lasers_->first_questions_of_all())
+    pair_of(graph.map_of(question.from), graph.map_of(question.to))
+        .submaps.push_back({id_of(question.from), id_of(question.to), question.from_from_to});
   for (std::size_t a = 0; a < maps_.size(); ++a)
     for (std::size_t b = a + 1; b < maps_.size(); ++b)
-      if (!seen_[a].empty() && !seen_[b].empty() && excluded_.count({a, b}) == 0) numbers.emplace_back(a, b);
-  std::sort(numbers.begin(), numbers.end());
-  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
-  std::vector<MapPair> pairs;
-  for (const auto& [a, b] : numbers) pairs.emplace_back(maps_[a].map->id, maps_[b].map->id);
-  return pairs;
+      if (!seen_[a].empty() && !seen_[b].empty() && excluded_.count({a, b}) == 0) pair_of(a, b).have_cameras = true;
+  std::vector<FirstPair> result;
+  for (auto& entry : pairs) result.push_back(std::move(entry.second));
+  return result;
 }
 
 bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {

@@ -42,11 +42,12 @@ class PairJudging {
   // From now on the two maps stay apart, for this reason. False where they were refused already.
   bool refuse(std::size_t a, std::size_t b, const Verdict& why);
   const LaserMerger& lasers() const { return *lasers_; }  // after all_pairs()
-  void judge(const std::vector<MapPair>& pairs, Progress& progress);
-  std::vector<MapPair> first_pairs();  // instead of all_pairs()
+  void judge(const std::vector<FirstPair>& pairs, Progress& progress);
+  std::vector<FirstPair> first_pairs();  // instead of all_pairs()
   std::vector<Judgement> judgements();  // that were asked for, sorted by id
 
  private:
+  std::size_t known_number(const MapId& id) const;
   void doubt_what_repeats(std::vector<PairJoin>& pairs) const;
   std::vector<PairJoin> compare_all(Progress& progress);
   PairJoin compared(std::size_t a, std::size_t b);

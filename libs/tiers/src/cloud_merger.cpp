@@ -7,6 +7,23 @@
 #include <iterator>
 
 namespace mapweave::tiers {
+namespace {
+
+// These submaps with their nodes.
+Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
+  Map part;
+  part.id = map.id;
+  std::set<NodeId> nodes;
+  for (const SubmapId& id : submaps) {
+    const Submap& submap = *map.submaps.find(id);
+    for (const auto& member : submap.submap_from_node) nodes.insert(member.first);
+    part.submaps.set(id, submap);
+  }
+  for (const NodeId& id : nodes) part.nodes.set(id, *map.nodes.find(id));
+  return part;
+}
+
+}  // namespace
 
 CloudMerger::CloudMerger(TierId cloud, fusion::FusionOptions options)
     : cloud_(cloud),
@@ -39,28 +56,40 @@ std::vector<Receipt> CloudMerger::receipts() const {
 std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges, WorkerPool& pool) const {
   struct Work {
     std::uint64_t size;
-    MapId a, b;
+    fusion::FirstPair pair;
     TierId at_a, at_b;
   };
   std::vector<Work> work;
-  for (const auto& [a, b] : fusion::first_pairs(input(), options_, pool)) {
-    const UpdateInbox &of_a = inboxes_.at(a), &of_b = inboxes_.at(b);
+  for (fusion::FirstPair& pair : fusion::first_pairs(input(), options_, pool)) {
+    const UpdateInbox &of_a = inboxes_.at(pair.a), &of_b = inboxes_.at(pair.b);
     const TierId at_a = of_a.receipt().origin.tier, at_b = of_b.receipt().origin.tier;
     if (at_a == at_b || edges.count(at_a) == 0 || edges.count(at_b) == 0) continue;
-    work.push_back({std::uint64_t{of_a.map().nodes.size()} * of_b.map().nodes.size(), a, b, at_a, at_b});
+    work.push_back({std::uint64_t{of_a.map().nodes.size()} * of_b.map().nodes.size(), std::move(pair), at_a, at_b});
   }
   std::stable_sort(work.begin(), work.end(), [](const Work& one, const Work& other) { return one.size > other.size; });
+  struct Lent {
+    TierId owner;
+    bool is_whole = false;
+    std::set<SubmapId> submaps;
+  };
   std::map<TierId, Errand> errands;
   std::map<TierId, std::uint64_t> load;
-  std::map<TierId, std::set<MapId>> lent;
-  for (const Work& pair : work) {
-    const bool first = load[pair.at_a] <= load[pair.at_b];
-    const TierId &judge = first ? pair.at_a : pair.at_b, &owner = first ? pair.at_b : pair.at_a;
-    const MapId& other = first ? pair.b : pair.a;
-    load[judge] += pair.size;
-    errands[judge].pairs.emplace_back(pair.a, pair.b);
-    if (lent[judge].insert(other).second) errands[judge].updates.push_back(first_update(inboxes_.at(other).map(), owner));
+  std::map<TierId, std::map<MapId, Lent>> lent;
+  for (Work& one : work) {
+    const bool first = load[one.at_a] <= load[one.at_b];
+    const TierId& judge = first ? one.at_a : one.at_b;
+    load[judge] += one.size;
+    Lent& other = lent[judge][first ? one.pair.b : one.pair.a];
+    other.owner = first ? one.at_b : one.at_a;
+    other.is_whole = other.is_whole || one.pair.have_cameras;
+    for (const fusion::SubmapPair& submaps : one.pair.submaps) other.submaps.insert(first ? submaps.b : submaps.a);
+    errands[judge].pairs.push_back(std::move(one.pair));
   }
+  for (const auto& [judge, maps] : lent)
+    for (const auto& [id, what] : maps) {
+      const Map& map = inboxes_.at(id).map();
+      errands[judge].updates.push_back(first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
+    }
   return errands;
 }
 

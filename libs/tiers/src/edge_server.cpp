@@ -69,10 +69,10 @@ EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Pro
   input.by = edge_;
   input.models = models_;
   std::set<MapId> needed;
-  for (const auto& [a, b] : errand.pairs) {
-    if (!maps_.contains(a) && !maps_.contains(b))
-      throw Error(ErrorCode::kBadInput, "neither map '" + a.str() + "' nor '" + b.str() + "' is here", "edge " + edge_.str());
-    needed.insert(a), needed.insert(b);
+  for (const fusion::FirstPair& pair : errand.pairs) {
+    if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
+      throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here", "edge " + edge_.str());
+    needed.insert(pair.a), needed.insert(pair.b);
   }
   for (const MapId& id : needed)
     if (const Map* map = maps_.find(id)) input.maps.push_back(*map);

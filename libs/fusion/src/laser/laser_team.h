@@ -65,10 +65,9 @@ class LaserMerger {
   // What became of the prior of two maps, a < b, that were merged so, else fit best so. Nothing without one.
   std::optional<PriorCheck> check_of_prior(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b) const;
   const std::vector<Hash>& judged() const { return judge_.asked(); }
-  // The pairs that run() asks about before anything is merged, instead of run().
-  std::vector<std::pair<std::size_t, std::size_t>> first_pairs();
-  // The wide searches that run() begins with, of these pairs alone.
-  void judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs);
+  // What run() asks before anything is merged, instead of run(); of each pair of maps the lower first.
+  std::vector<SubmapQuestion> first_questions_of_all();
+  void judge_first(const std::vector<SubmapQuestion>& questions) { judge_.ask(questions); }
 
  private:
   using MapPair = std::pair<std::size_t, std::size_t>;
@@ -93,6 +92,7 @@ class LaserMerger {
   double unlikeness(const std::vector<SubmapQuestion>& questions) const;
   std::vector<MapPair> next_pairs(bool is_first, std::set<MapPair>& asked) const;
   bool ask_more(std::size_t count, std::set<MapPair>& asked);
+  std::vector<SubmapQuestion> next_questions(PairState& state, std::size_t count) const;
   std::vector<const SubmapAnswer*> answers_between(const LaserTeam& x, const LaserTeam& z) const;
   std::vector<MergeHypothesis> seeds(const LaserTeam& x, const LaserTeam& z) const;
   // Of grids in one team with grids in the other.

@@ -105,19 +105,26 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
   return next;
 }
 
+// They are no longer open then.
+std::vector<SubmapQuestion> LaserMerger::next_questions(PairState& state, std::size_t count) const {
+  const std::size_t wanted = state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count;
+  const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(wanted, state.open.size()));
+  state.of_prior = 0;
+  std::vector<SubmapQuestion> next(state.open.begin(), end);
+  state.open.erase(state.open.begin(), end);
+  return next;
+}
+
 // The next questions of some pairs of maps; false when none is left.
 bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
   std::vector<SubmapQuestion> questions;
   std::vector<PairState*> whose;
   for (const MapPair& pair : next_pairs(count == kFirstRound, asked)) {
     PairState& state = pairs_.at(pair);
-    const auto end = state.open.begin() + static_cast<std::ptrdiff_t>(std::min(state.of_prior > 0 ? std::max(count, kBesidePrior) + state.of_prior : count, state.open.size()));
-    state.of_prior = 0;
-    for (auto question = state.open.begin(); question != end; ++question) {
-      questions.push_back(*question);
+    for (const SubmapQuestion& question : next_questions(state, count)) {
+      questions.push_back(question);
       whose.push_back(&state);
     }
-    state.open.erase(state.open.begin(), end);
   }
   if (questions.empty()) return false;
   std::vector<SubmapAnswer> answers = judge_.ask(questions);
@@ -173,20 +180,15 @@ void LaserMerger::open_pairs() {
       }
 }
 
-std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::first_pairs() {
+std::vector<SubmapQuestion> LaserMerger::first_questions_of_all() {
   open_pairs();
   std::set<MapPair> asked;
-  return next_pairs(true, asked);
-}
-
-void LaserMerger::judge_first(const std::vector<std::pair<std::size_t, std::size_t>>& pairs) {
-  std::vector<SubmapQuestion> questions;
-  for (const auto& [a, b] : pairs) {
-    if (maps_[a].submaps.empty() || maps_[b].submaps.empty()) continue;
-    const auto first = first_questions(a, b);
-    questions.insert(questions.end(), first.begin(), first.begin() + static_cast<std::ptrdiff_t>(std::min(kFirstRound, first.size())));
+  std::vector<SubmapQuestion> all;
+  for (const MapPair& pair : next_pairs(true, asked)) {
+    const std::vector<SubmapQuestion> questions = next_questions(pairs_.at(pair), kFirstRound);
+    all.insert(all.end(), questions.begin(), questions.end());
   }
-  judge_.ask(questions);
+  return all;
 }
 
 }  // namespace mapweave::fusion

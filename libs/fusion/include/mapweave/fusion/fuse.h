@@ -101,13 +101,23 @@ using Memo = std::map<Hash, Judgement>;
 // Throws Error(kBadInput) for two maps with one id or one node in two maps.
 FusionResult fuse(const FusionInput&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
 
-// The judgements that fuse() would make of these pairs of the input's maps, sorted by id: for who has time beside the one that fuses, which
-// takes them as its memo. Pairs name two of the maps each (else ContractViolation).
-using MapPair = std::pair<MapId, MapId>;
-std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<MapPair>&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
+// Two submaps to be laid on each other, and where to search.
+struct SubmapPair {
+  SubmapId a, b;
+  matching::WideWindow a_from_b;
+};
+// What fuse() asks of two maps before it joins any: of these submaps, and of all keyframes that cameras left.
+struct FirstPair {
+  MapId a, b;
+  std::vector<SubmapPair> submaps;
+  bool have_cameras = false;
+};
+// Its answers, sorted by id: for who has time beside the one that fuses, which takes them as its memo. Of maps without cameras no more
+// need be there than these submaps and their nodes. Throws Error(kBadInput) for maps or submaps that are not there.
+std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<FirstPair>&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
 // For FusionInput::models.
 std::shared_ptr<matching::ModelCache> make_models(const FusionOptions&);
-// The pairs that fuse() would judge before it joins any, the lower id first: with each map of a laser those most like it.
-std::vector<MapPair> first_pairs(const FusionInput&, const FusionOptions&, WorkerPool&);
+// With each map of a laser those most like it. Sorted, of each the lower id first.
+std::vector<FirstPair> first_pairs(const FusionInput&, const FusionOptions&, WorkerPool&);
 
 }  // namespace mapweave::fusion

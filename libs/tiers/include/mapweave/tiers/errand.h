@@ -10,8 +10,8 @@
 namespace mapweave::tiers {
 
 struct Errand {
-  std::vector<fusion::MapPair> pairs;  // of each, the edge holds one map
-  std::vector<std::string> updates;    // encoded MapUpdates: the maps that it does not hold
+  std::vector<fusion::FirstPair> pairs;  // of each, the edge holds one map
+  std::vector<std::string> updates;      // encoded MapUpdates: of the maps that it does not hold what is to be judged
 };
 
 }  // namespace mapweave::tiers
