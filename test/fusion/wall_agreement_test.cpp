@@ -37,7 +37,7 @@ class Placed {
 
 class WallAgreementOfTwoRobots : public testing::Test {
  protected:
-  WallAgreementOfTwoRobots() : team_(make_team()), one_(team_.robots[0], team_.laser), other_(team_.robots[1], team_.laser) {
+  explicit WallAgreementOfTwoRobots(simulation::SimulatedTeam team = make_team()) : team_(std::move(team)), one_(team_.robots[0], team_.laser), other_(team_.robots[1], team_.laser) {
     std::size_t number = 0;
     for (const Placed* placed : {&one_, &other_})
       for (const auto& model : placed->models()) sights_[number++] = std::make_shared<const WallSight>(*model);
@@ -101,13 +101,52 @@ TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better
   const Pose2 aside{0.6, -0.5, 0.07};
   const std::vector<BentRegion> bent = bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, any);
   ASSERT_FALSE(bent.empty());
+  double nearest_m = 1e9, nearest_rad = 1e9;
+  std::size_t near = 0;
   for (const BentRegion& region : bent) {
     const Pose2 left = compose(compose(region.moved, aside), Pose2{region.x_m, region.y_m, 0.0});
-    EXPECT_NEAR(left.x, region.x_m, 0.3);
-    EXPECT_NEAR(left.y, region.y_m, 0.3);
-    EXPECT_NEAR(left.phi, 0.0, 0.035);
+    const double left_m = std::hypot(left.x - region.x_m, left.y - region.y_m);
+    near += left_m < 0.3;
+    nearest_m = std::min(nearest_m, left_m);
+    nearest_rad = std::min(nearest_rad, std::abs(left.phi));
   }
+  EXPECT_GE(2 * near, bent.size()) << "where there are few walls, the place is rough";
+  EXPECT_LT(nearest_m, 0.15);
+  EXPECT_LT(nearest_rad, 0.02);
   EXPECT_TRUE(bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, [](std::size_t, std::size_t) { return false; }).empty());
+}
+
+class WallAgreementInACorridor : public WallAgreementOfTwoRobots {
+ protected:
+  WallAgreementInACorridor() : WallAgreementOfTwoRobots(make_corridor_team()) {}
+  static simulation::SimulatedTeam make_corridor_team() {
+    simulation::CorridorOptions corridor;
+    corridor.length_m = 60.0;
+    corridor.width_m = 2.0;
+    simulation::TeamOptions options;
+    options.robots = 2;
+    options.shared = 0.8;
+    return simulation::make_corridor(corridor, options);
+  }
+};
+
+TEST_F(WallAgreementInACorridor, that_lies_aside_would_lie_better_across_it_not_along_it_from_either_side) {
+  const auto any = [](std::size_t, std::size_t) { return true; };
+  const Pose2 world_from_one = team_.robots[0].steps.front().world_from_robot;
+  // The corridor runs along x of the world.
+  const double across_x = -std::sin(world_from_one.phi), across_y = std::cos(world_from_one.phi);
+  const auto aside = one_.at({-0.5 * across_x, -0.5 * across_y, 0.0}, 0);
+  const auto other = other_at(one_from_other());
+  for (const bool turned : {false, true}) {
+    const std::vector<BentRegion> bent = turned ? bent_regions({other, aside}, sight_of_, any) : bent_regions({aside, other}, sight_of_, any);
+    ASSERT_FALSE(bent.empty());
+    for (const BentRegion& region : bent) {
+      const Pose2 moved = compose(region.moved, Pose2{region.x_m, region.y_m, 0.0});
+      const double x = moved.x - region.x_m, y = moved.y - region.y_m, sign = turned ? -1.0 : 1.0;
+      EXPECT_NEAR(sign * (x * across_x + y * across_y), 0.5, 0.2);
+      EXPECT_NEAR(x * across_y - y * across_x, 0.0, 0.5);
+    }
+  }
 }
 
 TEST(TeamAudit, takes_furniture_that_moved_for_no_ghost) {

@@ -54,6 +54,8 @@ struct RegionAgreement {
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   std::vector<Contradiction> contradictions;  // longest first
 };
+constexpr double kUnclearShare = 0.25;  // of a wall that another one stands close to: drawn twice, it may be
+inline double in_doubt_m(const RegionAgreement& region) { return region.contradicted_m + kUnclearShare * region.unclear_m; }
 
 // Every map against every other, by regions in which both saw something. Asks for each sight once.
 std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of);
