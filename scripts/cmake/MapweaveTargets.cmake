@@ -6,7 +6,7 @@ function(mapweave_set_warnings target)
 endfunction()
 
 # mapweave_add_library(NAME USES <our libraries> SOURCES <files> [PUBLIC <targets>] [PRIVATE <targets>] [PROTOS <files>])
-# USES is the exact list of arrows of the README's 'How it is built': a library may use only what stands above it in libs/CMakeLists.txt.
+# USES is the exact list of arrows of libs/README.md: a library may use only what stands above it in libs/CMakeLists.txt.
 function(mapweave_add_library name)
   cmake_parse_arguments(arg "" "" "USES;SOURCES;PUBLIC;PRIVATE" ${ARGN})
   if(arg_UNPARSED_ARGUMENTS)
@@ -38,7 +38,7 @@ function(mapweave_check_arrows name folder allowed)
       if(NOT used IN_LIST allowed)
         file(RELATIVE_PATH shown ${PROJECT_SOURCE_DIR} ${file})
         message(FATAL_ERROR "${shown}: libs/${name} may not include mapweave/${used}/: add it to USES if the arrow of "
-          "the README allows it")
+          "libs/README.md allows it")
       endif()
     endforeach()
   endforeach()
