@@ -1,7 +1,7 @@
 """relation error, time and memory on the public laser logs, for one robot and for teams cut out of one log
 
 Needs the program (scripts/build) and the logs below MAPWEAVE_DATA (default ../shared/data): laser/LOG/LOG.rawlog, LOG.relations.
-Writes the table between <!-- bench:accuracy --> and <!-- /bench --> of README.md, and out/bench/accuracy.json; what the
+Writes the table between <!-- bench:accuracy --> and <!-- /bench --> of datasets/RESULTS.md, and out/bench/accuracy.json; what the
 program wrote stays in out/bench/accuracy/. A team that did not become one map has no figures (the error would be that of one of its maps), and the
 exit code is 5. A partial run (--logs, --engines) keeps the other rows as they were measured before.
 """
@@ -25,7 +25,7 @@ def add_arguments(parser):
     parser.add_argument("--logs", default=",".join(LOGS), help="default: all of %(default)s")
     parser.add_argument("--engines", default="graph,rbpf,icp", help="of single robots; teams are mapped with graph (default: %(default)s)")
     parser.add_argument("--repeat", type=int, default=1, metavar="N", help="the median of N wall times")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def names(text, known, what):
@@ -120,5 +120,5 @@ def run(arguments):
     text += f"\n\nMeasured by `scripts/bench accuracy` on {common.machine()}. Mean ± standard deviation over all relations (Kuemmerle et al. 2009)."
     print(text)
     if not arguments.dry_run:
-        common.write_readme("accuracy", text)
+        common.write_results("accuracy", text)
     return common.unmet("not one map", [f"{row['log']} with {row['robots']} robots" for row in rows.values() if not is_whole(row)])

@@ -1,4 +1,4 @@
-"""What benches share: the program, the public logs, tables in README.md."""
+"""What benches share: the program, the public logs, the tables of datasets/RESULTS.md."""
 import json
 import os
 import pathlib
@@ -10,6 +10,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "build/release/bin/mapweave"
 DATA = pathlib.Path(os.environ.get("MAPWEAVE_DATA", ROOT.parent / "shared/data"))
 OUT = ROOT / "out/bench"
+RESULTS = ROOT / "datasets/RESULTS.md"
 
 
 def give_up(message, code=3):
@@ -48,30 +49,39 @@ def table(headers, rows):
     return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
 
 
-def write_readme(name, text):
-    """Replaces what stands between <!-- bench:name --> and <!-- /bench --> in README.md."""
-    readme = ROOT / "README.md"
-    pattern = re.compile(rf"(<!-- bench:{name} -->\n).*?(<!-- /bench -->)", re.DOTALL)
-    new, count = pattern.subn(lambda match: match.group(1) + text + "\n" + match.group(2), readme.read_text())
+def write_results(name, text):
+    """Replaces what stands between <!-- bench:name --> and <!-- /bench --> in RESULTS.md, and the ten results of README.md, which come from there."""
+    replace_between(RESULTS, f"<!-- bench:{name} -->\n", "<!-- /bench -->", text)
+    from benches import ten_results   # which uses this module
+    ten_results.write()
+
+
+def replace_between(file, begin, end, text):
+    new, count = re.subn(f"({re.escape(begin)}).*?({re.escape(end)})", lambda match: match.group(1) + text + "\n" + match.group(2), file.read_text(), flags=re.DOTALL)
     if count != 1:
-        give_up(f"README.md has {count} places <!-- bench:{name} --> ... <!-- /bench -->; one was expected")
-    partial = readme.with_suffix(".partial")
+        give_up(f"{file.name} has {count} places {begin.strip()} ... {end}; one was expected")
+    partial = file.with_suffix(".partial")
     partial.write_text(new)
-    partial.replace(readme)
+    partial.replace(file)
 
 
-def readme_rows(name, headers):
-    """The cells of the first table between <!-- bench:name --> and <!-- /bench -->, by their first one; none where its columns are others."""
-    found = re.search(rf"<!-- bench:{name} -->\n((?:\|[^\n]*\n)*)", (ROOT / "README.md").read_text(), re.DOTALL)
-    lines = [[cell.strip() for cell in line.strip("|").split(" |")] for line in found.group(1).splitlines() if line.startswith("|")] if found else []
-    return {cells[0]: cells for cells in lines[2:]} if lines and lines[0] == list(headers) else {}
-
-
-def readme_text(name, pattern):
-    """What matches between <!-- bench:name --> and <!-- /bench -->; nothing where nothing does."""
-    found = re.search(rf"<!-- bench:{name} -->\n(.*?)<!-- /bench -->", (ROOT / "README.md").read_text(), re.DOTALL)
+def results_text(name, pattern="(?s).*"):
+    """What matches between <!-- bench:name --> and <!-- /bench --> of RESULTS.md; nothing where nothing does."""
+    found = re.search(rf"<!-- bench:{name} -->\n(.*?)<!-- /bench -->", RESULTS.read_text(), re.DOTALL)
     match = re.search(pattern, found.group(1)) if found else None
     return match.group(0) if match else ""
+
+
+def tables_of(name):
+    """The tables between <!-- bench:name --> and <!-- /bench --> of RESULTS.md, each a list of its lines' cells."""
+    return [[[cell.strip() for cell in line.strip().strip("|").split(" |")] for line in lines.splitlines()]
+            for lines in re.findall(r"(?:^\|[^\n]*\n)+", results_text(name), re.MULTILINE)]
+
+
+def results_rows(name, headers):
+    """The rows of the first of these tables, by their first cell; none where its columns are others."""
+    first = next(iter(tables_of(name)), [[]])
+    return {cells[0]: cells for cells in first[2:]} if first[0] == list(headers) else {}
 
 
 def unmet(what, some):

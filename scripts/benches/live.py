@@ -2,7 +2,7 @@
 
 Needs live_server_benchmark (scripts/build release live_server_benchmark). Robots with depth cameras in one apartment, 10 frames/s, cameras
 that hand over features; what they tell is recorded once, below out/bench/live. Writes the table between <!-- bench:live --> and
-<!-- /bench --> of README.md, and out/bench/live.json. Where the clients' maps did not become one, the exit code is 5 and what joining took is left
+<!-- /bench --> of datasets/RESULTS.md, and out/bench/live.json. Where the clients' maps did not become one, the exit code is 5 and what joining took is left
 out. Takes a minute for each row.
 """
 import json
@@ -18,7 +18,7 @@ HEADERS = ("clients", "maps at the end", "server, CPU s per client-minute", "of 
 def add_arguments(parser):
     parser.add_argument("--clients", default="1,2,4,8,16", metavar="N,...", help="recorded streams at sensor speed (default: %(default)s)")
     parser.add_argument("--team", type=int, default=8, metavar="N", help="whole clients in real time; 0: none (default: %(default)s)")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def measured(*arguments):
@@ -57,5 +57,5 @@ def run(arguments):
     common.write_json("live", {"machine": common.machine(), "commit": common.commit(), "rows": rows, "team": team})
     print(text)
     if not arguments.dry_run:
-        common.write_readme("live", text)
+        common.write_results("live", text)
     return common.unmet("not one map", [f"{row['clients']} clients ({row['components']} maps)" for row in [*rows, *([team] if team else [])] if row["components"] != 1])

@@ -1,7 +1,7 @@
 """what single parts of it cost: pictures, places, bundles and graphs, an hour of driving; place recognition on public pictures
 
 Needs the benchmark programs (scripts/build release all) and, for place recognition, visual/ below MAPWEAVE_DATA (default ../shared/data).
-Processor time, so that a busy machine disturbs little. Writes the table between <!-- bench:parts --> and <!-- /bench --> of README.md, and
+Processor time, so that a busy machine disturbs little. Writes the table between <!-- bench:parts --> and <!-- /bench --> of datasets/RESULTS.md, and
 out/bench/parts.json. Takes some twenty minutes, most of them the hours of driving. A partial run (--parts) keeps the other rows as they were measured before.
 """
 import pathlib
@@ -128,7 +128,7 @@ PARTS = {
 
 def add_arguments(parser):
     parser.add_argument("--parts", default=",".join(PARTS), metavar="NAME,...", help="default: all of %(default)s")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def run(arguments):
@@ -141,10 +141,10 @@ def run(arguments):
         what, measure, program = PARTS[name]
         rows[what] = (what, *measure(), f"`{program}`")
         common.write_json("parts", {"machine": common.machine(), "commit": common.commit(), "rows": rows})
-    kept = common.readme_rows("parts", HEADERS)
+    kept = common.results_rows("parts", HEADERS)
     text = common.table(HEADERS, [rows.get(what) or kept[what] for what, _, _ in PARTS.values() if what in rows or what in kept])
     text += f"\n\nMeasured by `scripts/bench parts` on {common.machine()}: processor time of one core."
     print(text)
     if not arguments.dry_run:
-        common.write_readme("parts", text)
+        common.write_results("parts", text)
     return 0

@@ -3,7 +3,7 @@
 Needs the program (scripts/build). Simulates the apartments of the paper's section VI (0.20 m/s) and, where MAPWEAVE_DATA has them, cuts public
 logs into teams; runs each team with its edges grouped by each method, and in the cloud alone. Before that it learns each place's latency model from
 other drives there (other seeds; of a public log, which has no other drive, other cuts). Robots are Raspberry Pi 3B+, wires are WiFi. Runs that this program made are not made again. Writes the tables between <!-- bench:recslam -->
-and <!-- /bench --> of README.md, out/bench/recslam.json and plots (PNG) beside it. Maps of a robot, of each edge and of all (fig. 12 to 14) go to
+and <!-- /bench --> of datasets/RESULTS.md, out/bench/recslam.json and plots (PNG) beside it. Maps of a robot, of each edge and of all (fig. 12 to 14) go to
 out/bench/recslam-maps. A scene whose robots do not end in one map in every run has no times, and the exit code is 5. Takes about an hour.
 """
 import hashlib
@@ -38,7 +38,7 @@ BUILDING_SEED = 9
 def add_arguments(parser):
     parser.add_argument("--scenes", default=";".join(SCENES), metavar="NAME;...", help="default: all of %(default)s")
     parser.add_argument("--seed", type=int, default=SEED, help="of the worlds that are predicted (default: %(default)s)")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def folder_of(name, seed):
@@ -278,5 +278,5 @@ def run(arguments):
     text = report(rows, models)
     print(text)
     if not arguments.dry_run:
-        common.write_readme("recslam", text)
+        common.write_results("recslam", text)
     return common.unmet("not one map in every run", [f"{row['name']} ({most_maps(row)} maps)" for row in rows if not is_one_map(row)])

@@ -2,7 +2,7 @@
 
 Needs grouping_benchmark (scripts/build release grouping_benchmark). Random overlap graphs: robots in a building (discs of what they saw), the same
 gathered around places, sparse and dense graphs of Erdos and Renyi. Writes the table between <!-- bench:scheduling --> and <!-- /bench --> of
-README.md, out/bench/scheduling.json and plots (PNG) beside it. Takes two minutes.
+datasets/RESULTS.md, out/bench/scheduling.json and plots (PNG) beside it. Takes two minutes.
 """
 import json
 import statistics
@@ -18,7 +18,7 @@ OTHERS = ("metis", "greedy", "recslam", "random")
 def add_arguments(parser):
     parser.add_argument("--robots", type=int, default=2000, metavar="N", help="largest graphs that are compared (default: %(default)s)")
     parser.add_argument("--graphs", type=int, default=200, metavar="N", help="graphs that are solved exactly (default: %(default)s)")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def measured(*arguments):
@@ -77,5 +77,5 @@ def run(arguments):
     common.write_json("scheduling", {"machine": common.machine(), "commit": common.commit(), "exact": exact, "compare": rows, "time": times, "unseen": unseen})
     print(text)
     if not arguments.dry_run:
-        common.write_readme("scheduling", text)
+        common.write_results("scheduling", text)
     return 0

@@ -4,7 +4,7 @@ Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default
 that share some seconds, on an edge each; the cloud joins them. Robots with two cameras drive in simulated buildings (made when they are first
 needed, some minutes each, and kept in out/bench/team-visual/worlds). Teams of more robots hand over features instead of pictures
 (team_benchmark). Writes the tables between <!-- bench:team-visual -->, <!-- bench:rigs --> or <!-- bench:teams --> and <!-- /bench --> of
-README.md, and out/bench/team-visual.json. Teams that did not become one map have no error of the team, and the exit code is 5. A partial run (--sequences) keeps the other rows as they were measured before.
+datasets/RESULTS.md, and out/bench/team-visual.json. Teams that did not become one map have no error of the team, and the exit code is 5. A partial run (--sequences) keeps the other rows as they were measured before.
 """
 import json
 import math
@@ -34,7 +34,7 @@ HEADERS = ("sequence", "robots", "joined", "single run, ATE m", "team, ATE m (le
 def add_arguments(parser):
     parser.add_argument("--sequences", default=",".join(NAMES), metavar="NAME,...", help="default: all of %(default)s")
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="the median error of N seeds (default: %(default)s)")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def rows_of(path):
@@ -214,11 +214,11 @@ def run(arguments):
         fresh = [row for row in measured if row["name"] in names]
         if not fresh:
             return
-        rows = {**common.readme_rows(tag, headers), **{cells_of(row)[0]: cells_of(row) for row in fresh}}
+        rows = {**common.results_rows(tag, headers), **{cells_of(row)[0]: cells_of(row) for row in fresh}}
         text = common.table(headers, rows.values()) + f"\n\nMeasured by `scripts/bench team-visual` on {common.machine()}" + note
         print(text)
         if not arguments.dry_run:
-            common.write_readme(tag, text)
+            common.write_results(tag, text)
 
     tell("team-visual", HEADERS, SEQUENCES, cells, ": each sequence cut into two robots that share some seconds, on an edge each. One alignment for the whole team; goal: "
          f"1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
@@ -228,5 +228,5 @@ def run(arguments):
          "frames/s. Wrongly: off by more than 0.5 m. "
          "Alone: root mean square of robots laid on the truth one by one, in apartments where nobody tells them anything; goal: 1.1 times that. Goals of bytes: 150 kB/s up, 50 down. Published, with other data: 500 up, 100 down "
          "(CVS, 30 frames/s), 370 up, 520 down (CCM-SLAM, as CVS quotes it)." +
-         ("".join(told_text(row) for row in measured if row["name"] == "apartment-3") or common.readme_text("teams", r"\n\nWhat was told in (.|\n)*of their own\.")))
+         ("".join(told_text(row) for row in measured if row["name"] == "apartment-3") or common.results_text("teams", r"\n\nWhat was told in (.|\n)*of their own\.")))
     return common.unmet("not one map, or joined falsely", [row["name"] for row in measured if not is_joined(row)])

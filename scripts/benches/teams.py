@@ -12,7 +12,7 @@ Needs the program (scripts/build; vision also team_benchmark) and laser/ below M
   names      verdicts do not depend on names, order, threads or where odometry begins
   halmstad   grids of other makers
   reliability  how often verdicts of rooms, strangers and overlap are right, by their probability: what those parts kept
-Robots' own maps are made once and kept (out/bench/teams/maps). Writes tables between <!-- bench:trust --> and <!-- /bench --> of README.md. Rows go to
+Robots' own maps are made once and kept (out/bench/teams/maps). Writes tables between <!-- bench:trust --> and <!-- /bench --> of datasets/RESULTS.md. Rows go to
 out/bench/teams.json; a partial run keeps the others. Pictures of every
 wrong or apart pair: out/bench/teams/pictures. Exit code 5 where a goal is missed. Everything takes hours; every part can be run by itself and in part.
 """
@@ -69,7 +69,7 @@ def add_arguments(parser):
     parser.add_argument("--keep-maps", action="store_true", help="stored maps of robots are used though the program is another one")
     parser.add_argument("--maps", metavar="DIR", help="where they are stored (default: out/bench/teams/maps)")
     parser.add_argument("--out", default=common.OUT, type=pathlib.Path, metavar="DIR", help="default: out/bench")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
     parser.add_argument("--no-pictures", action="store_true", help="of teams that are wrong or apart")
 
 
@@ -84,7 +84,7 @@ def run(arguments):
         importlib.import_module("benches.team_bench." + {**PARTS, **MAPS}[part]).run(bench)
     text = bench.tables(PARTS)
     if text and not arguments.dry_run:
-        common.write_readme("trust", text + f"\n\nMeasured by `scripts/bench teams` on {common.machine()}.")
+        common.write_results("trust", text + f"\n\nMeasured by `scripts/bench teams` on {common.machine()}.")
     for line in bench.missed:
         print("missed:", line)
     return 5 if bench.missed else 0

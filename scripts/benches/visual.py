@@ -3,7 +3,7 @@
 Needs the program (scripts/build) and the sequences below MAPWEAVE_DATA (default ../shared/data): visual/SEQUENCE. Simulated ones are made
 by `mapweave simulate` when they are first needed (some minutes each) and kept in out/bench/visual/worlds. Every run has one processor.
 A run that placed less than nine tenths of its frames has no error to show, and the exit code is 5: what was lost is not in it.
-Writes the table between <!-- bench:visual --> and <!-- /bench --> of README.md, and out/bench/visual.json. A partial run (--sequences)
+Writes the table between <!-- bench:visual --> and <!-- /bench --> of datasets/RESULTS.md, and out/bench/visual.json. A partial run (--sequences)
 keeps the other rows as they were measured before.
 """
 import json
@@ -41,7 +41,7 @@ def sequences():
 def add_arguments(parser):
     parser.add_argument("--sequences", default=",".join(sequences()), metavar="NAME,...", help="default: all of %(default)s")
     parser.add_argument("--seeds", type=int, default=5, metavar="N", help="the median error of N seeds (default: %(default)s)")
-    parser.add_argument("--dry-run", action="store_true", help="leave README.md as it is")
+    parser.add_argument("--dry-run", action="store_true", help="leave RESULTS.md and README.md as they are")
 
 
 def kitti_truth(folder, out):
@@ -153,7 +153,7 @@ def run(arguments):
             simulated(known[name]["world"], known[name]["sensor"])
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
-    rows, measured = common.readme_rows("visual", HEADERS), []
+    rows, measured = common.results_rows("visual", HEADERS), []
     for name in chosen:
         measured.append(measure(name, known[name], arguments.seeds))
         rows[name] = cells(measured[-1])
@@ -163,5 +163,5 @@ def run(arguments):
              f"of the seeds' errors; closed after: from the robot's coming back to where it was until its map was straight; mono is aligned with scale; `euroc_v101_static` stands still: the farthest from its start.")
     print(text)
     if not arguments.dry_run:
-        common.write_readme("visual", text)
+        common.write_results("visual", text)
     return common.unmet("too few frames were placed", [row["name"] for row in measured if not is_tracked(row)])

@@ -19,13 +19,13 @@ TEST(Reasons, have_words_of_their_own) {
   EXPECT_EQ(names.count("unknown"), 0U);
 }
 
-TEST(Reasons, stand_in_the_readmes_table_with_the_same_words) {
-  const std::string readme = read_file(MAPWEAVE_TEST_DATA "/../../README.md");
+TEST(Reasons, stand_in_the_guides_table_with_the_same_words) {
+  const std::string guide = read_file(MAPWEAVE_TEST_DATA "/../../apps/mapweave/guide/merges.md");
   for (int i = 0; i <= static_cast<int>(kLastReason); ++i) {
     const Reason reason = static_cast<Reason>(i);
     const std::string help(what_helps(reason));
-    EXPECT_THAT(readme, testing::HasSubstr("| `" + std::string(to_text(reason)) + "` | " + std::string(in_words(reason)) + " |" +
-                                           (help.empty() ? " |" : " " + help + " |")));
+    EXPECT_THAT(guide, testing::HasSubstr("| `" + std::string(to_text(reason)) + "` | " + std::string(in_words(reason)) + " |" +
+                                          (help.empty() ? " |" : " " + help + " |")));
   }
 }
 

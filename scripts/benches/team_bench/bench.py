@@ -79,7 +79,7 @@ class Bench:
         partial.replace(self.out / "teams.json")
 
     def table(self, part, title, headers, rows):
-        """Printed, and kept for README.md."""
+        """Printed, and kept for RESULTS.md."""
         text = common.table(headers, rows)
         print(text, flush=True)
         stored = self._stored()

@@ -3,7 +3,7 @@
 //   t_r = pack + robot -> edge + SLAM on the edge                          (1), by robot
 //   t_e = max over its robots of t_r + fusion of its maps                  (2), by edge
 //   t_c = max over edges of (t_e + edge -> cloud) + fusion of edge maps    (3)
-// Defaults are for this program on one core of an EPYC (all runs of README's RecSLAM table together); `mapweave profile`
+// Defaults are for this program on one core of an EPYC (all runs of the RecSLAM tables in datasets/RESULTS.md together); `mapweave profile`
 // learns them from earlier runs.
 
 #include <mapweave/scheduling/problem.h>
