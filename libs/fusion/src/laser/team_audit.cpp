@@ -14,6 +14,7 @@ namespace {
 constexpr double kGhost_m = 4.0, kGhostShare = 0.25;
 constexpr double kMovedShare = 0.4;  // in doubt, of what coincides, that may have moved
 constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
+
 // Whether a region is contradicted by things that moved, among walls that lie where they should.
 bool shows_what_moved(const RegionAgreement& region, const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of) {
   return in_doubt_m(region) < kMovedShare * region.coinciding_m && !better_place(maps[region.a], maps[region.b], region, sight_of);
