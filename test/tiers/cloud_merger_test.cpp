@@ -92,9 +92,9 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
 TEST_F(CloudTest, sends_edges_on_no_errand_that_they_cannot_do) {
   EdgeServer north(TierId("north"), {RobotId("alpha")}, {});
   north.step({RobotId("alpha"), test::make_map("alpha", 6), std::nullopt}, pool, *progress);
-  EXPECT_THROW(north.step(Errand{{{MapId("beta"), MapId("gamma")}}, {}}, pool, *progress), Error) << "neither is here";
-  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta")}}, {}}, pool, *progress), Error) << "beta was not sent along";
-  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta")}}, {"nonsense"}}, pool, *progress), Error);
+  EXPECT_THROW(north.step(Errand{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error) << "neither is here";
+  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error) << "beta was not sent along";
+  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta"), {}}}, {"nonsense"}}, pool, *progress), Error);
   EXPECT_TRUE(north.step(Errand{}, pool, *progress).for_cloud.empty());
 }
 
