@@ -26,7 +26,7 @@ def without(data, keys):
 
 
 TIMES = {"seconds", "wall_seconds", "cpu_seconds", "real_time_factor", "peak_rss_bytes", "load", "total_seconds", "algorithm_seconds", "came_seconds",
-         *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing", "repeated", "judging")),
+         *(f"{work}_cpu_seconds" for work in ("packing", "mapping", "seeing", "fusing", "repeated", "judging", "planning")),
          *(f"{done}_seconds" for done in ("packed", "arrived", "mapped", "ready", "fused", "judged"))}
 WITHOUT_TIMES = {
     "summary.json": lambda data: without(json.loads(data), TIMES),

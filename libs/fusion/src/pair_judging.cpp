@@ -227,7 +227,8 @@ void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress)
   lasers_->judge_first(questions);
   judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const auto [a, b] = std::minmax(known_number(pairs[i].a), known_number(pairs[i].b));
+    const std::size_t one = known_number(pairs[i].a), other = known_number(pairs[i].b);
+    const auto [a, b] = std::minmax(one, other);
     if (!seen_[a].empty() && !seen_[b].empty()) {
       const auto ids = seen_by_cameras(a, b).judged;
       judged_.insert(judged_.end(), ids.begin(), ids.end());
