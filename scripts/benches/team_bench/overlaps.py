@@ -19,6 +19,7 @@ POOL = 70                # stretches of each log
 APART_S = 10.0           # between two stretches, at least
 RIGHT_M, RIGHT_DEG = 0.3, 2.0
 PAIRS = 220              # wanted a level
+NOT_LOOKED_AT = ("mit-killian", "fr-clinic")   # of these no stretch was, when weights were set
 MOST_OF_ONE = 12         # pairs of a level that one stretch takes part in
 
 
@@ -82,6 +83,15 @@ def measure(bench, item):
             "reason": merges[0]["reason"] if merges else "none", "cpu_s": done.cpu_s}
 
 
+def line_of(what, goal, rows):
+    """A line of the table; none without rows."""
+    if not rows:
+        return []
+    right, offs = sum(row["result"] == "right" for row in rows), sorted(row["off_m"] for row in rows if row["result"] == "off")
+    return [(what, len(rows), right, f"{100 * right / len(rows):.1f} %", f"{100 * goal:g} %", sum(row["result"] == "apart" for row in rows), len(offs),
+             f"{offs[-1]:.2f}" if offs else "-")]
+
+
 def run(bench):
     found = {log: candidates(bench, log) for log in bench.arguments.logs}
     for log, levels in found.items():
@@ -95,15 +105,15 @@ def run(bench):
         rows[f"{level} {a.log} {a.name} {b.name}"] = row
         off = f"{row['off_m']:.2f} m {row['off_deg']:.1f} deg" if row.get("off_m") is not None else row["reason"]
         print(f"overlap: {level} % {a.log} {a.name} {b.name}: {row['result']}, {off}", flush=True)
-    bench.keep("overlap", rows)
+    kept = bench.keep("overlap", rows)
     lines = []
     for level, goal in LEVELS.items():
         some = [row for row in rows.values() if row["level"] == level]
         right = sum(row["result"] == "right" for row in some)
-        offs = sorted(row["off_m"] for row in some if row["result"] == "off")
-        lines.append((f"{level} %", len(some), right, f"{100 * right / len(some):.1f} %" if some else "-", f"{100 * goal:g} %", sum(row["result"] == "apart" for row in some),
-                      len(offs), f"{offs[-1]:.2f}" if offs else "-"))
         bench.gate("overlap", f"{level} %: pairs", len(some), wanted, len(some) >= wanted)
         bench.gate("overlap", f"{level} %: right", f"{right} of {len(some)}", f"{100 * goal:g} %", bool(some) and right >= math.ceil(goal * len(some)))
+        bench.gate("overlap", f"{level} %: off", sum(row["result"] == "off" for row in some), 0, all(row["result"] != "off" for row in some))
+        for what, is_wanted in (("", False), (", left out", True)):
+            lines += line_of(f"{level} %{what}", goal, [row for row in kept.values() if row["level"] == level and (row["log"] in NOT_LOOKED_AT) == is_wanted])
     bench.table("overlap", "Joined rightly (0.3 m, 2 degrees of the joint optimum) by overlap, real logs, no common seconds",
                 ("overlap", "pairs", "right", "share", "goal", "apart", "off", "farthest off, m"), lines)
