@@ -6,6 +6,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/graph/spatial_graph.h>
+#include <mapweave/maps/map_noise.h>
 #include <mapweave/rig/scale.h>
 
 #include <algorithm>
@@ -19,10 +20,10 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr std::size_t kCovisible = 5, kLeastShared = 15;  // covisible keyframes that each is constrained to in the graph
+constexpr std::size_t kCovisible = 5;  // covisible keyframes that each is constrained to in the graph
 // Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does not, so there the
 // shapes that they found hardly give way.
-constexpr double kTieShare = 0.015, kTie_m = 0.006, kTie_rad = 0.003, kStiff = 0.1;
+constexpr double kStiff = 0.1;
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
@@ -175,14 +176,15 @@ class Team {
     const auto tie = [&](std::size_t from, std::size_t to, double slack) {
       const Pose3 from_from_to = between(keyframes_[from].team_from_node, keyframes_[to].team_from_node);
       result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
-                        stiffness * slack * (kTie_m + kTieShare * from_from_to.t.norm()), stiffness * slack * kTie_rad});
+                        stiffness * slack * (kCovisibleMotion.step_m + kCovisibleMotion.step_share * from_from_to.t.norm()),
+                        stiffness * slack * kCovisibleMotion.step_rad});
     };
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const std::size_t first = first_keyframe_[keyframes_[i].member];
       if (i > first && !are_of_one_rig(i - 1, i)) tie(i - 1, i, 2.0);
       const auto& covisible = keyframes_[i].content->covisible;
       for (std::size_t c = 0; c < covisible.size() && c < kCovisible; ++c)
-        if (covisible[c].first >= kLeastShared) tie(covisible[c].second + first, i, 1.0);
+        if (covisible[c].first >= static_cast<std::size_t>(kCovisibleMotion.least_shared)) tie(covisible[c].second + first, i, 1.0);
     }
     for (std::size_t m = 0; m < members_.size(); ++m)
       for (const Constraint* rigid : rigs_[m]) {

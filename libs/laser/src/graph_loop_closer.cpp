@@ -2,6 +2,7 @@
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -11,11 +12,6 @@ namespace mapweave::laser {
 namespace {
 
 constexpr std::size_t kNeighbours = 2;  // submaps this near in the sequence share scans, or nearly: matching them says nothing new
-
-Eigen::Matrix3d chain_information(double length_m, const LoopOptions& options) {
-  const double sigma = 0.03 + 0.5 * options.drift_per_m * length_m, yaw = options.drift_yaw_per_submap_rad;
-  return Eigen::Vector3d(1.0 / (sigma * sigma), 1.0 / (sigma * sigma), 1.0 / (yaw * yaw)).asDiagonal();
-}
 
 }  // namespace
 
@@ -168,12 +164,11 @@ void LoopCloser::solve() {
   for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
     edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1),
                      between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
-                     chain_information(submaps_[i].length_m, options_.loops), false});
+                     submap_step_information(submaps_[i].length_m, options_.loops.drift_per_m, options_.loops.drift_yaw_per_submap_rad),
+                     false});
   for (std::size_t i = 0; i < loops_.size(); ++i) {
     if (!loops_[i].committed) continue;
-    // Submaps bend a little when the nodes in them move: a loop between them is not as stiff as its walls are sharp.
-    const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal();
-    Eigen::Matrix3d information = (loops_[i].information.inverse() + floor).inverse();
+    Eigen::Matrix3d information = (loops_[i].information.inverse() + submap_bend_covariance()).inverse();
     information = (0.5 * (information + information.transpose())).eval();
     edges.push_back(
         {static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b), loops_[i].a_from_b, information, true});

@@ -1,6 +1,7 @@
 #include "constraint_search.h"
 
 #include <mapweave/maps/alignment.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -54,7 +55,7 @@ double inconsistency(const SubmapMatch& one, const SubmapMatch& other, const Sol
   const Pose2 rest = compose(other.from_from_to, back);
   const Pose2 error = between(one.from_from_to, compose(there, rest));
   const Eigen::Matrix3d carry_there = adjoint(inverse(rest)), carry_other = adjoint(inverse(back));
-  const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal();
+  const Eigen::Matrix3d floor = submap_bend_covariance();
   const Eigen::Matrix3d covariance = one.information.inverse() + floor +
                                      carry_other * (other.information.inverse() + floor) * carry_other.transpose() +
                                      carry_there * from_covariance.between(from, other_from) * carry_there.transpose() +

@@ -1,5 +1,7 @@
 #include "prior_evidence.h"
 
+#include <mapweave/maps/map_noise.h>
+
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -10,7 +12,6 @@ namespace {
 // A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be wrong altogether.
 constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
 constexpr double kSeedWeight = 2.0;     // of a match that agrees, log odds
-constexpr double kDrift_per_m = 0.02;   // of a robot's own map, from where it began
 constexpr double kNear_m = 6.0, kFarthest_m = 14.0;  // between middles of submaps that may show the same
 constexpr double kFarthestReach_m = 12.0, kSigmas = 3.0;
 constexpr std::size_t kNearest = 2, kMostQuestions = 16;
@@ -59,7 +60,7 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
     for (const std::size_t i : one.representatives) {
       const double distance = std::hypot(one.centres[i].x - there.x(), one.centres[i].y - there.y());
       const double lever_m = reach(prior->a == a ? other.centres[j] : one.centres[i]);
-      const double drift_m = kDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
+      const double drift_m = kPathDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
       const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m + lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
       if (distance < std::min(kFarthest_m, kNear_m + 2.0 * sigma_m)) near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
     }
@@ -87,7 +88,7 @@ double PriorEvidence::weight(const SubmapMatch& match) const {
   if (prior == nullptr) return 0.0;
   const std::size_t i = graph_.submap_of(match.from), j = graph_.submap_of(match.to);
   const Pose2 from_from_to = compose(compose(maps_[from].map_from_submap[i], match.from_from_to), inverse(maps_[to].map_from_submap[j]));
-  const double drift_m = kDrift_per_m * (reach(maps_[from].centres[i]) + reach(maps_[to].centres[j]));
+  const double drift_m = kPathDrift_per_m * (reach(maps_[from].centres[i]) + reach(maps_[to].centres[j]));
   return kSeedWeight * std::exp(-0.5 * distance2(*prior, prior->a == from ? from_from_to : inverse(from_from_to), drift_m));
 }
 

@@ -2,6 +2,8 @@
 
 #include "../grid_stiffness.h"
 
+#include <mapweave/maps/map_noise.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <map>
@@ -9,22 +11,17 @@
 namespace mapweave::fusion {
 namespace {
 
-// Drift along a robot's trajectory, from one submap to the next.
-constexpr double kStep_m = 0.03, kDrift_per_m = 0.01, kStep_rad = 0.008;
 // Where scans of one submap were matched to another, or a loop was closed, in the robot's own map.
 constexpr double kRevisit_m = 0.05, kRevisit_rad = 0.006;
 constexpr std::size_t kFewestScans = 8;  // matched again in another submap, for a revisit
 constexpr std::size_t kNextOnes = 2;     // submaps this near along a trajectory share scans
-// Submaps bend when nodes move on their own: no match is stiffer.
-constexpr double kFloor_m2 = 2.5e-3, kFloor_rad2 = 2.5e-5;
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad)).asDiagonal();
 }
 
 Eigen::Matrix3d softened(const Eigen::Matrix3d& information) {
-  const Eigen::Matrix3d floor = Eigen::Vector3d(kFloor_m2, kFloor_m2, kFloor_rad2).asDiagonal();
-  const Eigen::Matrix3d soft = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
+  const Eigen::Matrix3d soft = (Eigen::Matrix3d::Identity() + information * submap_bend_covariance()).inverse() * information;
   return 0.5 * (soft + soft.transpose());
 }
 
@@ -87,8 +84,7 @@ void SubmapGraph::add_own_edges(std::size_t map) {
   for (std::size_t s = 0; s + 1 < own.submaps.size(); ++s) {
     const Pose2 step = between(own.map_from_submap[s], own.map_from_submap[s + 1]);
     const double length = std::hypot(step.x, step.y);
-    add(s, s + 1,
-        own.is_grid ? grid_stiffness(step.x, step.y) : information_of(kStep_m + kDrift_per_m * length, kStep_rad), false);
+    add(s, s + 1, own.is_grid ? grid_stiffness(step.x, step.y) : submap_step_information(length), false);
   }
   for (const auto& [pair, count] : shared) {
     const Pose2 step = between(own.map_from_submap[pair.first], own.map_from_submap[pair.second]);

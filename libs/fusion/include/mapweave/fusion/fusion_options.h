@@ -3,6 +3,7 @@
 
 #include <mapweave/fusion/grid_pair.h>
 #include <mapweave/graph/pose_graph.h>
+#include <mapweave/maps/map_noise.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/rematch.h>
 #include <mapweave/matching/visual_judge.h>
@@ -17,8 +18,8 @@ struct VisualFusionOptions {
   int companions = 3;
   double least_alike = 0.3;
   int adjustments = 2;
-  double sigma_px = 0.5;
-  double inverse_depth_sigma = 0.004;
+  double sigma_px = kLandmarkSigma_px;
+  double inverse_depth_sigma = kInverseDepthSigma_per_m;
   matching::VisualJudgeOptions judge;
   template <class Visitor>
   void describe(Visitor& v) {

@@ -2,6 +2,7 @@
 // Options of the engine `graph`.
 
 #include <mapweave/graph/pose_graph.h>
+#include <mapweave/maps/map_noise.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/rematch.h>
 
@@ -49,8 +50,8 @@ struct FrontEndOptions {
 };
 
 struct LoopOptions {
-  double drift_per_m = 0.02;
-  double drift_yaw_per_submap_rad = 0.008;
+  double drift_per_m = kPathDrift_per_m;
+  double drift_yaw_per_submap_rad = kSubmapTurn_rad;
   double max_radius_m = 15.0;
   int nearest = 6;
   int alike = 3;

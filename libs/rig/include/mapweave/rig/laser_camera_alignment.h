@@ -4,6 +4,7 @@
 
 #include <mapweave/graph/pose_graph.h>
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/map_noise.h>
 
 #include <vector>
 
@@ -12,8 +13,9 @@ namespace mapweave::rig {
 struct LaserCameraOptions {
   double longest_gap_s = 1.0;
   double tie_m = 0.02, tie_rad = 0.01;
+  // Softer than in a rig (maps/map_noise.h): here the laser gives the shape, and cameras follow.
   double step_m = 0.02, step_share = 0.02, step_rad = 0.012;
-  int least_shared = 15;
+  int least_shared = kCovisibleMotion.least_shared;
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("longest_gap_s", longest_gap_s, "longest time between the two scans around a keyframe that is constrained to them");

@@ -6,6 +6,7 @@
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/maps/map.h>
+#include <mapweave/maps/map_noise.h>
 #include <mapweave/rig/robot_trajectory.h>
 
 #include <string>
@@ -20,10 +21,10 @@ struct RigOptions {
   double threshold_m = 0.01, threshold_rad = 0.005;
   double tie_m = 0.004, tie_rad = 0.002;
   double acceleration_m_per_s2 = 0.5, acceleration_rad_per_s2 = 1.0;
-  double step_m = 0.006, step_share = 0.015, step_rad = 0.003;
+  double step_m = kCovisibleMotion.step_m, step_share = kCovisibleMotion.step_share, step_rad = kCovisibleMotion.step_rad;
   double step_scale = 0.05;
   double wheels_share = 0.02;
-  int least_shared = 15;
+  int least_shared = kCovisibleMotion.least_shared;
   double wrong_m = 0.05, wrong_share = 0.12, wrong_rad = 0.05;
   double most_wrong = 0.5;
   RobotTrajectoryOptions way;

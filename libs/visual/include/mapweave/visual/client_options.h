@@ -1,12 +1,14 @@
 #pragma once
 // Options of a camera client.
 
+#include <mapweave/maps/map_noise.h>
+
 #include <cstdint>
 
 namespace mapweave::visual {
 
 struct TrackingOptions {
-  double sigma_px = 0.5;
+  double sigma_px = kLandmarkSigma_px;
   double reach_px = 5.0;
   double min_correlation = 0.85;
   int cell_px = 20;
@@ -40,7 +42,7 @@ struct KeyframeOptions {
 };
 
 struct DepthOptions {
-  double inverse_depth_sigma = 0.004;
+  double inverse_depth_sigma = kInverseDepthSigma_per_m;
   double max_depth_m = 8.0;
   double min_depth_m = 0.2;
   double max_disparity = 0.25;
