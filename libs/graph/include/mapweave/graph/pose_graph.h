@@ -25,9 +25,13 @@ struct SolveOptions {
   int robust_rounds = 12;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("iterations", iterations, 1, 1000, "of the solver, per round");
-    v.positive("truncation_chi2", truncation_chi2, "a loop whose squared error (in sigmas) stays above this is dropped");
-    v.integer("robust_rounds", robust_rounds, 1, 100, "rounds of graduated non-convexity");
+    v.integer("iterations", iterations, 1, 1000, "most iterations of the solver in each round of optimising the pose graph");
+    v.positive("truncation_chi2", truncation_chi2,
+               "a loop closure whose squared error in standard deviations (chi-square, 3 degrees of freedom) stays above this is removed "
+               "as an outlier");
+    v.integer("robust_rounds", robust_rounds, 1, 100,
+              "number of rounds of graduated non-convexity (GNC), in which outliers among loop closures lose their weight; fewer rounds "
+              "decide more abruptly");
   }
 };
 

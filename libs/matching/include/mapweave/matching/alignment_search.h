@@ -39,11 +39,13 @@ struct AlignmentOptions {
   int least_inliers = 8;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("iterations", iterations, 1, 1000000, "samples of fewest matches at most");
-    v.fraction("confidence", confidence, "sampling ends when a sample without outliers was drawn with this probability");
-    v.integer("refinements", refinements, 1, 1000, "steps of least squares at most");
-    v.integer("seed", seed, 0, 4294967295, "of the samples");
-    v.integer("least_inliers", least_inliers, 4, 100000, "fewer are no alignment");
+    v.integer("iterations", iterations, 1, 1000000, "most samples that RANSAC draws for one alignment of two keyframes");
+    v.fraction("confidence", confidence,
+               "RANSAC ends early once it has drawn a sample without outliers with this probability; larger values draw more samples");
+    v.integer("refinements", refinements, 1, 1000, "most least-squares steps that refine an alignment found by RANSAC");
+    v.integer("seed", seed, 0, 4294967295, "seed of the random samples that RANSAC draws; the same seed gives the same alignment");
+    v.integer("least_inliers", least_inliers, 4, 100000,
+              "least number of matches that must agree for RANSAC to return an alignment at all");
   }
 };
 

@@ -32,9 +32,15 @@ struct MatchingOptions {
   double rotation_window_deg = 60.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("max_distance", max_distance, 1, 256, "bits that may differ");
-    v.fraction("ratio", ratio, "share of the distance to the second nearest that the nearest may have; 1: no such test");
-    v.number("rotation_window_deg", rotation_window_deg, 0.0, 360.0, "all patches turn alike, within such a window; 360: no such test");
+    v.integer("max_distance", max_distance, 1, 256,
+              "most bits of 256 in which two ORB descriptors may differ to be matched; larger values give more matches and more wrong "
+              "ones");
+    v.fraction("ratio", ratio,
+               "largest ratio of the distances to the nearest and the second nearest descriptor (Lowe's test); smaller values are "
+               "stricter, 1 switches the test off");
+    v.number("rotation_window_deg", rotation_window_deg, 0.0, 360.0,
+             "width in degrees of the window around the commonest rotation of matched features; matches outside are dropped, 360 "
+             "switches the test off");
   }
 };
 

@@ -21,12 +21,18 @@ struct GridProposalOptions {
   double contradiction = 0.5;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("scale_range", scale_range, 0.0, 0.3, "largest error of a grid's resolution that is searched, either way");
-    v.number("scale_step", scale_step, 0.005, 0.1, "step of that search");
-    v.integer("rotations", rotations, 1, 72, "rotations that are searched, those that explain the directions of walls best");
+    v.number("scale_range", scale_range, 0.0, 0.3,
+             "largest error of a grid's stated resolution that is searched, as a share either way; 0 searches one scale alone");
+    v.number("scale_step", scale_step, 0.005, 0.1, "step between two scales that are searched, as a share; smaller values take longer");
+    v.integer("rotations", rotations, 1, 72,
+              "number of rotations of one grid against the other that are searched: those that best explain the directions of walls in "
+              "both");
     v.non_negative("contradiction", contradiction,
-                   "weight of a wall in the other's free space against one that coincides; more where both were seen on one day");
-    v.integer("most", most, 1, 100, "proposals that are verified for each pair of grids");
+                   "weight of a wall that lies in the other grid's free space, relative to one that lies on a wall; larger suits grids "
+                   "of one day, smaller furniture that moves");
+    v.integer("most", most, 1, 100,
+              "number of proposed alignments that are refined and verified for each pair of grids; larger values miss fewer places and "
+              "take longer");
   }
 };
 

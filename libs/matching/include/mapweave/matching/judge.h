@@ -25,19 +25,37 @@ struct JudgeOptions {
   int search_budget = 400000;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.fraction("min_score", min_score, "a search result below this mean likelihood is no hypothesis");
-    v.fraction("rival_ratio", rival_ratio, "rivals down to this share of the best score are kept as hypotheses");
-    v.non_negative("min_overlap_m2", min_overlap_m2, "area both must know");
-    v.fraction("min_inliers", min_inliers, "share of the walls that both could see, that both have");
-    v.fraction("max_conflict", max_conflict, "share of the walls of one that the other saw through");
-    v.positive("max_contradiction_m", max_contradiction_m, "longest wall of one that the other saw through");
+    v.fraction("min_score", min_score,
+               "least mean likelihood of a scan's points in the other submap at which an alignment is considered; larger values miss "
+               "places that look different");
+    v.fraction("rival_ratio", rival_ratio,
+               "alignments of two submaps that score at least this share of the best one's score are kept as rivals; smaller values keep "
+               "more of them");
+    v.non_negative("min_overlap_m2", min_overlap_m2,
+                   "least area in square metres that two submaps must both have seen to be taken for the same place");
+    v.fraction("min_inliers", min_inliers,
+               "least share of the walls that both submaps could see that both have; larger values refuse more pairs of submaps");
+    v.fraction("max_conflict", max_conflict,
+               "largest share of one submap's walls that may lie where the other submap's laser saw free space; smaller values refuse "
+               "more pairs");
+    v.positive("max_contradiction_m", max_contradiction_m,
+               "longest single stretch of wall, in metres, that may lie where the other submap's laser saw free space");
     v.fraction("max_second_best", max_second_best,
-               "a distinct rival with more than this share of the best score makes the place ambiguous");
-    v.fraction("min_observability", min_observability, "below it a direction cannot be told from the walls");
-    v.flag("second_verifier", second_verifier, "check each alignment by an independent registration of oriented wall points");
-    v.fraction("min_verifier_inliers", min_verifier_inliers, "share of points the second verifier must pair");
-    v.positive("max_verifier_disagreement_m", max_verifier_disagreement_m, "how far the second verifier may move an alignment");
-    v.integer("search_budget", search_budget, 1000, 100000000, "steps of one search");
+               "a rival alignment that scores more than this share of the best one's score makes the pair of submaps ambiguous; larger "
+               "values accept more pairs");
+    v.fraction("min_observability", min_observability,
+               "least constraint of the alignment along its weakest direction, from 0 (a bare corridor) to 1 (walls in all directions); "
+               "pairs below it are not believed");
+    v.flag("second_verifier", second_verifier,
+           "check each alignment of two submaps by an independent registration of oriented wall points (ICP); refuses more wrong pairs "
+           "and takes longer");
+    v.fraction("min_verifier_inliers", min_verifier_inliers,
+               "least share of wall points that the second verifier (ICP) must pair within its reach");
+    v.positive("max_verifier_disagreement_m", max_verifier_disagreement_m,
+               "largest distance in metres by which the second verifier (ICP) may move an alignment that was found by search");
+    v.integer("search_budget", search_budget, 1000, 100000000,
+              "most nodes that one branch-and-bound search of two submaps looks at; a search that reaches it keeps what it has found; "
+              "larger values miss less and take longer");
   }
 };
 

@@ -15,10 +15,15 @@ struct DescriptionOptions {
   int most_views = 8;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("reach_px", reach_px, "from a landmark to the feature that stands for it, on the feature's pyramid level");
-    v.positive("sigma_px", sigma_px, "error of a landmark in one picture; together with its distance its deviation");
-    v.positive("sigma_m", sigma_m, "a landmark's deviation is at least this");
-    v.integer("most_views", most_views, 1, 1000, "keyframes that are asked, the latest");
+    v.positive("reach_px", reach_px,
+               "longest distance in pixels, on the feature's pyramid level, from a projected landmark to the ORB feature that gives it "
+               "its descriptor");
+    v.positive("sigma_px", sigma_px,
+               "standard deviation in pixels of where a landmark is seen in one picture; times its distance it gives the landmark's "
+               "position error");
+    v.positive("sigma_m", sigma_m, "least standard deviation in metres that a shared landmark is given, however often it was seen");
+    v.integer("most_views", most_views, 1, 1000,
+              "number of keyframes, the latest first, whose features are considered when a landmark gets its descriptor");
   }
 };
 

@@ -35,10 +35,14 @@ struct RetrievalOptions {
   int most = 400;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("margin_px", margin_px, 0.0, 1000.0, "around the picture, that counts as in it");
-    v.positive("most_turn_rad", most_turn_rad, "between how a landmark was seen and how it would be seen now");
-    v.number("most_range_ratio", most_range_ratio, 1.0, 100.0, "farther or nearer than it was seen, by this factor");
-    v.integer("most", most, 1, 1000000, "landmarks for one camera: those seen most alike");
+    v.number("margin_px", margin_px, 0.0, 1000.0,
+             "width in pixels of the border around the picture within which a projected landmark still counts as in view");
+    v.positive("most_turn_rad", most_turn_rad,
+               "largest angle in radians between the direction from which a landmark was seen and the one from which it would be seen now");
+    v.number("most_range_ratio", most_range_ratio, 1.0, 100.0,
+             "largest factor between the distance at which a landmark was seen and its distance now; features look different beyond it");
+    v.integer("most", most, 1, 1000000,
+              "most landmarks that are shared with one camera at a time: those that were seen from the most similar viewpoints");
   }
 };
 
@@ -47,8 +51,11 @@ struct LandmarkIndexOptions {
   bool spatial = false;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("cell_m", cell_m, 0.05, 1000.0, "side of a cell");
-    v.flag("spatial", spatial, "cells of height cell_m, for buildings with many floors; off: each reaches from the ground to the sky");
+    v.number("cell_m", cell_m, 0.05, 1000.0,
+             "side in metres of the cells in which landmarks are looked up; affects speed, not what is found");
+    v.flag("spatial", spatial,
+           "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches from the ground to "
+           "the sky. Affects speed, not what is found");
   }
 };
 

@@ -20,12 +20,20 @@ struct RematchOptions {
   double information_scale = 0.03;  // points share errors: they count less than independent ones would
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("radius_m", radius_m, "a submap is near a scan when its path comes this close");
-    v.integer("most_submaps", most_submaps, 0, 100, "submaps a scan is matched to again; 0 switches the step off");
-    v.fraction("min_inliers", min_inliers, "share of a scan's points that must fit");
-    v.positive("max_correction_m", max_correction_m, "matches that would move a scan farther are dropped");
-    v.positive("max_correction_rad", max_correction_rad, "matches that would turn a scan farther are dropped");
-    v.fraction("information_scale", information_scale, "weight of a point, against one whose error is its own");
+    v.positive("radius_m", radius_m,
+               "a scan is matched again only to submaps whose path comes within this distance in metres; larger values find more "
+               "constraints and take longer");
+    v.integer("most_submaps", most_submaps, 0, 100,
+              "most submaps that each scan is matched to again, the nearest first; 0 switches the step off");
+    v.fraction("min_inliers", min_inliers,
+               "least share of a scan's points that must lie on walls of the submap for the match to become a constraint");
+    v.positive("max_correction_m", max_correction_m,
+               "matches that would move a scan by more than this distance in metres are dropped as wrong");
+    v.positive("max_correction_rad", max_correction_rad,
+               "matches that would turn a scan by more than this angle in radians are dropped as wrong");
+    v.fraction("information_scale", information_scale,
+               "information of a scan match relative to that of points with independent errors; well below 1, because the points of a "
+               "scan share errors of pose and sensor");
   }
 };
 

@@ -27,15 +27,24 @@ struct VisualJudgeOptions {
   void describe(Visitor& v) {
     v.section("matching", matching, "candidates by descriptors");
     v.section("alignment", alignment, "alignments by sampling and least squares");
-    v.positive("sigma_px", sigma_px, "deviation of a feature of the lowest level of the pyramid");
-    v.positive("guided_radius_px", guided_radius_px, "around where a landmark is expected, its feature is looked for");
-    v.integer("guided_max_distance", guided_max_distance, 1, 256, "bits in which it may differ");
-    v.integer("neighbours", neighbours, 0, 100, "covisible keyframes of each side that take part");
-    v.integer("min_inliers", min_inliers, 4, 100000, "matches that agree");
-    v.fraction("min_found", min_found, "share of the landmarks in view that are found");
-    v.fraction("max_conflict", max_conflict, "share of them that the other side saw through");
-    v.fraction("max_second_best", max_second_best, "a distinct rival with more than this share of the matches makes the place ambiguous");
-    v.fraction("min_spread", min_spread, "of the matches over the pictures, along the narrower direction; 1: as wide as the pictures");
+    v.positive("sigma_px", sigma_px,
+               "standard deviation in pixels of an ORB feature on the lowest pyramid level; larger values accept worse matches as inliers");
+    v.positive("guided_radius_px", guided_radius_px,
+               "radius in pixels around the projection of a landmark within which its feature is looked for once a first alignment is "
+               "known");
+    v.integer("guided_max_distance", guided_max_distance, 1, 256,
+              "most bits of 256 in which a feature found by projection may differ from the landmark's descriptor");
+    v.integer("neighbours", neighbours, 0, 100,
+              "number of covisible keyframes on each side whose features and landmarks take part when two keyframes are compared");
+    v.integer("min_inliers", min_inliers, 4, 100000, "least number of matches that must agree with the alignment of two keyframes");
+    v.fraction("min_found", min_found, "least share of the landmarks expected in the other keyframe's view that must be found there");
+    v.fraction("max_conflict", max_conflict,
+               "largest share of the landmarks expected in the other keyframe's view that it may have seen through to something farther");
+    v.fraction("max_second_best", max_second_best,
+               "a distinct rival alignment with more than this share of the best one's matches makes the pair of keyframes ambiguous");
+    v.fraction("min_spread", min_spread,
+               "least extent of the matches over the pictures along the narrower direction, as a share of the picture's size; matches in "
+               "one corner align badly");
   }
 };
 
