@@ -22,12 +22,13 @@ struct LaserOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("engine", engine, {{"graph", Engine::graph}, {"rbpf", Engine::rbpf}, {"icp", Engine::icp}},
-             "graph: submaps and a pose graph; rbpf: MRPT's Rao-Blackwellised particle filter; icp: MRPT's scan matching, no loops");
-    v.section("scan", scan, "what is taken of a log");
-    v.section("graph", graph, "the engine graph");
-    v.section("rbpf", rbpf, "the engine rbpf");
-    v.section("icp", icp, "the engine icp");
-    v.section("external", external, "the helper that runs rbpf and icp");
+             "laser SLAM to map with; graph: submaps and a pose graph with loop closures; rbpf: MRPT's Rao-Blackwellised particle "
+             "filter; icp: MRPT's incremental scan matching without loop closures");
+    v.section("scan", scan, "how laser scans are read from a log");
+    v.section("graph", graph, "laser SLAM with submaps and a pose graph (laser.engine: graph)");
+    v.section("rbpf", rbpf, "MRPT's Rao-Blackwellised particle filter (laser.engine: rbpf)");
+    v.section("icp", icp, "MRPT's incremental scan matching (laser.engine: icp)");
+    v.section("external", external, "the helper process that runs MRPT's engines rbpf and icp");
   }
 };
 

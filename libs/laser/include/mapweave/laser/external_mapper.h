@@ -19,9 +19,9 @@ struct ExternalMapperOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("helper", helper, "path of mrpt_mapper; empty: beside the running program");
-    v.flag("show_messages", show_messages, "MRPT's own messages, of which there are many, go to standard error");
-    v.section("submaps", submaps, "how the engine's answer is cut into submaps");
+    v.text("helper", helper, "path of the helper program mrpt_mapper; empty: beside the running program");
+    v.flag("show_messages", show_messages, "pass the many messages of MRPT's own code through to standard error");
+    v.section("submaps", submaps, "how the trajectory of rbpf or icp is cut into submaps");
   }
 };
 

@@ -33,20 +33,25 @@ struct ScanInputOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("label", label, "sensor label of the laser to use where a log has several; empty: the first one seen");
-    v.non_negative("min_range_m", min_range_m, "nearer readings are no returns (the robot's own body)");
-    v.non_negative("max_range_m", max_range_m, "readings at or past it are no returns; 0: the log's own maximum, 200 m at most");
+    v.text("label", label, "sensor label of the laser to map with where a log has several; empty: the first one in the log");
+    v.non_negative("min_range_m", min_range_m,
+                   "laser readings below this distance in metres count as no return, because they show the robot's own body");
+    v.non_negative("max_range_m", max_range_m,
+                   "laser readings of this distance in metres or more count as no return; 0: the sensor's own maximum, at most 200 m");
     v.positive("max_speed_mps", max_speed_mps,
-               "odometry that jumps farther started anew: the robot is taken to have stood still meanwhile");
+               "odometry that jumps by more than this speed in m/s allows was reset; the robot is taken to have stood still during the "
+               "jump");
     v.choice("sweep", sweep,
              {{"automatic", SweepSource::automatic}, {"given", SweepSource::given}, {"none", SweepSource::none}},
-             "how long the laser takes to turn, which bends the scans of a moving robot. automatic: the engine graph learns it from the "
-             "scans; given: sweep_s; none: all rays are measured at once");
-    v.number("sweep_s", sweep_s, 0.0, 5.0, "time from a scan's first ray to its last, where sweep is 'given'");
+             "how long the laser takes for one sweep, which distorts scans of a moving robot; automatic: the engine graph estimates it "
+             "from the scans; given: as sweep_s says; none: all rays are taken at once");
+    v.number("sweep_s", sweep_s, 0.0, 5.0, "time in seconds from the first ray of a scan to its last one (laser.scan.sweep: given)");
     v.choice("sweep_order", sweep_order, {{"along_rays", SweepOrder::along_rays}, {"against_rays", SweepOrder::against_rays}},
-             "against_rays: the last ray of a scan is measured first");
+             "direction of the sweep; along_rays: the first ray of a scan was measured first; against_rays: the last one "
+             "(laser.scan.sweep: given)");
     v.fraction("sweep_stamp", sweep_stamp,
-               "the part of the sweep that is over at a scan's stamp; 0: the first ray that was measured, 1: the last one");
+               "which part of the sweep has passed at a scan's stamp; 0: it is stamped at the first measured ray, 1: at the last one "
+               "(laser.scan.sweep: given)");
   }
 };
 
