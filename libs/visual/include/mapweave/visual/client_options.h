@@ -18,14 +18,27 @@ struct TrackingOptions {
   int features = 500;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("sigma_px", sigma_px, "error of a landmark's place in the full picture");
-    v.positive("reach_px", reach_px, "a landmark is looked for this far from where it is expected, pixels of its pyramid level");
-    v.fraction("min_correlation", min_correlation, "of a landmark's patch with the picture, to be taken for seen");
-    v.integer("cell_px", cell_px, 8, 200, "side of the cells of the picture that hold one landmark each");
-    v.integer("near_keyframes", near_keyframes, 1, 1000, "keyframes whose landmarks are looked for");
-    v.integer("least_landmarks", least_landmarks, 8, 1000, "with fewer the camera is lost");
-    v.positive("gate_sigmas", gate_sigmas, "sightings farther off than this are wrong");
-    v.integer("features", features, 50, 10000, "of a keyframe, to be known again by");
+    v.positive("sigma_px", sigma_px,
+               "standard deviation in pixels of where a landmark is seen in the full picture; larger values trust single sightings less");
+    v.positive("reach_px", reach_px,
+               "radius in pixels, on the landmark's pyramid level, around its predicted position in which it is searched for; larger "
+               "values follow faster motion and take longer");
+    v.fraction("min_correlation", min_correlation,
+               "least correlation of a landmark's patch with the picture to count as seen; larger values track fewer landmarks with "
+               "fewer mistakes");
+    v.integer("cell_px", cell_px, 8, 200,
+              "side in pixels of the cells of the picture that hold one landmark each; smaller values track more landmarks and take "
+              "longer");
+    v.integer("near_keyframes", near_keyframes, 1, 1000,
+              "number of covisible keyframes whose landmarks are projected into each frame; larger values track more landmarks and take "
+              "longer");
+    v.integer("least_landmarks", least_landmarks, 8, 1000,
+              "number of tracked landmarks below which the camera counts as lost; half of it suffices while it is followed from frame to "
+              "frame");
+    v.positive("gate_sigmas", gate_sigmas,
+               "a sighting farther from its prediction than this many standard deviations is rejected as an outlier");
+    v.integer("features", features, 50, 10000,
+              "number of ORB features extracted from each keyframe, by which its place is recognised later");
   }
 };
 
@@ -35,9 +48,12 @@ struct KeyframeOptions {
   double parallax = 0.1;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.fraction("kept_share", kept_share, "a keyframe is made when fewer of the last one's landmarks are left");
-    v.positive("turn_rad", turn_rad, "or after turning so far");
-    v.positive("parallax", parallax, "or after moving so far, in units of the landmarks' middle distance");
+    v.fraction("kept_share", kept_share,
+               "a new keyframe is made when fewer than this share of the last keyframe's landmarks are still tracked; larger values make "
+               "more keyframes");
+    v.positive("turn_rad", turn_rad, "a new keyframe is made after the camera turned by this angle in radians since the last one");
+    v.positive("parallax", parallax,
+               "a new keyframe is made after the camera moved by this share of the landmarks' median distance since the last one");
   }
 };
 
@@ -49,10 +65,12 @@ struct DepthOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("inverse_depth_sigma", inverse_depth_sigma,
-               "error of a depth camera, in inverse metres: its error grows with the square of the depth");
-    v.positive("max_depth_m", max_depth_m, "farther readings of a depth camera are left out");
-    v.positive("min_depth_m", min_depth_m, "nearer ones too");
-    v.fraction("max_disparity", max_disparity, "of a stereo pair, in widths of the picture");
+               "standard deviation of a depth camera's inverse depth in 1/m; constant, because the error of a depth grows with its square");
+    v.positive("max_depth_m", max_depth_m, "readings of a depth camera beyond this distance in metres are ignored");
+    v.positive("min_depth_m", min_depth_m, "readings of a depth camera below this distance in metres are ignored");
+    v.fraction("max_disparity", max_disparity,
+               "largest disparity of a stereo pair that is searched, as a share of the picture's width; larger values see nearer things "
+               "and take longer");
   }
 };
 
@@ -64,12 +82,16 @@ struct WindowOptions {
   bool learn_depth_offset = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("keyframes", keyframes, 2, 100, "that local bundle adjustment moves");
-    v.integer("fixed_keyframes", fixed_keyframes, 0, 100, "and that hold them");
-    v.integer("steps", steps, 1, 100, "of each local bundle adjustment");
+    v.integer("keyframes", keyframes, 2, 100,
+              "number of keyframes that local bundle adjustment moves; larger values are more accurate and slower");
+    v.integer("fixed_keyframes", fixed_keyframes, 0, 100,
+              "number of keyframes around the window that local bundle adjustment holds fixed, so that the window does not drift against "
+              "them");
+    v.integer("steps", steps, 1, 100, "most solver steps of each local bundle adjustment");
     v.flag("learn_readout", learn_readout,
-           "learn how long the sensor takes to read a picture from the first row to the last (rolling shutter)");
-    v.flag("learn_depth_offset", learn_depth_offset, "learn a constant error of disparities");
+           "estimate how long the camera takes to read a picture from its first row to its last (rolling shutter) and correct for it");
+    v.flag("learn_depth_offset", learn_depth_offset,
+           "estimate a constant error of the inverse depths (disparities) of a depth camera or stereo pair and correct for it");
   }
 };
 
@@ -82,11 +104,18 @@ struct MemoryOptions {
   int frames = 500000;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("keyframes", keyframes, 20, 100000, "kept at most: those go first whose landmarks others see too");
-    v.fraction("redundant_share", redundant_share, "a keyframe goes where others see so many of its landmarks");
-    v.integer("redundant_views", redundant_views, 1, 100, "so many others, as finely as it does");
-    v.fraction("found_share", found_share, "a landmark goes that is found less often than this where it is looked for");
-    v.integer("frames", frames, 1000, 100000000, "of the trajectory, kept at most (40 bytes each): of more, every second one goes");
+    v.integer("keyframes", keyframes, 20, 100000,
+              "most keyframes in a robot's map; beyond it, those are removed whose landmarks other keyframes see too");
+    v.fraction("redundant_share", redundant_share,
+               "a keyframe is removed where this share of its landmarks is seen by enough other keyframes; smaller values keep fewer "
+               "keyframes");
+    v.integer("redundant_views", redundant_views, 1, 100,
+              "number of other keyframes that must see a landmark as finely as a keyframe does for the landmark to count as redundant "
+              "there");
+    v.fraction("found_share", found_share,
+               "a landmark is removed when it is found in fewer than this share of the frames in which it was searched for");
+    v.integer("frames", frames, 1000, 100000000,
+              "most frames of the trajectory that are kept, at 40 bytes each; beyond it every second one is dropped");
   }
 };
 
@@ -100,13 +129,19 @@ struct LoopOptions {
   bool wait = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("enabled", enabled, "look for places that were seen before");
-    v.integer("witnesses", witnesses, 1, 20, "keyframes that must say the same");
-    v.fraction("least_probability", least_probability, "of a judgement that two keyframes show one place");
-    v.positive("drift", drift, "share of the way from one to the other that they may be apart");
-    v.positive("drift_m", drift_m, "and this much besides");
-    v.number("delay_s", delay_s, 0.0, 60.0, "of data, from finding a loop until the map is straightened");
-    v.flag("wait", wait, "straighten it then, whether or not that is computed yet; off: when it is, as live cameras do");
+    v.flag("enabled", enabled, "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
+    v.integer("witnesses", witnesses, 1, 20, "number of keyframes that must agree on a loop closure for it to be believed");
+    v.fraction("least_probability", least_probability, "least probability that two keyframes show one place to count for a loop closure");
+    v.positive("drift", drift,
+               "drift that a loop closure may correct, in metres per metre of path since the place was seen; larger values accept loops "
+               "after worse drift");
+    v.positive("drift_m", drift_m, "drift in metres that a loop closure may correct whatever the length of the path");
+    v.number("delay_s", delay_s, 0.0, 60.0,
+             "recorded time in seconds from detecting a loop closure until its correction is applied; fixed, so that results do not "
+             "depend on computing time");
+    v.flag("wait", wait,
+           "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; off: as soon as it is "
+           "computed, which is not repeatable");
   }
 };
 
@@ -119,17 +154,22 @@ struct SessionOptions {
   bool await_place = false;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("patience_s", patience_s, "of seeing something, lost, before a new map is begun");
-    v.integer("least_corners", least_corners, 8, 10000, "a picture with fewer shows nothing");
+    v.positive("patience_s", patience_s,
+               "time in seconds for which a lost camera that sees something tries to relocalise before it begins a new map");
+    v.integer("least_corners", least_corners, 8, 10000,
+              "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered lens");
     v.positive("carried_m_per_s", carried_m_per_s,
-               "a lost camera may have come so far where there is no odometry: farther places look alike, no more");
-    v.fraction("odometry_drift", odometry_drift, "share of the way, and of turns, that odometry may be wrong by; places beyond look alike");
-    v.number(
-        "alike_m", alike_m, 0.0, 1000.0,
-        "between rooms that may look the same, at least: without odometry a lost camera is found again only where it cannot have come so "
-        "far, and sessions are joined where places twice as far apart say the same; 0: no two places look the same");
+               "speed in m/s at which a lost camera without odometry may have been moved; relocalisation farther away is refused as a "
+               "look-alike");
+    v.fraction("odometry_drift", odometry_drift,
+               "error of odometry as a share of motion and of turns while the camera is lost; relocalisation outside what it allows is "
+               "refused as a look-alike");
+    v.number("alike_m", alike_m, 0.0, 1000.0,
+             "least distance in metres between two places that look the same, for cameras without odometry: a lost camera is relocalised "
+             "only where nearer look-alikes are impossible, and sessions are joined only where places twice as far apart agree; 0: every "
+             "place is unique");
     v.flag("await_place", await_place,
-           "a camera alone begins no map by itself: it waits until it is told where it is, and its scale with that");
+           "a monocular camera begins no map of its own, but waits until the server tells it its pose, and thereby its scale");
   }
 };
 
@@ -144,13 +184,13 @@ struct ClientOptions {
   std::uint64_t seed = 1;  // of random choices: the run's
   template <class Visitor>
   void describe(Visitor& v) {
-    v.section("tracking", tracking, "where each frame was taken");
-    v.section("keyframe", keyframe, "which frames are kept");
-    v.section("depth", depth, "depth cameras and stereo pairs");
-    v.section("window", window, "local bundle adjustment");
-    v.section("memory", memory, "what is kept of the map");
-    v.section("loops", loops, "places seen before");
-    v.section("session", session, "maps that begin anew where the camera is lost");
+    v.section("tracking", tracking, "tracking of the camera's pose from frame to frame");
+    v.section("keyframe", keyframe, "when a frame becomes a keyframe");
+    v.section("depth", depth, "depths from depth cameras and stereo pairs");
+    v.section("window", window, "local bundle adjustment around the newest keyframe");
+    v.section("memory", memory, "limits on the size of a camera's map");
+    v.section("loops", loops, "loop closures within a camera's map");
+    v.section("session", session, "new sessions (maps) after the camera was lost, and relocalisation");
   }
 };
 
