@@ -13,10 +13,13 @@ struct ComposeOptions {
   double miss_probability = 0.4;  // of a wall where a ray passes
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("resolution_m", resolution_m, 0.005, 1.0, "side of a cell");
-    v.positive("max_range_m", max_range_m, "rays are drawn up to here");
-    v.number("hit_probability", hit_probability, 0.5, 0.999, "of a wall where a ray ends");
-    v.number("miss_probability", miss_probability, 0.001, 0.5, "of a wall where a ray passes");
+    v.number("resolution_m", resolution_m, 0.005, 1.0,
+             "side in metres of a cell of the occupancy grid; smaller values show more detail and need more memory");
+    v.positive("max_range_m", max_range_m, "longest part of a laser ray, in metres, that is drawn into the occupancy grid");
+    v.number("hit_probability", hit_probability, 0.5, 0.999,
+             "probability that a cell is occupied when a ray ends in it; larger values make walls appear after fewer rays");
+    v.number("miss_probability", miss_probability, 0.001, 0.5,
+             "probability that a cell is occupied when a ray passes through it; smaller values clear moving objects after fewer rays");
   }
 };
 

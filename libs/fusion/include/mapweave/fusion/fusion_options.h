@@ -23,16 +23,27 @@ struct VisualFusionOptions {
   matching::VisualJudgeOptions judge;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("candidates", candidates, 1, 1000, "keyframes of another map, most alike first, that each keyframe is compared with");
-    v.integer("most_pairs", most_pairs, 1, 1000000, "pairs of keyframes compared for one pair of maps");
+    v.integer("candidates", candidates, 1, 1000,
+              "number of most similar keyframes of another map that each keyframe is compared with; larger values find more common "
+              "places and take longer");
+    v.integer("most_pairs", most_pairs, 1, 1000000, "most pairs of keyframes that are compared for one pair of camera maps");
     v.integer("enough_witnesses", enough_witnesses, 1, 1000000,
-              "of different keyframes, that agree and that nothing contradicts: then pairs beside theirs are not judged");
-    v.integer("companions", companions, 0, 100, "keyframes that see most of the same landmarks and speak with each");
-    v.fraction("least_alike", least_alike, "share of the likeness of two keyframes in a row, below which two places are not compared");
-    v.integer("adjustments", adjustments, 0, 100, "rounds of finding landmarks that two maps share and adjusting the bundle of all");
-    v.positive("sigma_px", sigma_px, "error of a landmark's place in the full picture");
-    v.positive("inverse_depth_sigma", inverse_depth_sigma, "error of the inverse of a measured depth, 1/m");
-    v.section("judge", judge, "when two keyframes show the same place");
+              "number of agreeing pairs of different keyframes, contradicted by none, after which further pairs at the same place are "
+              "not compared");
+    v.integer("companions", companions, 0, 100,
+              "number of covisible keyframes that are added to each side when two keyframes of different maps are compared");
+    v.fraction("least_alike", least_alike,
+               "least similarity of two keyframes to be compared, as a share of the similarity of consecutive keyframes; larger values "
+               "compare fewer pairs");
+    v.integer("adjustments", adjustments, 0, 100,
+              "rounds of matching the landmarks that camera maps share and of bundle adjustment over all maps; 0 leaves the pose graph's "
+              "result");
+    v.positive("sigma_px", sigma_px,
+               "standard deviation in pixels of where a landmark is seen in the full picture, for the bundle adjustment of merged camera "
+               "maps");
+    v.positive("inverse_depth_sigma", inverse_depth_sigma,
+               "standard deviation of a measured inverse depth in 1/m, for the bundle adjustment of merged camera maps");
+    v.section("judge", judge, "when keyframes of two camera maps are taken for the same place");
   }
 };
 
@@ -58,26 +69,40 @@ struct FusionOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("candidates_per_submap", candidates_per_submap, 1, 1000,
-              "submaps of another map, most alike first, that each submap is compared with");
-    v.integer("most_pairs", most_pairs, 1, 1000000, "submap pairs compared for one pair of maps");
-    v.non_negative("stride_m", stride_m, "submaps of one map nearer to each other than this stand for each other in the first search");
+              "number of most similar submaps of another map that each submap is compared with; larger values find more common places "
+              "and take longer");
+    v.integer("most_pairs", most_pairs, 1, 1000000, "most pairs of submaps that are compared for one pair of laser maps");
+    v.non_negative("stride_m", stride_m,
+                   "distance in metres between the submaps of one map that take part in the first search; submaps nearer to each other "
+                   "represent one another, 0 takes all");
     v.positive("consistency_m", consistency_m,
-               "two judgements of cameras agree when the transforms they imply differ by less than this (lasers: by the graph's uncertainty)");
-    v.non_negative("consistency_per_m", consistency_per_m, "and this more per metre between their places");
-    v.positive("consistency_yaw_rad", consistency_yaw_rad, "and by less than this in heading");
-    v.integer("min_witnesses", min_witnesses, 1, 1000, "judgements of different keyframes that must agree before two maps of cameras are merged");
-    v.fraction("sole_witness_probability", sole_witness_probability, "probability from which a single judgement of two keyframes is enough to merge their maps");
-    v.fraction("min_probability", min_probability, "of a judgement, to be a witness");
+               "two matches between camera maps agree when the transforms they imply differ by less than this distance in metres; laser "
+               "maps use the pose graph's covariance instead");
+    v.non_negative("consistency_per_m", consistency_per_m,
+                   "growth of consistency_m in metres per metre between the places of the two matches, since maps bend with distance");
+    v.positive("consistency_yaw_rad", consistency_yaw_rad,
+               "two matches between camera maps agree when the headings they imply differ by less than this angle in radians");
+    v.integer("min_witnesses", min_witnesses, 1, 1000,
+              "number of agreeing matches of different keyframes from which two camera maps are merged");
+    v.fraction("sole_witness_probability", sole_witness_probability,
+               "probability from which a single match of two keyframes is enough to merge their camera maps");
+    v.fraction("min_probability", min_probability,
+               "least probability that two submaps or keyframes show one place for their match to support a merge");
     v.fraction("merge_probability", merge_probability,
-               "probability from which maps of lasers are merged; larger leaves more maps apart (verdicts give each pair's)");
-    v.fraction("max_wall_conflict", max_wall_conflict, "the same, for maps that cameras lay on each other, before lasers refined it");
-    v.fraction("max_rival", max_rival, "share of the best hypothesis' weight up to which another one leaves two maps unambiguous");
-    v.integer("cache_mb", cache_mb, 1, 100000, "memory for submaps that are ready to be compared");
-    v.section("judge", judge, "when two submaps show the same place");
-    v.section("rematch", rematch, "matching scans to the submaps of other robots once the maps lie on each other");
-    v.section("solve", solve, "the joint pose graph");
-    v.section("visual", visual, "maps of keyframes");
-    v.section("grids", grids, "map_server grids, each two of them");
+               "least probability from which two laser maps are merged; larger values leave more maps apart");
+    v.fraction("max_wall_conflict", max_wall_conflict,
+               "largest share of walls in the other map's free space at which maps that cameras alone have aligned are merged (robots "
+               "with laser and camera)");
+    v.fraction("max_rival", max_rival,
+               "largest weight of another alignment of two maps, as a share of the best one's, at which the pair still counts as "
+               "unambiguous");
+    v.integer("cache_mb", cache_mb, 1, 100000,
+              "memory in megabytes for submaps that are kept ready for matching; less memory is slower and gives the same map");
+    v.section("judge", judge, "when submaps of two robots are taken for the same place");
+    v.section("rematch", rematch, "matching scans to submaps of other robots again once their maps are aligned");
+    v.section("solve", solve, "optimisation of the joint pose graph of merged maps");
+    v.section("visual", visual, "merging camera maps (keyframes and landmarks)");
+    v.section("grids", grids, "merging occupancy grids of other programs (map_server files), which have no scans");
   }
 };
 

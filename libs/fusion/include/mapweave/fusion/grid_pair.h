@@ -18,8 +18,10 @@ struct GridPairOptions {
   int mirrored = 12;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.section("proposals", proposals, "where one grid may lie on the other");
-    v.integer("mirrored", mirrored, 1, 100, "placements of one grid's mirror image that the best alignment is compared with");
+    v.section("proposals", proposals, "search for alignments of two occupancy grids");
+    v.integer("mirrored", mirrored, 1, 100,
+              "number of alignments of the mirrored grid, wrong by construction, that the best alignment must beat; larger values judge "
+              "chance agreement better and take longer");
   }
 };
 
