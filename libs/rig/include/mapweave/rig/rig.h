@@ -30,28 +30,52 @@ struct RigOptions {
   RobotTrajectoryOptions way;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("enabled", enabled, "merge the maps of the cameras of one robot; off: each camera has maps of its own");
-    v.positive("longest_gap_s", longest_gap_s, "longest time between the two poses that a virtual keyframe is interpolated from");
-    v.positive("least_common_s", least_common_s, "least time that a session and another camera's have in common to be merged");
-    v.positive("threshold_m", threshold_m, "the rig's graph is solved where two of its cameras are farther apart than this");
-    v.positive("threshold_rad", threshold_rad, "the rig's graph is solved where headings of two of its cameras differ by more than this");
-    v.positive("tie_m", tie_m, "standard deviation of an extrinsic constraint between two cameras: errors of extrinsics and of stamps");
-    v.positive("tie_rad", tie_rad, "standard deviation of the heading of an extrinsic constraint between two cameras");
+    v.flag("enabled", enabled, "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
+    v.positive("longest_gap_s", longest_gap_s,
+               "longest time in seconds between the two poses that a virtual keyframe of another camera is interpolated from");
+    v.positive("least_common_s", least_common_s, "least time in seconds that sessions of two cameras must have in common to be merged");
+    v.positive("threshold_m", threshold_m,
+               "the rig's pose graph is optimised where two of its cameras disagree about the robot's position by more than this "
+               "distance in metres");
+    v.positive("threshold_rad", threshold_rad,
+               "the rig's pose graph is optimised where two of its cameras disagree about the robot's heading by more than this angle in "
+               "radians");
+    v.positive("tie_m", tie_m,
+               "standard deviation in metres of an extrinsic constraint between two cameras of a rig: errors of extrinsics and of stamps");
+    v.positive("tie_rad", tie_rad,
+               "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: errors of "
+               "extrinsics and of stamps");
     v.positive("acceleration_m_per_s2", acceleration_m_per_s2,
-               "acceleration of the robot between the two poses that a virtual keyframe is interpolated from");
+               "acceleration of the robot in m/s^2 between the two poses that a virtual keyframe is interpolated from; larger values "
+               "trust interpolation less");
     v.positive("acceleration_rad_per_s2", acceleration_rad_per_s2,
-               "angular acceleration of the robot between the two poses that a virtual keyframe is interpolated from");
-    v.positive("step_m", step_m, "standard deviation of the motion between two covisible keyframes");
-    v.non_negative("step_share", step_share, "standard deviation of the motion between two covisible keyframes, as a share of its length");
-    v.positive("step_rad", step_rad, "standard deviation of the heading between two covisible keyframes");
-    v.positive("step_scale", step_scale, "share by which the scale of a camera without depth drifts from one keyframe to the next");
-    v.positive("wheels_share", wheels_share, "error of wheel odometry where it gives the scale, as a share of motion and of turns");
-    v.integer("least_shared", least_shared, 1, 100000, "least number of landmarks that two covisible keyframes share");
-    v.positive("wrong_m", wrong_m, "motions of two cameras at the same time that differ by more than this contradict each other");
-    v.non_negative("wrong_share", wrong_share, "share of a motion's length that is added to wrong_m");
-    v.positive("wrong_rad", wrong_rad, "motions of two cameras whose headings differ by more than this contradict each other");
-    v.fraction("most_wrong", most_wrong, "share of motions that may contradict; more mean wrong extrinsics, and the maps stay apart");
-    v.section("way", way, "the robot's trajectory by all of its cameras");
+               "angular acceleration of the robot in rad/s^2 between the two poses that a virtual keyframe is interpolated from; larger "
+               "values trust interpolation less");
+    v.positive("step_m", step_m,
+               "standard deviation in metres of the motion between two covisible keyframes of one camera; larger values let the rig's "
+               "pose graph bend the camera's map more");
+    v.non_negative("step_share", step_share,
+                   "standard deviation of the motion between two covisible keyframes of one camera as a share of its length, added to "
+                   "step_m");
+    v.positive("step_rad", step_rad, "standard deviation in radians of the rotation between two covisible keyframes of one camera");
+    v.positive("step_scale", step_scale,
+               "standard deviation of the relative scale between two covisible keyframes of a monocular camera, whose scale drifts");
+    v.positive("wheels_share", wheels_share,
+               "error of wheel odometry as a share of motion and of turns, where it gives a rig of monocular cameras its scale");
+    v.integer("least_shared", least_shared, 1, 100000,
+              "least number of landmarks that two keyframes of one camera must share to be constrained to each other in the rig's pose "
+              "graph");
+    v.positive("wrong_m", wrong_m,
+               "two cameras contradict each other where their motions over the same time differ by more than this distance in metres "
+               "plus wrong_share of the motion");
+    v.non_negative("wrong_share", wrong_share,
+                   "growth of wrong_m with the motion over which two cameras are compared, as a share of its length");
+    v.positive("wrong_rad", wrong_rad,
+               "two cameras contradict each other where their rotations over the same time differ by more than this angle in radians");
+    v.fraction("most_wrong", most_wrong,
+               "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong extrinsics, and the "
+               "maps stay apart");
+    v.section("way", way, "the robot's trajectory averaged over its cameras");
   }
 };
 

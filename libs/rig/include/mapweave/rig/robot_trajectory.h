@@ -16,12 +16,21 @@ struct RobotTrajectoryOptions {
   double odometry_s = 30.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("longest_gap_s", longest_gap_s, "longest time between two frames of a camera whose pose is interpolated between them");
-    v.positive("hand_over_s", hand_over_s, "time in which a camera that comes or goes gains or loses its weight");
+    v.positive("longest_gap_s", longest_gap_s,
+               "longest time in seconds between two frames of a camera for its pose to be interpolated between them; longer gaps count "
+               "as no pose");
+    v.positive("hand_over_s", hand_over_s,
+               "time in seconds over which a camera that appears or disappears gains or loses its weight in the robot's averaged "
+               "trajectory; larger values are smoother");
     v.positive("doubt_m", doubt_m,
-               "cameras farther apart than this are not averaged: the majority is believed, else those nearest to odometry");
-    v.positive("doubt_rad", doubt_rad, "cameras whose headings differ by more than this are not averaged");
-    v.positive("odometry_s", odometry_s, "longest time since cameras agreed for which odometry decides which of them to believe");
+               "cameras of one robot that disagree by more than this distance in metres are not averaged; the majority is followed, or "
+               "else those nearest to odometry");
+    v.positive("doubt_rad", doubt_rad,
+               "cameras of one robot whose headings disagree by more than this angle in radians are not averaged; the majority is "
+               "followed, or else those nearest to odometry");
+    v.positive("odometry_s", odometry_s,
+               "longest time in seconds since the cameras last agreed for which odometry decides which of them to follow; beyond it "
+               "odometry has drifted too far");
   }
 };
 
