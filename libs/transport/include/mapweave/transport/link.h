@@ -26,15 +26,15 @@ struct LinkOptions {
               {"wifi", LinkProfile::wifi},
               {"4g", LinkProfile::lte},
               {"5g", LinkProfile::nr}},
-             "what the link is like; none: everything arrives at once");
-    v.non_negative("bytes_per_s", bytes_per_s, "what it carries; 0: what the profile says");
-    v.non_negative("delay_s", delay_s, "of a packet, one way; 0: what the profile says");
-    v.non_negative("jitter_s", jitter_s, "standard deviation of what comes on top of the delay; 0: what the profile says");
-    v.number("loss", loss, 0.0, 0.9, "share of packets that are lost and sent again; 0: what the profile says");
-    v.text(
-        "trace", trace,
-        "a file of lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that says what the link is like from then on, and begins again "
-        "after its last; empty: it stays as it is");
+             "kind of network link, with a typical bandwidth, delay, jitter and loss; none: everything arrives at once");
+    v.non_negative("bytes_per_s", bytes_per_s, "bandwidth of the link in bytes per second; 0: as the profile says");
+    v.non_negative("delay_s", delay_s, "one-way delay of a packet in seconds; 0: as the profile says");
+    v.non_negative("jitter_s", jitter_s,
+                   "standard deviation in seconds of the random part that is added to each packet's delay; 0: as the profile says");
+    v.number("loss", loss, 0.0, 0.9, "share of packets that are lost and sent again a round trip later; 0: as the profile says");
+    v.text("trace", trace,
+           "file with lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that gives the link's state over time, repeated after its "
+           "last line; empty: the state is constant");
   }
 };
 
