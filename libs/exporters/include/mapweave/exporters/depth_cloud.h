@@ -13,8 +13,10 @@ struct DepthCloudOptions {
   double memory_mb = 256.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("voxel_m", voxel_m, 0.005, 10.0, "side of the cubes in each of which one point is kept: the mean of all that fell in it");
-    v.number("memory_mb", memory_mb, 1.0, 100000.0, "for them; where they need more, the side doubles");
+    v.number("voxel_m", voxel_m, 0.005, 10.0,
+             "side in metres of the cubes of the dense point cloud, each of which becomes one point: the mean of all points in it");
+    v.number("memory_mb", memory_mb, 1.0, 100000.0,
+             "memory in megabytes for building the dense point cloud; where it needs more, the side of its cubes is doubled");
   }
 };
 

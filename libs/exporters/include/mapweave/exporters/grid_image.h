@@ -19,9 +19,13 @@ struct PictureOptions {
   int most_side_px = 4000;    // large ones are thinned until their longer side is below; walls stay
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("least_width_px", least_width_px, 300, 4000, "of the picture");
-    v.integer("common_side_px", common_side_px, 100, 4000, "the longer side of a small map is enlarged to about this");
-    v.integer("most_side_px", most_side_px, 500, 20000, "large maps are thinned until their longer side is below");
+    v.integer("least_width_px", least_width_px, 300, 4000,
+              "least width in pixels of map.color.png; narrower maps get margins, so that title and legend fit");
+    v.integer("common_side_px", common_side_px, 100, 4000,
+              "length in pixels to which the longer side of a small map is enlarged in map.color.png, by a whole number of pixels per "
+              "cell");
+    v.integer("most_side_px", most_side_px, 500, 20000,
+              "length in pixels that the longer side of a large map does not exceed in map.color.png; several cells become one pixel");
   }
 };
 

@@ -19,11 +19,11 @@ struct MapFolderFiles {
   bool g2o = false;                 // map.g2o
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("png", png, "map.png and map.color.png");
-    v.flag("pgm", pgm, "map.pgm and map.yaml, for map_server and nav2");
-    v.flag("pcd", pcd, "map.pcd, the walls as points");
-    v.flag("tum", tum, "trajectory.tum");
-    v.flag("g2o", g2o, "map.g2o, the pose graph");
+    v.flag("png", png, "write map.png, and map.color.png with the trajectories");
+    v.flag("pgm", pgm, "write map.pgm and map.yaml, the occupancy grid as ROS's map_server and nav2 load it");
+    v.flag("pcd", pcd, "write map.pcd, the laser's wall points as a point cloud");
+    v.flag("tum", tum, "write trajectory.tum, the trajectory in TUM format");
+    v.flag("g2o", g2o, "write map.g2o, the pose graph");
   }
 };
 

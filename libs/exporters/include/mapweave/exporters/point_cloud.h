@@ -14,8 +14,9 @@ struct PointCloudOptions {
   double max_range_m = 30.0;  // rays longer than this are left out
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("voxel_m", voxel_m, 0.005, 10.0, "side of the cubes in each of which one point is kept");
-    v.positive("max_range_m", max_range_m, "rays longer than this are left out");
+    v.number("voxel_m", voxel_m, 0.005, 10.0,
+             "side in metres of the cubes of the laser's point cloud (map.pcd), in each of which one point is kept");
+    v.positive("max_range_m", max_range_m, "laser returns farther than this distance in metres are left out of the point cloud (map.pcd)");
   }
 };
 
