@@ -19,11 +19,11 @@ struct UplinkOptions {
   int least_features = 60;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.non_negative(
-        "most_bytes_per_s", most_bytes_per_s,
-        "a client sends no more than this on the mean; 0: no bound. Keyframes go with fewer features first, then later; where the "
-        "client is, last");
-    v.integer("least_features", least_features, 1, 100000, "that a keyframe goes with, however narrow the wire");
+    v.non_negative("most_bytes_per_s", most_bytes_per_s,
+                   "largest mean rate in bytes per second at which a camera client sends; 0: unlimited. A lower rate first thins the "
+                   "features of keyframes, then delays keyframes; poses are sent in any case");
+    v.integer("least_features", least_features, 1, 100000,
+              "least number of features that a keyframe is sent with, however low the rate limit (uplink.most_bytes_per_s)");
   }
 };
 

@@ -43,30 +43,37 @@ struct ServerOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("share", share, {{"none", Sharing::none}, {"view", Sharing::view}, {"full", Sharing::full}},
-             "none: clients hear nothing; view: landmarks of others that they may see, and their place; full: where the team has their "
-             "keyframes, too");
-    v.positive("share_rate_hz", share_rate_hz, "of data, how often clients tell and hear");
-    v.integer(
-        "fuse_after", fuse_after, 1, 100000,
-        "new keyframes of each client that tells any, on the mean, before all maps are joined again; while there are few, so many in all, "
-        "or half of those that are there");
-    v.non_negative("fuse_share", fuse_share, "and this share of those that are there");
-    v.non_negative("fuse_idle_s", fuse_idle_s, "of data, in which nobody told a new keyframe: what is new is joined then, however little");
-    v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0, "of data, from beginning to join until the result counts");
-    v.flag("wait", wait, "it counts then, whether or not it is computed yet; off: when it is, as live servers do");
-    v.integer(
-        "judged_pairs", judged_pairs, 1, 1000000,
-        "of one map's keyframes with those of all others, shared out evenly, that a joining compares where it does not go on from the one "
-        "before: the first, now and then, and of single cameras; at most fusion.visual.most_pairs, at least 12 for each other map");
-    v.positive("far_m", far_m, "landmarks farther from a camera are not lent");
-    v.positive("correct_m", correct_m, "clients hear where the team has their keyframes when those are off by more (root mean square)");
-    v.non_negative(
-        "most_bytes_per_s", most_bytes_per_s,
-        "of data, that a client hears on the mean; 0: no bound. It is lent fewer landmarks first, then corrected later; where it "
-        "is when it asks, it hears always");
-    v.section("index", index, "where landmarks are looked up");
-    v.section("retrieval", retrieval, "which landmarks a camera may see");
-    v.section("description", description, "how landmarks are known again");
+             "what the camera map server sends to its clients; none: nothing; view: landmarks of other robots that they may see, and "
+             "relocalisation when lost; full: also corrections of their keyframes from the merged map");
+    v.positive("share_rate_hz", share_rate_hz,
+               "how often per second of recorded time a client and the server exchange updates; larger values react faster and send more");
+    v.integer("fuse_after", fuse_after, 1, 100000,
+              "mean number of new keyframes per active client after which the server merges all maps again; larger values merge less "
+              "often");
+    v.non_negative("fuse_share", fuse_share,
+                   "the server merges all maps again only once the new keyframes are at least this share of those already merged, so "
+                   "that large maps are merged less often");
+    v.non_negative("fuse_idle_s", fuse_idle_s,
+                   "time in seconds without a new keyframe after which the server merges what is new, however little");
+    v.number("fuse_delay_s", fuse_delay_s, 0.0, 600.0,
+             "recorded time in seconds from the start of a merge until its result is used; fixed, so that results do not depend on "
+             "computing time");
+    v.flag("wait", wait,
+           "use the result of a merge exactly fuse_delay_s after its start, waiting for the computation if needed; off: as soon as it is "
+           "computed, as live servers do, which is not repeatable");
+    v.integer("judged_pairs", judged_pairs, 1, 1000000,
+              "most keyframe pairs that one full merge compares for each map, spread evenly over the other maps; at least 12 for each "
+              "other map, at most fusion.visual.most_pairs");
+    v.positive("far_m", far_m, "landmarks farther than this distance in metres from a camera are not shared with it");
+    v.positive("correct_m", correct_m,
+               "a client receives corrections of its keyframes once they differ from the merged map by more than this distance in metres "
+               "(root mean square)");
+    v.non_negative("most_bytes_per_s", most_bytes_per_s,
+                   "largest mean rate in bytes per second at which the server sends to one client; 0: unlimited. A lower rate first "
+                   "shares fewer landmarks, then delays corrections; relocalisation is always answered");
+    v.section("index", index, "lookup of shared landmarks by place");
+    v.section("retrieval", retrieval, "which landmarks of other robots a camera may see from where it is");
+    v.section("description", description, "descriptors and position errors of shared landmarks");
   }
 };
 
