@@ -27,8 +27,8 @@ struct RoutePoint {
   double x_m = 0.0, y_m = 0.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("x_m", x_m, -1e6, 1e6, "in a frame that all robots share");
-    v.number("y_m", y_m, -1e6, 1e6, "in a frame that all robots share");
+    v.number("x_m", x_m, -1e6, 1e6, "x coordinate of a point of the route in metres, in a frame that all robots share");
+    v.number("y_m", y_m, -1e6, 1e6, "y coordinate of a point of the route in metres, in a frame that all robots share");
   }
 };
 
@@ -37,11 +37,15 @@ struct StartPose {
   double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0, sigma_m = 0.0, sigma_rad = 0.1;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("x_m", x_m, -1e6, 1e6, "in a frame that all robots share");
-    v.number("y_m", y_m, -1e6, 1e6, "in a frame that all robots share");
-    v.number("yaw_rad", yaw_rad, -7.0, 7.0, "heading in this frame, counter-clockwise from its x axis");
-    v.non_negative("sigma_m", sigma_m, "standard deviation of the position; 0: the start is not known");
-    v.positive("sigma_rad", sigma_rad, "standard deviation of the heading");
+    v.number("x_m", x_m, -1e6, 1e6, "x coordinate in metres of where the robot began, in a frame that all robots share");
+    v.number("y_m", y_m, -1e6, 1e6, "y coordinate in metres of where the robot began, in a frame that all robots share");
+    v.number("yaw_rad", yaw_rad, -7.0, 7.0,
+             "heading in radians with which the robot began, counter-clockwise from the x axis of a frame that all robots share");
+    v.non_negative("sigma_m", sigma_m,
+                   "standard deviation in metres of the position where the robot began; larger values let walls decide, 0: its start is "
+                   "not known");
+    v.positive("sigma_rad", sigma_rad,
+               "standard deviation in radians of the heading with which the robot began; larger values let walls decide");
   }
 };
 
@@ -53,11 +57,14 @@ struct RobotEntry {
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the robot's name; empty: its log's file name");
-    v.text("log", log, "its log, or a folder of pictures; relative to this file");
-    v.text("edge", edge, "the edge that maps it, with a coordinator at first; empty: as the coordinator decides, else the edges in turn");
-    v.non_negative("from_s", from_s, "it begins then, in seconds since the team did (with a coordinator)");
-    v.list("route", route, "the way that it is going to drive, for the coordinator to know before there is a map");
-    v.section("start", start, "where it began, if that is known: a prior for merging its map, which walls may contradict");
+    v.text("log", log, "path of the robot's log, or of a folder of pictures, relative to this file");
+    v.text("edge", edge,
+           "edge that maps the robot, or with a coordinator the one that maps it at first; empty: as the coordinator decides, else the "
+           "edges in turn");
+    v.non_negative("from_s", from_s, "time in seconds after the team's start at which the robot joins (with a coordinator)");
+    v.list("route", route,
+           "points of the route that the robot is going to drive; lets the coordinator estimate overlaps before there is a map");
+    v.section("start", start, "pose where the robot began, if it is known: a prior for merging its map, which walls may contradict");
   }
 };
 
@@ -69,7 +76,7 @@ struct VisualOptions {
   visual::ClientOptions client;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("label", label, "the camera to map with where a robot has several; empty: all of them, each on its own");
+    v.text("label", label, "sensor label of the camera to map with where a robot has several; empty: all of them");
     client.describe(v);
   }
 };
@@ -81,10 +88,11 @@ struct EdgeEntry {
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the edge's name");
-    v.positive("speed", speed, "of its processor, relative to processors.edge");
-    v.integer("capacity", capacity, 0, 1000000, "most robots; 0: any number");
-    v.non_negative("from_s", from_s, "it is there from then on, in seconds since the team began (with a coordinator)");
-    v.non_negative("until_s", until_s, "it goes then, with all that it holds; 0: it stays (with a coordinator)");
+    v.positive("speed", speed, "speed of this edge's processor relative to processors.edge; larger is faster");
+    v.integer("capacity", capacity, 0, 1000000, "most robots that the edge maps; 0: any number");
+    v.non_negative("from_s", from_s, "time in seconds after the team's start from which the edge is available (with a coordinator)");
+    v.non_negative("until_s", until_s,
+                   "time in seconds after the team's start at which the edge fails, with all maps on it; 0: it stays (with a coordinator)");
   }
 };
 
@@ -105,12 +113,20 @@ struct CoordinatorEntry {
               {"random", Coordination::random},
               {"metis", Coordination::metis},
               {"exact", Coordination::exact}},
-             "how robots are grouped (mapweave plan); none: edges are as robots name them, or in turn");
-    v.text("at", at, "the edge that coordinates, as it is told of it: summaries take no time on wires; empty: the cloud");
-    v.text("model", model, "a latency model as mapweave profile writes it; relative to this file; empty: the program's own");
-    v.positive("overlap_period_s", overlap_period_s, "of data, from one look at what maps share to the next");
-    v.fraction("hysteresis", hysteresis, "robots are moved where that saves more than this share of the expected time");
-    v.positive("route_range_m", route_range_m, "how far robots see to both sides of an announced way");
+             "how robots are grouped on edges (see: mapweave plan --help); none: there is no coordinator, and edges are as robots name "
+             "them, or in turn");
+    v.text("at", at,
+           "edge that runs the coordinator, named in the summary; empty: the cloud. It changes no decision, since map summaries are "
+           "taken to arrive at once");
+    v.text("model", model, "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");
+    v.positive("overlap_period_s", overlap_period_s,
+               "recorded time in seconds between two estimates of what the robots' maps share; shorter periods let the coordinator react "
+               "sooner");
+    v.fraction("hysteresis", hysteresis,
+               "least saving, as a share of the expected time, for which the coordinator moves robots to other edges; larger values move "
+               "them less often");
+    v.positive("route_range_m", route_range_m,
+               "distance in metres to both sides of an announced route that a robot is expected to see; larger values expect more overlap");
   }
 };
 
@@ -123,11 +139,13 @@ struct DenseOptions {
   exporters::OctoMapOptions octomap;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("every_frames", every_frames, 0, 1000000, "the depth of each so-manieth frame is taken; 0: of keyframes");
-    v.integer("step_px", step_px, 1, 64, "from one pixel that is taken to the next");
-    v.positive("most_error_m", most_error_m, "depths whose deviation is larger, for they are far, are left out");
-    v.section("cloud", cloud, "how map.ply and map.dense.pcd are made");
-    v.section("octomap", octomap, "how map.bt and map.ot are made");
+    v.integer("every_frames", every_frames, 0, 1000000, "use the depth of every n-th frame for dense maps; 0: of keyframes alone");
+    v.integer("step_px", step_px, 1, 64,
+              "use every n-th pixel of a depth picture, in rows and columns; larger values are faster and coarser");
+    v.positive("most_error_m", most_error_m,
+               "depths with a larger standard deviation in metres are left out; the error grows with the square of the distance");
+    v.section("cloud", cloud, "dense point cloud: map.ply and map.dense.pcd");
+    v.section("octomap", octomap, "dense occupancy map: map.bt and map.ot");
   }
 };
 
@@ -139,16 +157,18 @@ struct OutputOptions {
   DenseOptions dense;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("png", png, "map.png, and map.color.png with the robots' ways");
-    v.flag("pgm", pgm, "map.pgm and map.yaml, as map_server and nav2 load them");
-    v.flag("pcd", pcd, "map.pcd, the points of the walls");
-    v.flag("tum", tum, "trajectory.tum, and trajectories/<robot>.tum of a team");
-    v.flag("g2o", g2o, "map.g2o, the pose graph");
-    v.flag("ply", ply, "map.ply and map.dense.pcd, the coloured surfaces that depth cameras and stereo pairs saw (slam; team of run)");
-    v.flag("octomap", octomap, "map.bt and map.ot, what they saw as OctoMap's trees: occupied, free, unknown");
-    v.section("picture", picture, "how map.color.png is drawn");
-    v.section("cloud", cloud, "how map.pcd is made");
-    v.section("dense", dense, "what is taken of depth cameras and stereo pairs for ply and octomap");
+    v.flag("png", png, "write map.png, and map.color.png with the robots' trajectories");
+    v.flag("pgm", pgm, "write map.pgm and map.yaml, the occupancy grid as ROS's map_server and nav2 load it");
+    v.flag("pcd", pcd, "write map.pcd, the laser's wall points as a point cloud");
+    v.flag("tum", tum, "write trajectory.tum, and trajectories/<robot>.tum of a team, in TUM format");
+    v.flag("g2o", g2o, "write map.g2o, the pose graph");
+    v.flag("ply", ply,
+           "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the team's map of run)");
+    v.flag("octomap", octomap,
+           "write map.bt and map.ot, OctoMaps of what depth cameras and stereo pairs saw: occupied, free and unknown space");
+    v.section("picture", picture, "size of map.color.png");
+    v.section("cloud", cloud, "point cloud of walls, map.pcd");
+    v.section("dense", dense, "which depths are used for the dense maps of output.ply and output.octomap");
   }
 };
 
@@ -174,19 +194,20 @@ struct RunConfiguration {
   OutputOptions output;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("seed", seed, 0, 4294967295, "of everything random; the same seed gives the same bytes");
-    v.list("robots", robots, "who recorded what");
+    v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
+    v.list("robots", robots, "the robots of the team and their logs");
     v.list("edges", edges,
-           "edges that robots without one are given to in turn, by the robots' names; empty: those that robots name, or one");
-    v.section("coordinator", coordinator, "which robot to which edge, as maps grow and edges and wires change");
-    v.section("cloud", cloud, "the tier that joins everything");
-    v.choice(
-        "mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
-        "who maps and joins; offload: edges map what robots sensed, and join; onboard: robots map, edges join; cloud-only: robots map, "
-        "the cloud joins alone. The maps are the same");
+           "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that robots name, or a "
+           "single one");
+    v.section("coordinator", coordinator, "assigns robots to edges, again and again as maps grow and edges and links change");
+    v.section("cloud", cloud, "the tier that merges the maps of all edges");
+    v.choice("mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
+             "who maps and who merges; offload: edges map what robots sensed, and merge; onboard: robots map, edges merge; cloud-only: "
+             "robots map, the cloud merges alone. The maps are the same");
     v.section("network", network,
-              "wires between tiers, in virtual time: no run waits for them, but summary.json tells when all would be there");
-    v.section("processors", processors, "how fast the tiers compute, for the same account");
+              "simulated network links between the tiers, in virtual time: no run waits for them, and summary.json says when everything "
+              "would have arrived");
+    v.section("processors", processors, "simulated speed of the tiers' processors, for the same virtual time");
     v.choice("sensor", sensor,
              {{"auto", SensorChoice::automatic},
               {"laser", SensorChoice::laser},
@@ -195,19 +216,18 @@ struct RunConfiguration {
               {"rgbd", SensorChoice::rgbd},
               {"cameras", SensorChoice::cameras},
               {"all", SensorChoice::all}},
-             "what robots map with; auto: the laser where a log has one, else its cameras; cameras: with all that each of them gives; all: "
-             "laser "
-             "and cameras, in one graph");
-    v.section("reading", reading, "what logs do not say themselves");
-    v.section("laser", laser, "one robot's grid SLAM");
-    v.section("visual", visual, "one camera's SLAM");
-    v.section("fusion", fusion, "how maps are joined");
-    v.section("server", server, "the edges' map servers, which cameras tell what they see while they see it");
-    v.section("uplink", uplink, "from a camera's client to its edge's map server");
-    v.section("rig", rig, "how several cameras of one robot share one map");
-    v.section("bind", bind, "how a robot's laser and cameras are tied in one graph (sensor: all)");
-    v.section("compose", compose, "how grids are drawn");
-    v.section("output", output, "what is written beside each map.mwdb");
+             "sensors to map with; auto: the laser if a log has one, else its cameras; cameras: all cameras with all that each gives; "
+             "all: laser and cameras in one pose graph; mono, stereo and rgbd use just that of each camera");
+    v.section("reading", reading, "what a log does not say itself");
+    v.section("laser", laser, "laser SLAM of one robot");
+    v.section("visual", visual, "visual SLAM of one camera");
+    v.section("fusion", fusion, "merging the maps of several robots");
+    v.section("server", server, "the camera map server of each edge, with which cameras exchange maps while they drive");
+    v.section("uplink", uplink, "what a camera client sends to its camera map server");
+    v.section("rig", rig, "merging the maps of several cameras of one robot");
+    v.section("bind", bind, "aligning a robot's laser map and camera maps in one pose graph (sensor: all)");
+    v.section("compose", compose, "drawing occupancy grids from scans");
+    v.section("output", output, "files that are written beside each map.mwdb");
   }
 };
 

@@ -23,8 +23,8 @@ struct LinkEntry : transport::LinkOptions {
   std::string from, to;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("from", from, "a robot or an edge; or cloud, where it tells robots");
-    v.text("to", to, "an edge, or cloud; or a robot that gets the team's map");
+    v.text("from", from, "sender on the link: a robot or an edge; or 'cloud', for what the cloud sends to robots");
+    v.text("to", to, "receiver on the link: an edge or 'cloud'; or a robot, for what it is sent of the team's map");
     transport::LinkOptions::describe(v);
   }
 };
@@ -34,10 +34,10 @@ struct NetworkOptions {
   std::vector<LinkEntry> links;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.section("robot_edge", robot_edge, "each robot's wire to its edge");
-    v.section("robot_cloud", robot_cloud, "each robot's wire to the cloud (mode cloud-only, robots without an edge), and back");
-    v.section("edge_cloud", edge_cloud, "each edge's wire to the cloud");
-    v.list("links", links, "wires that are otherwise");
+    v.section("robot_edge", robot_edge, "link from each robot to its edge");
+    v.section("robot_cloud", robot_cloud, "link between each robot and the cloud (mode cloud-only, and robots without an edge)");
+    v.section("edge_cloud", edge_cloud, "link from each edge to the cloud");
+    v.list("links", links, "single links that differ from the common ones");
   }
 };
 
@@ -64,9 +64,12 @@ struct ProcessorOptions {
                doc);
       v.positive(speed_name, speed, speed_doc);
     };
-    tier("robot_profile", "robot", robot_profile, robot, "what a robot computes with", "how many times as fast as the profile");
-    tier("edge_profile", "edge", edge_profile, edge, "what an edge computes with", "how many times as fast as the profile");
-    tier("cloud_profile", "cloud", cloud_profile, cloud, "what the cloud computes with", "how many times as fast as the profile");
+    tier("robot_profile", "robot", robot_profile, robot, "processor of each robot; this-machine: as fast as the one that runs the program",
+         "speed of each robot's processor as a multiple of its profile's; larger is faster");
+    tier("edge_profile", "edge", edge_profile, edge, "processor of each edge; this-machine: as fast as the one that runs the program",
+         "speed of the edges' processors as a multiple of their profile's; larger is faster");
+    tier("cloud_profile", "cloud", cloud_profile, cloud, "processor of the cloud; this-machine: as fast as the one that runs the program",
+         "speed of the cloud's processor as a multiple of its profile's; larger is faster");
   }
 };
 
@@ -77,9 +80,11 @@ struct CloudEntry {
   bool edges_judge = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("at", at, "the edge that joins everything where there is no cloud; empty: a cloud");
-    v.texts("push_to", push_to, "robots that get the team's map");
-    v.flag("edges_judge", edges_judge, "edges compare maps that lie on two of them, shared out evenly; false: it compares them itself");
+    v.text("at", at, "edge that also does the cloud's work, merging the maps of all edges; empty: the cloud is a machine of its own");
+    v.texts("push_to", push_to, "robots that are sent the team's map at the end");
+    v.flag("edges_judge", edges_judge,
+           "edges compare the maps of robots on different edges, shared out evenly; false: the cloud compares them itself. The maps are "
+           "the same");
   }
 };
 
