@@ -31,7 +31,7 @@ CMetricMapBuilderRBPF::TConstructionOptions builder_options(const laser::RbpfOpt
   result.PF_options.BETA = options.resample_below;
   result.PF_options.powFactor = options.weight_power;
   result.predictionOptions.pfOptimalProposal_mapSelection = 3;  // the points
-  result.predictionOptions.ICPGlobalAlign_MinQuality = static_cast<float>(options.min_goodness);
+  result.predictionOptions.ICPGlobalAlign_MinQuality = 0.0f;  // MRPT takes the pose of ICP before it looks at this, and only says otherwise
   result.predictionOptions.icp_params = icp_parameters(options.icp);
   // Poses are drawn from this covariance, and MRPT's is wide: without it, its floor of 2 mm and 0.1 degree remains. On intel: 0.03 m
   // against 0.7 m of error.

@@ -100,9 +100,9 @@ TEST(MapperProtocol, refuses_lengths_that_cannot_be) {
 TEST(MapperProtocol, refuses_strangers_and_other_versions) {
   std::string body = only_frame(encode_start(RbpfOptions{})).body;
   EXPECT_THAT(message_of([&] { decode_start("GET / HTTP/1.1"); }), HasSubstr("does not begin with MWMM"));
+  body[4] = 3;
+  EXPECT_THAT(message_of([&] { decode_start(body); }), HasSubstr("protocol version 3; this mrpt_mapper speaks 2"));
   body[4] = 2;
-  EXPECT_THAT(message_of([&] { decode_start(body); }), HasSubstr("protocol version 2; this mrpt_mapper speaks 1"));
-  body[4] = 1;
   body[5] = 7;
   EXPECT_THAT(message_of([&] { decode_start(body); }), HasSubstr("engine 7"));
 }

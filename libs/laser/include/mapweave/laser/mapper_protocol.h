@@ -36,7 +36,7 @@
 namespace mapweave::laser::protocol {
 
 inline constexpr char kMagic[] = "MWMM";
-inline constexpr std::uint8_t kVersion = 1;
+inline constexpr std::uint8_t kVersion = 2;
 inline constexpr std::uint32_t kMaxFrameBytes = 1 << 20;
 inline constexpr std::uint32_t kMaxRays = 100'000;
 inline constexpr std::size_t kPosesPerFrame = 4096;

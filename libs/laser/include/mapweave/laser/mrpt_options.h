@@ -66,7 +66,6 @@ struct RbpfOptions {
   double update_yaw_rad = 0.3;
   double insert_distance_m = 1.5;
   double insert_yaw_rad = 0.8;
-  double min_goodness = 0.5;
   double resample_below = 0.5;
   double weight_power = 1.0;
   double point_distance_m = 0.05;
@@ -94,7 +93,6 @@ struct RbpfOptions {
     v.positive("insert_yaw_rad", insert_yaw_rad,
                "a scan is inserted into the particles' maps after this much turning in radians; smaller values insert more scans, which "
                "blurs walls");
-    v.fraction("min_goodness", min_goodness, "least share of points that ICP must pair for its result to replace odometry");
     v.fraction("resample_below", resample_below,
                "particles are resampled when the effective share of them falls below this; larger values resample more often");
     v.number("weight_power", weight_power, 0.0, 10.0,
