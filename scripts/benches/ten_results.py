@@ -13,7 +13,7 @@ CHOSEN = [
     ("fr-clinic (outdoors) cut into 3 robots: merges of pairs", "{right} right, {wrong} wrong, {apart} apart of {pairs}",
      "teams", "trust", {"log": "fr-clinic", "robots": "3"}),
     ("Pairs of laser maps that share nothing", "{joined} merged of {pairs of strangers}", "teams", "trust", {"pairs of strangers": None}),
-    ("Pairs of laser maps that share 30 % of what they saw", "{right} right, {off} off by up to {farthest off, m} m, {apart} apart of {pairs}",
+    ("Pairs of laser maps that share 30 % of what they saw", "{right} right, {off} off, {apart} apart of {pairs}",
      "teams", "trust", {"overlap": "30 %"}),
     ("Grids of another program (Halmstad, building E5): merges of pairs", "{right} right, {wrong} wrong, {apart} apart of {pairs}",
      "teams", "trust", {"site": "E5"}),

@@ -76,8 +76,9 @@ def measure(bench, item):
     result = "apart" if off is None else "right" if off[0] <= RIGHT_M and off[1] <= RIGHT_DEG else "off"
     if result != "right":
         bench.picture(list(maps), f"overlap-{a.log}-{level}-{a.name}-{b.name}")
-    beliefs = [[verdict["probability"], placing.is_right_where_shared(verdict, looks, {a.name: own[0], b.name: own[1]}, seen.truth, RIGHT_M, RIGHT_DEG)]
-               for verdict in merges if verdict["b_from_a"] and "x" in verdict["b_from_a"]]
+    # Maps that were joined are judged as they lie in the team's map; others as the best alignment lays them, which bends nothing.
+    right = lambda verdict: result == "right" if off else placing.is_right_where_shared(verdict, looks, {a.name: own[0], b.name: own[1]}, seen.truth, RIGHT_M, RIGHT_DEG)
+    beliefs = [[verdict["probability"], right(verdict)] for verdict in merges if verdict["b_from_a"] and "x" in verdict["b_from_a"]]
     return {"log": a.log, "level": level, "beliefs": beliefs, "a": a.name, "b": b.name, "overlap": shared,
             "result": result, "off_m": off and off[0], "off_deg": off and off[1],
             "reason": merges[0]["reason"] if merges else "none", "cpu_s": done.cpu_s}
