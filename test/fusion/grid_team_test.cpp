@@ -4,6 +4,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/fusion/grid_map.h>
+#include <mapweave/fusion/raster_doubt.h>
 #include <support/drawn_grids.h>
 #include <support/pose_matchers.h>
 
@@ -133,6 +134,57 @@ TEST(GridTeam, is_the_same_for_any_order_of_maps_and_number_of_threads) {
   EXPECT_EQ(one.verdicts[0].probability, other.verdicts[0].probability);
   for (const auto& [id, node] : one.components[0].map.nodes)
     EXPECT_THAT(planar(other.components[0].map.nodes.find(id)->map_from_node), test::IsNear(planar(node.map_from_node), 0.0, 0.0));
+}
+
+TEST(GridTeam, tells_how_merged_grids_lie_and_what_speaks_for_it) {
+  Halves halves;
+  halves.east.scale = 1.06;
+  const Map west = map_of_grid(MapId("a"), drawn_grid(office(1), halves.west)),
+            east = map_of_grid(MapId("b"), drawn_grid(office(1), halves.east));
+  const FusionResult result = fused({west, east});
+  ASSERT_EQ(result.components.size(), 1U);
+  const Verdict& verdict = result.verdicts[0];
+  ASSERT_FALSE(verdict.hypotheses.empty());
+  const PairHypothesis& best = verdict.hypotheses.front();
+  EXPECT_EQ(best.sense, Sense::grids);
+  EXPECT_NEAR(best.a_from_b.scale, 1.0 / 1.06, 0.02);
+  const Point2 in_a = test::in_grid(halves.west, {14.5, 9.0}), in_b = test::in_grid(halves.east, {14.5, 9.0});
+  const Eigen::Vector3d there = transformed(Eigen::Vector3d(in_b.x, in_b.y, 0.0), best.a_from_b);
+  EXPECT_LT(std::hypot(there.x() - in_a.x, there.y() - in_a.y), 0.3);
+  EXPECT_GT(best.coinciding_m, 20.0);
+  EXPECT_GT(best.support_m, 10.0);
+  EXPECT_GT(best.log_odds, 3.0);
+  ASSERT_TRUE(verdict.in_one_map);
+  EXPECT_TRUE(verdict.in_one_map->through.empty());
+  EXPECT_NEAR(verdict.in_one_map->a_from_b.scale, 1.0 / 1.06, 0.02);
+}
+
+TEST(GridTeam, tells_what_spoke_against_grids_that_stay_apart) {
+  const OccupancyGrid grid = drawn_grid(office(1));
+  const FusionResult result = fused({map_of_grid(MapId("a"), grid), map_of_grid(MapId("b"), test::flipped(grid))});
+  ASSERT_EQ(result.components.size(), 2U);
+  const Verdict& verdict = result.verdicts[0];
+  EXPECT_FALSE(verdict.in_one_map);
+  EXPECT_FALSE(verdict.detail.empty());
+  ASSERT_FALSE(verdict.hypotheses.empty());
+  for (const PairHypothesis& hypothesis : verdict.hypotheses) {
+    EXPECT_EQ(hypothesis.sense, Sense::grids);
+    EXPECT_GT(hypothesis.contradicted_m, 0.0);
+    for (const PairHypothesis::Place& place : hypothesis.contradictions) EXPECT_GE(place.length_m, 0.6);
+  }
+}
+
+TEST(GridTeam, knows_rasters_that_are_no_maps) {
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    EXPECT_EQ(doubt_of_raster(drawn_grid(office(seed))), "") << seed;
+    EXPECT_NE(doubt_of_raster(test::page_of_text(seed)).find("page of text"), std::string::npos) << seed;
+    EXPECT_NE(doubt_of_raster(test::photograph(seed)).find("photograph"), std::string::npos) << seed;
+  }
+  DrawnGridOptions coarse;
+  coarse.resolution_m = 0.2;
+  EXPECT_EQ(doubt_of_raster(drawn_grid(office(1), coarse)), "");
+  EXPECT_NE(doubt_of_raster(test::blank_grid(300, 200, 300)).find("no free space"), std::string::npos);
+  EXPECT_NE(doubt_of_raster(test::blank_grid(300, 200, -300)).find("0.0 m of wall"), std::string::npos);
 }
 
 TEST(GridTeam, gives_a_reason_for_text_and_photographs) {

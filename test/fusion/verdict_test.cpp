@@ -83,10 +83,10 @@ TEST(Verdict, of_lasers_is_open_while_more_walls_speak_for_a_merge_than_against_
     doubt_by_lasers(verdict, doubt, walls, options);
     return verdict;
   };
-  expect(doubted({2.0, 0.88, 0.0, false}, 10.0, 0.0), Decision::deferred, Reason::too_few_witnesses);
+  expect(doubted({2.0, 0.88, 0.0, false}, 10.0, 0.0), Decision::deferred, Reason::little_evidence);
   expect(doubted({2.0, 0.88, 0.5, false}, 10.0, 0.0), Decision::deferred, Reason::ambiguous);
   expect(doubted({2.0, 0.88, 0.0, true}, 10.0, 0.0), Decision::deferred, Reason::ambiguous);
-  expect(doubted({-2.0, 0.1, 0.0, false}, 10.0, 2.0), Decision::deferred, Reason::too_few_witnesses);
+  expect(doubted({-2.0, 0.1, 0.0, false}, 10.0, 2.0), Decision::deferred, Reason::little_evidence);
   expect(doubted({-2.0, 0.1, 0.0, false}, 10.0, 3.0), Decision::refused, Reason::contradiction);
 }
 
@@ -129,6 +129,25 @@ TEST(Verdict, of_two_senses_that_mean_different_places_is_ambiguous) {
   EXPECT_EQ(both.kind, "laser and vision");
   checks.do_lie_alike = [] { return false; };
   expect(combined(accepted("laser", 0.9), accepted("vision", 0.8), checks, {}), Decision::deferred, Reason::ambiguous);
+}
+
+TEST(Verdict, of_two_senses_tells_the_hypotheses_of_both_those_that_decided_first) {
+  Verdict laser = accepted("laser", 0.9), seen = accepted("vision", 0.8);
+  laser.hypotheses.resize(kMostPairHypotheses);
+  seen.hypotheses.resize(2);
+  for (PairHypothesis& hypothesis : seen.hypotheses) hypothesis.sense = Sense::cameras;
+  SenseChecks checks = checks_of_nothing();
+  checks.do_lie_alike = [] { return true; };
+  const Verdict both = combined(laser, seen, checks, {});
+  ASSERT_EQ(both.hypotheses.size(), kMostPairHypotheses);
+  EXPECT_EQ(both.hypotheses.front().sense, Sense::lasers);
+  EXPECT_EQ(both.hypotheses.back().sense, Sense::cameras);
+  laser.decision = Decision::refused;
+  checks.wall_conflict = [] { return 0.0; };
+  const Verdict by_cameras = combined(laser, seen, checks, {});
+  ASSERT_EQ(by_cameras.hypotheses.size(), kMostPairHypotheses);
+  EXPECT_EQ(by_cameras.hypotheses.front().sense, Sense::cameras);
+  EXPECT_EQ(by_cameras.hypotheses.back().sense, Sense::lasers);
 }
 
 TEST(Verdict, of_cameras_is_refused_where_lasers_saw_through_walls) {

@@ -42,6 +42,11 @@ TEST(VisualFuse, joins_two_robots_that_saw_one_room) {
   EXPECT_EQ(result.verdicts[0].decision, Decision::accepted) << to_text(result.verdicts[0].reason);
   EXPECT_EQ(result.verdicts[0].kind, "vision");
   EXPECT_GE(result.verdicts[0].witnesses.size(), 2U);
+  ASSERT_FALSE(result.verdicts[0].hypotheses.empty());
+  const PairHypothesis& best = result.verdicts[0].hypotheses[0];
+  EXPECT_EQ(best.sense, Sense::cameras);
+  EXPECT_EQ(best.matches, result.verdicts[0].witnesses.size());
+  EXPECT_LT((best.a_from_b.pose.t - spatial(robots.a_from_b).t).norm(), 0.05);
   ASSERT_EQ(result.components.size(), 1U);
   expect_at(result.components[0], "alpha", {}, 1e-6, 1e-6);
   expect_at(result.components[0], "beta", robots.a_from_b, 0.02, 0.005);
@@ -118,6 +123,8 @@ TEST(VisualFuse, defers_where_a_robot_has_seen_two_rooms_that_look_alike) {
     EXPECT_EQ(result.components.size(), 2U) << look;
     EXPECT_EQ(result.verdicts[0].decision, Decision::deferred) << look;
     EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous) << look;
+    ASSERT_GE(result.verdicts[0].hypotheses.size(), 2U) << look;
+    EXPECT_GT(result.verdicts[0].hypotheses[0].elsewhere, 0U) << look;
   }
 }
 

@@ -47,6 +47,23 @@ struct JournalAsInput : testing::Test {
   fs::path path = folder / "edge.mwj";
 };
 
+TEST(GridAsInput, names_the_file_where_every_cell_is_unknown) {
+  const test::TemporaryFolder folder;
+  write_file(folder / "hall.pgm", "P5\n40 30\n255\n" + std::string(1200, static_cast<char>(205)));
+  write_file(folder / "hall.yaml", "image: hall.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n");
+  try {
+    read_map_input(folder / "hall.yaml", MapId("hall"));
+    ADD_FAILURE() << "was read";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kBadInput);
+    EXPECT_THAT(error.what(),
+                testing::AllOf(testing::HasSubstr("hall.yaml: every cell of the grid is unknown"), testing::HasSubstr("thresholds")));
+  }
+  write_file(folder / "hall.pgm", "P5\n40 30\n255\n" + std::string(1200, static_cast<char>(0)));
+  EXPECT_THAT(read_map_input(folder / "hall.yaml", MapId("hall")).notes,
+              testing::ElementsAre(testing::HasSubstr("hall.yaml shows no free space")));
+}
+
 TEST_F(JournalAsInput, gives_the_maps_that_the_server_had) {
   mapdb::UpdateJournal(path).append(entries());
   const MapInput input = read_map_input(path, MapId("edge"));

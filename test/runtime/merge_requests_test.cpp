@@ -3,11 +3,12 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/mapdb/map_store.h>
+#include <mapweave/runtime/explanation.h>
 #include <mapweave/runtime/merge_runner.h>
-#include <nlohmann/json.hpp>
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
 #include <support/temporary_folder.h>
+#include <nlohmann/json.hpp>
 
 namespace mapweave::runtime {
 namespace {
@@ -127,6 +128,21 @@ TEST_F(MergeRequestsTest, a_pair_that_is_refused_may_meet_in_a_third_ones_map) {
   const Report report = merge(robots({0, 1, 2}), "out", requests);
   EXPECT_EQ(report.team.components.size(), 1U);
   for (const Verdict& verdict : report.team.verdicts) EXPECT_EQ(verdict.reason == Reason::excluded, verdict.a.str() == "robot0" && verdict.b.str() == "robot2");
+  const Verdict& refused = report.team.verdicts[1];
+  ASSERT_TRUE(refused.in_one_map);
+  EXPECT_THAT(refused.in_one_map->through, testing::ElementsAre(MapId("robot1")));
+  ASSERT_TRUE(refused.merge);
+  EXPECT_GT(refused.merge->probability, 0.9);
+  EXPECT_THAT(in_words(refused), testing::StartsWith("robot0 + robot2: in one map, through robot1 (the merge of robot0"));
+  EXPECT_THAT(in_words(refused), testing::EndsWith("; not matched to each other: the user excluded this pair"));
+  const auto told = merges_json(report)[1];
+  EXPECT_EQ(told["accepted"], false);
+  EXPECT_EQ(told["in_one_map"], true);
+  EXPECT_EQ(told["connected_through"][0], "robot1");
+  const Explanation page = explain(folder / "out", "robot0", "robot2", {}, pool);
+  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("in one map, through robot1"), HasSubstr("in the team's map robot2 began at"),
+                                        HasSubstr("nothing has to be done"), testing::Not(HasSubstr("what helps"))));
+  EXPECT_GT(page.png.size(), 5000U);
 }
 
 TEST_F(MergeRequestsTest, names_that_are_not_there_are_refused_with_those_that_are) {

@@ -63,8 +63,10 @@ TEST(Report, tells_an_alignment_in_space_with_its_scale) {
 
 TEST(Report, has_the_keys_of_the_contract) {
   const auto merges = merges_json(report_of(Decision::refused, 2));
-  for (const char* key : {"tier", "a", "b", "kind", "accepted", "decision", "reason", "proposer", "probability", "b_from_a", "covariance",
-                          "overlap", "conflict", "second_best", "witnesses", "seconds"})
+  for (const char* key : {"tier",      "a",           "b",        "kind",       "accepted",   "decision",          "reason",
+                          "proposer",  "probability", "b_from_a", "covariance", "overlap",    "conflict",          "second_best",
+                          "witnesses", "seconds",     "words",    "detail",     "in_one_map", "connected_through", "team_b_from_a",
+                          "merge"})
     EXPECT_TRUE(merges[0].contains(key)) << key;
   const auto summary = summary_json(report_of(Decision::refused, 2));
   for (const char* key : {"robots", "edges", "team", "wall_seconds", "peak_rss_bytes", "stages"}) EXPECT_TRUE(summary.contains(key)) << key;
@@ -95,6 +97,25 @@ TEST(Report, tells_people_why_maps_stayed_apart) {
   EXPECT_THAT(words, HasSubstr("alpha + beta: kept apart: they fit together in more than one way"));
   EXPECT_THAT(words, HasSubstr("2 separate teams"));
   EXPECT_THAT(words, HasSubstr("maps/office"));
+}
+
+TEST(Report, tells_which_merge_put_maps_into_one) {
+  Verdict direct = verdict(Decision::accepted);
+  direct.probability = 0.21;
+  direct.in_one_map = InOneMap{{}, {MapId("gamma")}};
+  direct.merge = TeamMerge{{MapId("alpha"), MapId("gamma")}, {MapId("beta")}, 0.996};
+  EXPECT_THAT(
+      in_words(direct),
+      testing::StartsWith("alpha + beta: merged directly, and through gamma (the merge of alpha + gamma with beta has probability 1.00; "
+                          "these two maps by themselves: probability 0.21, overlap 0 %"));
+  direct.in_one_map->through.clear();
+  direct.merge = TeamMerge{{MapId("alpha")}, {MapId("beta")}, 0.21};
+  EXPECT_EQ(in_words(direct), "alpha + beta: merged (probability 0.21, overlap 0 %, conflict 0.0 %, 1 place agrees)");
+
+  Verdict through = verdict(Decision::deferred, Reason::little_evidence);
+  through.in_one_map = InOneMap{{}, {MapId("gamma")}};
+  EXPECT_THAT(in_words(through),
+              testing::StartsWith("alpha + beta: in one map, through gamma; not matched to each other: what fits may fit by chance"));
 }
 
 TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing) {

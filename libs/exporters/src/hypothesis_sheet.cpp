@@ -13,13 +13,14 @@ namespace {
 
 constexpr int kSide_px = 720, kGap_px = 16;
 constexpr double kCapital_px = 12.0;
-constexpr double kClear_m = 0.2;  // around a wall that was seen through
+constexpr double kClear_m = 0.2;  // nearer to each other, walls are one
 // Blue, green, red; apart for any colour vision.
 const cv::Scalar kOfA(178, 114, 0), kOfB(0, 159, 230), kOfBoth(25, 25, 25), kThrough(40, 40, 214), kFree(252, 252, 252), kUnknown(228, 228, 228);
 
 class Layer {
  public:
-  Layer(const OccupancyGrid& grid, const Pose2& a_from_grid) : grid_(grid), a_from_grid_(a_from_grid), grid_from_a_(inverse(a_from_grid)) {}
+  Layer(const OccupancyGrid& grid, const Pose2& a_from_grid, double scale = 1.0)
+      : grid_(grid), a_from_grid_(a_from_grid), grid_from_a_(inverse(a_from_grid)), scale_(scale) {}
 
   template <class Visit>
   void for_each_wall(const Visit& visit) const {
@@ -32,23 +33,19 @@ class Layer {
     const auto [column, row] = cell_at(p);
     return grid_.inside(column, row) ? grid_.at(column, row) : OccupancyGrid::kUnknown;
   }
-  // The extreme values of the cells around.
-  std::pair<std::int16_t, std::int16_t> around(const cv::Point2d& p, double radius_m) const {
+  bool has_wall_near(const cv::Point2d& p, double radius_m) const {
     const auto [column, row] = cell_at(p);
-    const auto reach = static_cast<std::int32_t>(std::ceil(radius_m / grid_.resolution_m));
-    std::pair<std::int16_t, std::int16_t> extremes{INT16_MAX, INT16_MIN};
+    const auto reach = static_cast<std::int32_t>(std::ceil(radius_m / (scale_ * grid_.resolution_m)));
     for (std::int32_t j = row - reach; j <= row + reach; ++j)
-      for (std::int32_t i = column - reach; i <= column + reach; ++i) {
-        const std::int16_t value = grid_.inside(i, j) ? grid_.at(i, j) : OccupancyGrid::kUnknown;
-        extremes = {std::min(extremes.first, value), std::max(extremes.second, value)};
-      }
-    return extremes;
+      for (std::int32_t i = column - reach; i <= column + reach; ++i)
+        if (grid_.inside(i, j) && grid_.at(i, j) > OccupancyGrid::kUnknown) return true;
+    return false;
   }
 
  private:
   cv::Point2d in_a(std::int32_t column, std::int32_t row) const {
-    const Pose2 p = compose(a_from_grid_, Pose2{grid_.origin_x_m + (column + 0.5) * grid_.resolution_m,
-                                                grid_.origin_y_m + (row + 0.5) * grid_.resolution_m, 0.0});
+    const Pose2 p = compose(a_from_grid_, Pose2{scale_ * (grid_.origin_x_m + (column + 0.5) * grid_.resolution_m),
+                                                scale_ * (grid_.origin_y_m + (row + 0.5) * grid_.resolution_m), 0.0});
     return {p.x, p.y};
   }
   std::pair<std::int32_t, std::int32_t> cell_at(const cv::Point2d& p) const {
@@ -56,10 +53,11 @@ class Layer {
     const auto place = [&](double value, double origin) {
       return static_cast<std::int32_t>(std::clamp(std::floor((value - origin) / grid_.resolution_m), -1e6, 1e6));
     };
-    return {place(here.x, grid_.origin_x_m), place(here.y, grid_.origin_y_m)};
+    return {place(here.x / scale_, grid_.origin_x_m), place(here.y / scale_, grid_.origin_y_m)};
   }
   const OccupancyGrid& grid_;
   Pose2 a_from_grid_, grid_from_a_;
+  double scale_;
 };
 
 struct Bounds {
@@ -88,11 +86,15 @@ void draw(cv::Mat image, const Layer& a, const Layer& b, const HypothesisPanel& 
   const auto mark = [&](const cv::Point2d& p, const cv::Scalar& colour) {
     cv::rectangle(image, cv::Rect(pixel_of(p), cv::Size(dot, dot)) & cv::Rect(0, 0, kSide_px, kSide_px), colour, cv::FILLED);
   };
+  const auto is_ringed = [&](const cv::Point2d& p) {
+    return std::any_of(panel.rings.begin(), panel.rings.end(),
+                       [&](const HypothesisPanel::Ring& ring) { return std::hypot(p.x - ring.x_m, p.y - ring.y_m) <= ring.radius_m; });
+  };
   const auto walls = [&](const Layer& own, const Layer& other, const cv::Scalar& colour, bool contradicted) {
     own.for_each_wall([&](const cv::Point2d& p) {
-      const auto [least, most] = other.around(p, kClear_m);
-      const bool is_through = most < OccupancyGrid::kUnknown && least < OccupancyGrid::kUnknown;
-      if (is_through == contradicted) mark(p, contradicted ? kThrough : most > OccupancyGrid::kUnknown ? kOfBoth : colour);
+      const bool is_of_both = other.has_wall_near(p, kClear_m);
+      const bool is_through = !is_of_both && other.at(p) < OccupancyGrid::kUnknown && is_ringed(p);
+      if (is_through == contradicted) mark(p, contradicted ? kThrough : is_of_both ? kOfBoth : colour);
     });
   };
   walls(a, b, kOfA, false);
@@ -122,7 +124,7 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const auto take = [&](const cv::Point2d& p) { bounds[i].take(p); };
     of_a.for_each_wall(take);
-    Layer(b, panels[i].a_from_b).for_each_wall(take);
+    Layer(b, panels[i].a_from_b, panels[i].scale).for_each_wall(take);
     if (bounds[i].left > bounds[i].right) bounds[i].take({0.0, 0.0});
     side_m = std::max(side_m, bounds[i].side());
     lines = std::max(lines, panels[i].caption.size());
@@ -144,7 +146,8 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
   for (int i = 0; i < count; ++i) {
     const HypothesisPanel& panel = panels[static_cast<std::size_t>(i)];
     const int x = kGap_px + i * (kSide_px + kGap_px);
-    draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b), panel, side_m, bounds[static_cast<std::size_t>(i)]);
+    draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b, panel.scale), panel, side_m,
+         bounds[static_cast<std::size_t>(i)]);
     const double bar_m = scale_bar_m(side_m), bar_px = bar_m * kSide_px / side_m;
     sheet.line({{x + 10.0, kTop_px + kSide_px - 12.0}, {x + 10.0 + bar_px, kTop_px + kSide_px - 12.0}}, kInk, 2);
     sheet.write(metres(bar_m, bar_m < 1.0 ? 1 : 0), x + 14.0 + bar_px, kTop_px + kSide_px - 8.0, kInk, 0.9, true);

@@ -39,6 +39,7 @@ bool ComponentAudit::refuse(std::size_t who, const std::vector<std::size_t>& mem
     if (!std::binary_search(members.begin(), members.end(), pair.a == who ? pair.b : pair.a)) continue;
     Verdict why = pair.result.verdict;
     refuse_by_audit(why);
+    if (pair.is_accepted() && !why.hypotheses.empty()) why.hypotheses.front().is_taken_apart = true;
     is_new = judging_.refuse(pair.a, pair.b, why) || is_new;
   }
   return is_new;

@@ -1,4 +1,5 @@
 #include "bent_grid.h"
+#include "grid_conflicts.h"
 
 #include <mapweave/core/format.h>
 #include <mapweave/fusion/grid_map.h>
@@ -46,6 +47,7 @@ struct Verified {
 struct SideCount {
   double fit = 0.0, conflict = 0.0, known = 0.0, worst_tile = 0.0;
   std::vector<Seen> seen;
+  std::vector<WallPoint> in_conflict;  // in this side's grid
 };
 
 template <class Place>
@@ -66,6 +68,7 @@ SideCount count(const PreparedGrid& of, const PreparedGrid& against, const Place
       result.known += of.sample_m;
     } else if (depth_m > kConflictDepth_m) {
       seen = Seen::conflict;
+      result.in_conflict.push_back(sample);
       result.conflict += of.sample_m;
       result.known += of.sample_m;
       if (tile >= 0) by_tile[static_cast<std::size_t>(tile)] += of.sample_m;
@@ -75,6 +78,15 @@ SideCount count(const PreparedGrid& of, const PreparedGrid& against, const Place
   }
   for (const double length : by_tile) result.worst_tile = std::max(result.worst_tile, length);
   return result;
+}
+
+// Of both sides, in a's frame.
+std::vector<PairHypothesis::Place> conflicts_of(const PreparedGrid& a, const PreparedGrid& b, const Verified& as, const SideCount& of_a,
+                                                const SideCount& of_b) {
+  std::vector<WallPoint> walls = of_a.in_conflict;
+  for (const WallPoint& face : of_b.in_conflict)
+    if (const int tile = b.tile_at(face.x, face.y); tile >= 0) walls.push_back(in_a(b, as.bend, tile, face));
+  return places_of(walls, std::max(a.sample_m, b.sample_m));
 }
 
 Verified verified(const PreparedGrid& a, const PreparedGrid& b, const PlanarSimilarity& proposal, double scale_range) {
@@ -93,6 +105,7 @@ Verified verified(const PreparedGrid& a, const PreparedGrid& b, const PlanarSimi
     result.counts.contradiction_m[side] = sides[side]->worst_tile;
     result.seen[side] = std::move(sides[side]->seen);
   }
+  result.counts.conflicts = conflicts_of(a, b, result, of_a, of_b);
   result.counts.overlap = std::min(1.0, std::max(of_a.known, of_b.known) / std::min(a.walls.wall_m(), b.walls.wall_m()));
   return result;
 }
@@ -268,6 +281,11 @@ GridPairResult reversed(GridPairResult result) {
     std::swap(counts.fit_m[0], counts.fit_m[1]);
     std::swap(counts.conflict_m[0], counts.conflict_m[1]);
     std::swap(counts.contradiction_m[0], counts.contradiction_m[1]);
+    for (PairHypothesis::Place& place : counts.conflicts) {
+      const auto there = matching::transformed(counts.a_from_b, {static_cast<float>(place.x_m), static_cast<float>(place.y_m)});
+      place.x_m = there.x;
+      place.y_m = there.y;
+    }
   };
   for (auto& counts : result.hypotheses) turn(counts);
   for (auto& counts : result.images) turn(counts);
@@ -291,8 +309,14 @@ bool goes_first(const matching::GridWalls& one, const matching::GridWalls& other
                                       [&](const WallPoint& p, const WallPoint& q) { return key(p) < key(q); });
 }
 
+double unusual_share(const GridVerification& counts) { return counts.support_m / std::max(counts.mean_fit_m(), 1e-9); }
+
+double probability_by_itself(const GridVerification& counts) {
+  return counts.support_m > 0.0 ? probability_of(counts, unusual_share(counts), 0.0) : 0.0;
+}
+
 void decide(GridPairResult& result, const GridVerification& best, double rival, double merge_probability) {
-  const double unusual = best.support_m / std::max(best.mean_fit_m(), 1e-9);
+  const double unusual = unusual_share(best);
   result.probability = probability_of(best, unusual, rival);
   if (result.probability >= merge_probability) return;
   if (rival > kRival) {
@@ -339,7 +363,10 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   weigh(a, b, image, all);
   std::stable_sort(found.begin(), found.end(), supported_better);
   std::stable_sort(images.begin(), images.end(), supported_better);
-  for (const Verified& one : found) result.hypotheses.push_back(one.counts);
+  for (const Verified& one : found) {
+    result.hypotheses.push_back(one.counts);
+    result.hypotheses.back().probability = probability_by_itself(one.counts);
+  }
   for (const Verified& one : images) result.images.push_back(one.counts);
   if (found.empty() || found.front().counts.support_m <= 0.0) {
     result.reason = Reason::contradiction;

@@ -91,7 +91,9 @@ std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
     for (PairJoin& pair : pairs) {
       const auto why = refused_.find({pair.a, pair.b});
       if (why == refused_.end()) continue;
+      const std::optional<TeamMerge> merge = pair.result.verdict.merge;
       pair.result.verdict = why->second;
+      pair.result.verdict.merge = merge;
       pair.result.witnesses.clear();
       pair.seen.clear();
     }

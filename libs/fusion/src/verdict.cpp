@@ -49,12 +49,12 @@ void set_aside(Verdict& verdict, Reason reason) { refuse(verdict, reason); }
 
 void veto(Verdict& verdict) { verdict.reason = Reason::vetoed; }
 
-void doubt_as(Verdict& verdict, const Judgement& likeliest, double overlap) {
+void doubt_as(Verdict& verdict, const Judgement& likeliest, double overlap, Reason otherwise) {
   verdict.probability = likeliest.probability;
   verdict.overlap = overlap;
   verdict.conflict = likeliest.evidence.conflict;
   verdict.second_best = likeliest.evidence.second_best_ratio;
-  verdict.reason = likeliest.doubt == Reason::none ? Reason::too_few_witnesses : likeliest.doubt;
+  verdict.reason = likeliest.doubt == Reason::none ? otherwise : likeliest.doubt;
   if (is_open(verdict.reason)) verdict.decision = Decision::deferred;
 }
 
@@ -95,9 +95,9 @@ void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreem
   verdict.conflict = walls.conflict();
   verdict.overlap = walls.overlap;
   if (doubt.log_odds > 0.0)
-    leave_open(verdict, doubt.repeats || doubt.rival > options.max_rival ? Reason::ambiguous : Reason::too_few_witnesses);
+    leave_open(verdict, doubt.repeats || doubt.rival > options.max_rival ? Reason::ambiguous : Reason::little_evidence);
   else if (walls.contradicted_m * kContradictionWeight < walls.distinctive_m)
-    leave_open(verdict, Reason::too_few_witnesses);
+    leave_open(verdict, Reason::little_evidence);
   else
     refuse(verdict, Reason::contradiction);
 }
@@ -115,25 +115,42 @@ void refuse_grids(Verdict& verdict, Reason doubt, bool is_vetoed) {
     refuse(verdict, doubt);
 }
 
+namespace {
+
+std::vector<PairHypothesis> both(const std::vector<PairHypothesis>& first, const std::vector<PairHypothesis>& second) {
+  // The best of each, however many there are of the first.
+  const std::size_t of_second =
+      std::min(second.size(), std::max<std::size_t>(1, kMostPairHypotheses - std::min(first.size(), kMostPairHypotheses)));
+  std::vector<PairHypothesis> all(first.begin(),
+                                  first.begin() + static_cast<std::ptrdiff_t>(std::min(first.size(), kMostPairHypotheses - of_second)));
+  all.insert(all.end(), second.begin(), second.begin() + static_cast<std::ptrdiff_t>(of_second));
+  return all;
+}
+
+}  // namespace
+
 Verdict combined(const Verdict& laser, const Verdict& seen, const SenseChecks& checks, const FusionOptions& options) {
   const bool by_laser = laser.decision == Decision::accepted, by_camera = seen.decision == Decision::accepted;
   if (by_laser && by_camera) {
-    Verdict both = laser;
-    both.kind = "laser and vision";
-    both.witnesses.insert(both.witnesses.end(), seen.witnesses.begin(), seen.witnesses.end());
-    std::sort(both.witnesses.begin(), both.witnesses.end());
-    both.probability = 1.0 - (1.0 - laser.probability) * (1.0 - seen.probability);
-    if (!checks.do_lie_alike()) leave_open(both, Reason::ambiguous);
-    return both;
+    Verdict verdict = laser;
+    verdict.kind = "laser and vision";
+    verdict.hypotheses = both(laser.hypotheses, seen.hypotheses);
+    verdict.witnesses.insert(verdict.witnesses.end(), seen.witnesses.begin(), seen.witnesses.end());
+    std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
+    verdict.probability = 1.0 - (1.0 - laser.probability) * (1.0 - seen.probability);
+    if (!checks.do_lie_alike()) leave_open(verdict, Reason::ambiguous);
+    return verdict;
   }
   if (by_camera) {
     Verdict verdict = seen;
-    verdict.hypotheses = laser.hypotheses;
+    verdict.hypotheses = both(seen.hypotheses, laser.hypotheses);
+    verdict.merge = laser.merge;
     verdict.conflict = std::max(verdict.conflict, checks.wall_conflict());
     if (verdict.conflict > options.max_wall_conflict) refuse(verdict, Reason::contradiction);
     return verdict;
   }
   Verdict verdict = laser;
+  verdict.hypotheses = both(laser.hypotheses, seen.hypotheses);
   if (by_laser && checks.do_cameras_contradict()) {
     refuse(verdict, Reason::contradiction);
     verdict.kind = "laser and vision";

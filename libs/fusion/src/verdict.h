@@ -21,8 +21,8 @@ Verdict unseen(const MapId& a, const MapId& b, const TierId& by, std::string kin
 void set_aside(Verdict& verdict, Reason reason);
 // A judgement of them was vetoed, and nothing else holds.
 void veto(Verdict& verdict);
-// No judgement holds. `likeliest`: the best of those that do not; the verdict gets its numbers and its doubt.
-void doubt_as(Verdict& verdict, const Judgement& likeliest, double overlap);
+// No judgement holds. `likeliest`: the best of those that do not; the verdict gets its numbers and its doubt, or `otherwise` where it has none.
+void doubt_as(Verdict& verdict, const Judgement& likeliest, double overlap, Reason otherwise = Reason::too_few_witnesses);
 // Judgements that hold count once each.
 void set_witnesses(Verdict& verdict, std::vector<Hash> witnesses);
 

@@ -115,7 +115,8 @@ namespace {
 // What the judgements so far make of two maps.
 struct VisualCommitment {
   std::vector<const VisualWitness*> clique, others;  // the heaviest set that holds together; those that hold, and agree with none of it
-  double weight = 0.0, rival_weight = 0.0;           // of the clique, and of the heaviest set of the others
+  std::vector<std::vector<const VisualWitness*>> sets;  // that hold together, the heaviest (the clique) first
+  double weight = 0.0, rival_weight = 0.0;              // of the clique, and of the heaviest set of the others
 };
 
 VisualCommitment commit_to(const std::deque<VisualWitness>& witnesses, const VisualMap& b, const std::set<Hash>& vetoed,
@@ -134,6 +135,10 @@ VisualCommitment commit_to(const std::deque<VisualWitness>& witnesses, const Vis
   if (sets.empty()) return result;
   for (const std::size_t i : sets[0].agreeing) result.clique.push_back(good[i]);
   for (const std::size_t i : sets[0].contradicting) result.others.push_back(good[i]);
+  for (const Commitment& set : sets) {
+    auto& members = result.sets.emplace_back();
+    for (const std::size_t i : set.agreeing) members.push_back(good[i]);
+  }
   result.weight = sets[0].weight;
   if (sets.size() > 1) result.rival_weight = sets[1].weight;
   return result;
@@ -248,22 +253,49 @@ std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vect
   return far;
 }
 
+double probability_of_one(const std::vector<const VisualWitness*>& witnesses) {
+  double none_right = 1.0;
+  for (const VisualWitness* w : witnesses) none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, 0.98);
+  return 1.0 - none_right;
+}
+
+PairHypothesis as_told(const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
+  PairHypothesis hypothesis;
+  hypothesis.sense = Sense::cameras;
+  hypothesis.a_from_b = mean_transform(witnesses, b);
+  hypothesis.matches = static_cast<std::uint32_t>(witnesses.size());
+  const double p = std::clamp(probability_of_one(witnesses), 1e-9, 1.0 - 1e-9);
+  hypothesis.log_odds = std::log(p / (1.0 - p));
+  for (const VisualWitness* w : witnesses) hypothesis.overlap += w->judgement.evidence.inliers / static_cast<double>(witnesses.size());
+  return hypothesis;
+}
+
+std::vector<PairHypothesis> told_of(const VisualCommitment& commitment, const VisualMap& b) {
+  std::vector<PairHypothesis> hypotheses;
+  for (const auto& set : commitment.sets) {
+    if (hypotheses.size() == kMostPairHypotheses) break;
+    hypotheses.push_back(as_told(set, b));
+  }
+  // Beside each set stand all that hold and are not in it.
+  const std::size_t all = commitment.clique.size() + commitment.others.size();
+  for (PairHypothesis& hypothesis : hypotheses) hypothesis.elsewhere = static_cast<std::uint32_t>(all - hypothesis.matches);
+  return hypotheses;
+}
+
 // What the clique says of the two maps, and how sure it is.
 void describe(Verdict& verdict, const VisualCommitment& commitment, const VisualMap& b) {
   const auto& clique = commitment.clique;
   for (const VisualWitness* w : commitment.others) verdict.contradicted.push_back(w->judgement.id);
   std::sort(verdict.contradicted.begin(), verdict.contradicted.end());
   verdict.second_best = commitment.rival_weight / commitment.weight;
-  double none_right = 1.0;
   for (const VisualWitness* w : clique) {
     const auto share = 1.0 / static_cast<double>(clique.size());
-    none_right *= 1.0 - std::clamp(w->judgement.probability, 0.0, 0.98);
     verdict.overlap += share * w->judgement.evidence.inliers;
     verdict.conflict += share * w->judgement.evidence.conflict;
     verdict.witnesses.push_back(w->judgement.id);
   }
   std::sort(verdict.witnesses.begin(), verdict.witnesses.end());
-  verdict.probability = (1.0 - none_right) * (1.0 - std::min(1.0, verdict.second_best));
+  verdict.probability = probability_of_one(clique) * (1.0 - std::min(1.0, verdict.second_best));
   Alignment alignment;
   alignment.a_from_b = mean_transform(clique, b);
   const VisualWitness& nearest = *clique.front();
@@ -299,11 +331,15 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   }
   const VisualCommitment commitment = commit_to(witnesses, b, input.vetoed, options);
   if (commitment.clique.empty()) {
-    if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.inliers);
+    if (likeliest != nullptr) {
+      doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.inliers);
+      verdict.hypotheses = {as_told({likeliest}, b)};
+    }
     if (vetoed > 0) veto(verdict);
     return result;
   }
   describe(verdict, commitment, b);
+  verdict.hypotheses = told_of(commitment, b);
   decide_by_cameras(verdict, support_of(commitment, verdict, b), options);
   if (verdict.reason == Reason::ambiguous) result.repetition = repetition_between(a, b, commitment.clique, commitment.others);
   if (verdict.decision != Decision::accepted) return result;

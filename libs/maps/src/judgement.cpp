@@ -14,6 +14,7 @@ std::string_view to_text(Reason reason) {
     case Reason::too_few_witnesses: return "too_few_witnesses";
     case Reason::excluded: return "excluded";
     case Reason::same_recording: return "same_recording";
+    case Reason::little_evidence: return "little_evidence";
   }
   return "unknown";
 }

@@ -14,8 +14,18 @@ std::string_view in_words(Reason reason) {
     case Reason::too_few_witnesses: return "too few places agree on how they fit";
     case Reason::excluded: return "the user excluded this pair";
     case Reason::same_recording: return "they hold the same recording, which counts once";
+    case Reason::little_evidence: return "what fits may fit by chance";
   }
   return "no reason given";
+}
+
+std::string_view to_text(Sense sense) {
+  switch (sense) {
+    case Sense::lasers: return "lasers";
+    case Sense::grids: return "grids";
+    case Sense::cameras: return "cameras";
+  }
+  return "unknown";
 }
 
 std::string_view what_helps(Reason reason) {
@@ -30,6 +40,7 @@ std::string_view what_helps(Reason reason) {
     case Reason::too_few_witnesses: return "drive more of what the other robot saw, or give a prior (--anchor)";
     case Reason::excluded: return "merge without --refuse";
     case Reason::same_recording: return "leave one of them out (--without)";
+    case Reason::little_evidence: return "drive more of what the other robot saw, or give a prior (--anchor)";
   }
   return {};
 }

@@ -1,11 +1,14 @@
 #include <mapweave/core/error.h>
 #include <mapweave/exporters/map_server.h>
 #include <mapweave/fusion/grid_map.h>
+#include <mapweave/fusion/raster_doubt.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/tiers/visual_server.h>
+
+#include <algorithm>
 
 namespace mapweave::runtime {
 namespace {
@@ -27,6 +30,16 @@ std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
   return server.maps();
 }
 
+MapInput grid_input(const std::filesystem::path& path, const MapId& name) {
+  const OccupancyGrid grid = exporters::read_map_server(path);
+  if (std::all_of(grid.log_odds.begin(), grid.log_odds.end(), [](std::int16_t cell) { return cell == OccupancyGrid::kUnknown; }))
+    throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", path.string(), "check its image and its thresholds");
+  MapInput input{{fusion::map_of_grid(name, grid)}, {}, {path, exporters::image_of_map_server(path)}, {}};
+  if (const std::string doubt = fusion::doubt_of_raster(grid); !doubt.empty())
+    input.notes = {path.string() + " " + doubt + ": check its image and its thresholds"};
+  return input;
+}
+
 }  // namespace
 
 MapInput read_map_input(const std::filesystem::path& path, MapId name) {
@@ -41,20 +54,19 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   const std::string ending = path.extension().string();
   if (ending == ".mwdb") {
     mapdb::StoredMaps stored = mapdb::read_store(path);
-    MapInput input{std::move(stored.maps), {}, {path}};
+    MapInput input{std::move(stored.maps), {}, {path}, {}};
     for (mapdb::MemberMap& member : stored.members) input.members.push_back(std::move(member.own));
     if (input.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
     return input;
   }
   if (ending == ".mwj") {
-    MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path)};
+    MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path), {}};
     if (input.maps.empty())
       throw Error(ErrorCode::kBadInput, "there is no map in it: no client told its server anything", path.string(),
                   "take a journal that holds maps");
     return input;
   }
-  if (ending == ".yaml" || ending == ".yml")
-    return {{fusion::map_of_grid(name, exporters::read_map_server(path))}, {}, {path, exporters::image_of_map_server(path)}};
+  if (ending == ".yaml" || ending == ".yml") return grid_input(path, name);
   throw Error(ErrorCode::kBadInput, "is neither a map store (.mwdb) nor a server's journal (.mwj) nor a map_server grid (.yaml)",
               path.string(), "name one of these");
 }

@@ -69,6 +69,7 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
   std::vector<NamedInput> read;
   for (std::size_t i = 0; i < paths.size(); ++i) read.push_back({paths[i], names[i], read_map_input(paths[i], names[i])});
   for (NamedInput& input : read) {
+    inputs.notes.insert(inputs.notes.end(), input.content.notes.begin(), input.content.notes.end());
     for (const std::filesystem::path& file : input.content.files) inputs.files.push_back({file.string(), hash_of_file(file)});
     if (!input.content.members.empty()) continue;
     expect_one_robot_each(input, requests);

@@ -1,7 +1,5 @@
 #include <mapweave/runtime/report.h>
 
-#include "verdict_text.h"
-
 #include <mapweave/core/format.h>
 #include <mapweave/core/hash.h>
 #include <mapweave/maps/alignment.h>
@@ -40,6 +38,15 @@ Json b_from_a(const Sim3& a_from_b) {
   return {{"t", {t.x(), t.y(), t.z()}}, {"q", {q.x(), q.y(), q.z(), q.w()}}, {"scale", 1.0 / a_from_b.scale}};
 }
 
+// The same, planar also where the scale differs.
+Json b_from_a_with_scale(const Sim3& a_from_b) {
+  if (!is_planar({a_from_b.pose, 1.0})) return b_from_a(a_from_b);
+  const Pose2 pose = planar(inverse(a_from_b).pose);
+  Json json = {{"x", pose.x}, {"y", pose.y}, {"yaw", pose.phi}};
+  if (a_from_b.scale != 1.0) json["scale"] = 1.0 / a_from_b.scale;
+  return json;
+}
+
 // Of b_from_a. Rows: x, y, yaw of a planar alignment, else all six.
 Json covariance(const Alignment& a_from_b) {
   const Alignment alignment = is_planar(a_from_b.a_from_b) ? inverse(a_from_b) : a_from_b;
@@ -57,7 +64,8 @@ Json hypothesis_json(const PairHypothesis& hypothesis) {
   Json contradictions = Json::array();
   for (const PairHypothesis::Place& place : hypothesis.contradictions)
     contradictions.push_back({{"x_m", place.x_m}, {"y_m", place.y_m}, {"length_m", place.length_m}});
-  return {{"b_from_a", b_from_a(hypothesis.a_from_b)},
+  return {{"sense", to_text(hypothesis.sense)},
+          {"b_from_a", b_from_a_with_scale(hypothesis.a_from_b)},
           {"probability", 1.0 / (1.0 + std::exp(-hypothesis.log_odds))},
           {"log_odds", hypothesis.log_odds},
           {"prior_log_odds", hypothesis.prior_log_odds},
@@ -66,7 +74,13 @@ Json hypothesis_json(const PairHypothesis& hypothesis) {
           {"distinctive_m", hypothesis.distinctive_m},
           {"contradicted_m", hypothesis.contradicted_m},
           {"unclear_m", hypothesis.unclear_m},
+          {"counted_unclear_m", hypothesis.counted_unclear_m},
+          {"by_chance_m", hypothesis.by_chance_m},
+          {"support_m", hypothesis.support_m},
           {"overlap", hypothesis.overlap},
+          {"elsewhere", hypothesis.elsewhere},
+          {"of_teams", hypothesis.is_of_teams},
+          {"taken_apart", hypothesis.is_taken_apart},
           {"contradictions", contradictions}};
 }
 
@@ -100,12 +114,23 @@ Json audit_json(const fusion::PairAudit* audit) {
           {"taken_apart", audit->is_ghost}};
 }
 
+Json names_json(const std::vector<MapId>& ids) {
+  Json names = Json::array();
+  for (const MapId& id : ids) names.push_back(id.str());
+  return names;
+}
+
+Json merge_json(const TeamMerge& merge) {
+  return {{"of", names_json(merge.of)}, {"with", names_json(merge.with)}, {"probability", merge.probability}};
+}
+
 Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::PairAudit* audit) {
   Json witnesses = Json::array();
   for (const Hash& witness : verdict.witnesses) witnesses.push_back(to_hex(witness));
   Json hypotheses = Json::array();
   for (const PairHypothesis& hypothesis : verdict.hypotheses) hypotheses.push_back(hypothesis_json(hypothesis));
   return {{"tier", tier.str()},
+          {"words", in_words(verdict)},
           {"a", verdict.a.str()},
           {"b", verdict.b.str()},
           {"kind", verdict.kind},
@@ -113,6 +138,7 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
           {"decision", to_text(verdict.decision)},
           {"reason", to_text(verdict.reason)},
           {"because", in_words(verdict.reason)},
+          {"detail", verdict.detail},
           {"proposer", verdict.proposer},
           {"probability", verdict.probability},
           {"b_from_a", verdict.alignment ? b_from_a(verdict.alignment->a_from_b) : Json()},
@@ -121,6 +147,10 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
           {"conflict", verdict.conflict},
           {"second_best", verdict.second_best},
           {"witnesses", witnesses},
+          {"in_one_map", verdict.in_one_map.has_value()},
+          {"connected_through", verdict.in_one_map ? names_json(verdict.in_one_map->through) : Json::array()},
+          {"team_b_from_a", verdict.in_one_map ? b_from_a_with_scale(verdict.in_one_map->a_from_b) : Json()},
+          {"merge", verdict.merge ? merge_json(*verdict.merge) : Json()},
           {"audit", audit_json(audit)},
           {"hypotheses", hypotheses},
           {"prior", verdict.prior ? prior_json(*verdict.prior) : Json()},
@@ -129,11 +159,7 @@ Json verdict_json(const TierId& tier, const Verdict& verdict, const fusion::Pair
 
 Json fusion_json(const FusionReport& fusion) {
   Json members = Json::array();
-  for (const auto& component : fusion.components) {
-    Json names = Json::array();
-    for (const MapId& id : component) names.push_back(id.str());
-    members.push_back(names);
-  }
+  for (const auto& component : fusion.components) members.push_back(names_json(component));
   return {{"components", fusion.components.size()},
           {"merged_pairs", pairs(fusion, Decision::accepted)},
           {"refused_pairs", pairs(fusion, Decision::refused)},
@@ -290,41 +316,6 @@ Json merges_json(const Report& report) {
     for (const Verdict& verdict : edge.verdicts) merges.push_back(verdict_json(edge.tier, verdict, audit_of(edge, verdict)));
   for (const Verdict& verdict : report.team.verdicts) merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
   return merges;
-}
-
-std::string in_words(const Verdict& verdict) {
-  const std::string pair = verdict.a.str() + " + " + verdict.b.str() + ": ";
-  const std::string numbers = numbers_in_words(verdict.probability, verdict.overlap, verdict.conflict);
-  switch (verdict.decision) {
-    case Decision::accepted: {
-      std::string line = pair + format("joined (%s, %zu place%s agree%s)", numbers.c_str(), verdict.witnesses.size(),
-                                       verdict.witnesses.size() == 1 ? "" : "s", verdict.witnesses.size() == 1 ? "s" : "");
-      if (verdict.reason != Reason::none) line += "; " + std::string(in_words(verdict.reason));
-      return line;
-    }
-    case Decision::refused:
-      if (verdict.reason == Reason::excluded) return pair + "kept apart: " + std::string(in_words(verdict.reason));
-      if (verdict.reason == Reason::same_recording)
-        return pair + "kept apart: " + std::string(in_words(verdict.reason)) +
-               format(" (%.0f %% of the scans of one are in the other)", 100.0 * verdict.overlap);
-      // Without any alignment there is nothing to count.
-      if (verdict.reason == Reason::little_overlap && verdict.probability == 0.0)
-        return pair + "kept apart: no place that both show was found";
-      return pair + "kept apart: " + std::string(in_words(verdict.reason)) + " (" + numbers + ")";
-    case Decision::deferred: return pair + "not decided: " + std::string(in_words(verdict.reason)) + " (" + numbers + ")";
-  }
-  return pair;
-}
-
-std::string in_words(const PriorCheck& prior) {
-  const double degrees = prior.off_rad.value_or(0.0) * 180.0 / M_PI;
-  if (prior.off_m && prior.is_contradicted)
-    return format("the prior is contradicted: the maps lie %.1f m and %.0f degrees from where it puts them", *prior.off_m, degrees);
-  if (prior.off_m) return format("the maps agree with the prior within %.2f m and %.1f degrees", *prior.off_m, degrees);
-  if (prior.is_contradicted)
-    return format("the prior is contradicted: where it puts the maps, %.1f m of walls were seen through, and %.1f m coincide",
-                  prior.contradicted_m, prior.coinciding_m);
-  return "the prior is not confirmed: no place was found that fits as it says";
 }
 
 // Where a map that was merged showed something twice.

@@ -23,6 +23,21 @@ double middle_distance_m(const Pose2& one, const Pose2& other, const matching::P
   return std::hypot(here.x - there.x, here.y - there.y);
 }
 
+PairHypothesis as_told(const GridVerification& counts) {
+  PairHypothesis hypothesis;
+  hypothesis.sense = Sense::grids;
+  hypothesis.a_from_b = {spatial(counts.a_from_b.pose), counts.a_from_b.scale};
+  hypothesis.matches = 1;
+  const double p = std::clamp(counts.probability, 1e-9, 1.0 - 1e-9);
+  hypothesis.log_odds = std::log(p / (1.0 - p));
+  hypothesis.coinciding_m = counts.mean_fit_m();
+  hypothesis.contradicted_m = counts.mean_conflict_m();
+  hypothesis.support_m = counts.support_m;
+  hypothesis.overlap = counts.overlap;
+  hypothesis.contradictions = counts.conflicts;
+  return hypothesis;
+}
+
 }  // namespace
 
 // Of the maps' frames, where their submaps are nearest to each other.
@@ -103,6 +118,24 @@ void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict)
   verdict.overlap = pair.result.evidence.overlap;
   verdict.conflict = pair.result.evidence.conflict;
   verdict.second_best = pair.result.evidence.second_best_ratio;
+  verdict.detail = pair.result.note;
+  // Found twice, they are one.
+  const auto& middle = maps_[b].centres[maps_[b].centres.size() / 2];
+  const double scale = grids_.scale(b);
+  const matching::Point2f in_b{static_cast<float>(middle.x / scale), static_cast<float>(middle.y / scale)};
+  const auto lie_together = [&](const matching::PlanarSimilarity& one, const matching::PlanarSimilarity& other) {
+    const auto here = matching::transformed(one, in_b), there = matching::transformed(other, in_b);
+    return std::hypot(here.x - there.x, here.y - there.y) < kAlike_m && std::abs(wrap_angle(one.pose.phi - other.pose.phi)) < kAlike_rad;
+  };
+  std::vector<const GridVerification*> told;
+  for (const GridVerification& counts : pair.result.hypotheses) {
+    if (told.size() == kMostPairHypotheses) break;
+    if (std::none_of(told.begin(), told.end(),
+                     [&](const GridVerification* other) { return lie_together(counts.a_from_b, other->a_from_b); }))
+      told.push_back(&counts);
+  }
+  verdict.hypotheses.clear();
+  for (const GridVerification* counts : told) verdict.hypotheses.push_back(as_told(*counts));
 }
 
 }  // namespace mapweave::fusion

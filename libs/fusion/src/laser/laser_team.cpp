@@ -267,6 +267,7 @@ bool LaserMerger::merge_surest() {
   const MergeHypothesis& chosen = best->hypotheses.front();
   LaserTeam& x = teams_[best_x];
   const LaserTeam& z = teams_[best_z];
+  merges_.push_back({x.maps, z.maps, best->probability});
   x.maps = united(x.maps, z.maps);
   x.matches.insert(x.matches.end(), z.matches.begin(), z.matches.end());
   x.matches.insert(x.matches.end(), chosen.matches.begin(), chosen.matches.end());
@@ -363,6 +364,7 @@ bool LaserMerger::take_back() {
 
 void LaserMerger::merge_all() {
   teams_.clear();
+  merges_.clear();
   evaluations_.clear();
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});

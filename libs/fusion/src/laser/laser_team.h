@@ -19,6 +19,14 @@ namespace mapweave::fusion {
 constexpr double kSurestLogOdds = 20.0;
 constexpr std::size_t kFirstRound = 4;  // questions of a pair of maps, then four times as many
 PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
+// What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear (each by its
+// weight, wall_weights.h), less what would fit by chance. Metres.
+struct WeighedWalls {
+  double unclear_m = 0.0;  // that counts
+  double by_chance_m = 0.0;
+  double log_odds = 0.0;
+};
+WeighedWalls weighed(const WallAgreement& walls);
 double log_odds_of(const WallAgreement& walls);
 // Metres of wall that two hypotheses are compared by.
 double fit_of(const WallAgreement& walls);
@@ -121,6 +129,7 @@ class LaserMerger {
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
   void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
+  std::optional<TeamMerge> merge_of(std::size_t a, std::size_t b) const;
   std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;
   PairHypothesis told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
   std::vector<PairHypothesis> hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const;
@@ -139,6 +148,11 @@ class LaserMerger {
   std::map<MapPair, PairState> pairs_;
   std::map<MapPair, PairHypothesis> taken_back_;  // how they lay in the team that the audit took them out of
   std::vector<LaserTeam> teams_;
+  struct MergedTeams {
+    std::vector<std::size_t> one, other;
+    double probability;
+  };
+  std::vector<MergedTeams> merges_;  // in the order in which they were decided
   std::vector<PairAudit> taken_apart_;
   std::map<std::pair<std::vector<std::size_t>, std::vector<std::size_t>>, Evaluation> evaluations_;
 };

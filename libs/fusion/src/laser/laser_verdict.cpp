@@ -16,7 +16,7 @@ namespace {
 
 // Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through, or has close beside
 // its own, against it. The weights are from hypotheses, right and wrong, of public buildings, of their mirror images and of simulated rooms.
-constexpr double kPerMetre = 1.0, kUnclearWeight = 2.0;
+constexpr double kPerMetre = 1.0;
 // What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so; there a
 // share of what fits, too.
 constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.08, kWholeOverlap = 0.7;
@@ -102,15 +102,19 @@ std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std:
   return ghosts;
 }
 
-double log_odds_of(const WallAgreement& walls) {
+WeighedWalls weighed(const WallAgreement& walls) {
   const double beside = 1.0 - std::min(1.0, walls.overlap / kWholeOverlap);
-  const double by_chance_m = kByChance_m + beside * (kByChanceBeside_m + kByChanceShare * walls.coinciding_m);
+  WeighedWalls result;
+  result.by_chance_m = kByChance_m + beside * (kByChanceBeside_m + kByChanceShare * walls.coinciding_m);
   const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
-  const double unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
-  const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * unclear_m;
-  const double net_m = walls.distinctive_m - against_m - by_chance_m;
-  return std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
+  result.unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
+  const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * result.unclear_m;
+  const double net_m = walls.distinctive_m - against_m - result.by_chance_m;
+  result.log_odds = std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
+  return result;
 }
+
+double log_odds_of(const WallAgreement& walls) { return weighed(walls).log_odds; }
 
 double fit_of(const WallAgreement& walls) { return fit_m(walls.coinciding_m, walls.unclear_m, walls.contradicted_m); }
 
@@ -133,6 +137,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   if (team != nullptr && team == team_of(b))
     for (const SubmapMatch& match : team->matches)
       if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
+  verdict.merge = merge_of(a, b);
   if (grids != nullptr) {
     describe_grids(a, b, verdict);
     if (matches.empty())
@@ -155,7 +160,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   } else {
     matches = doubted(a, b, verdict);
   }
-  if (verdict.decision != Decision::accepted) verdict.hypotheses = hypotheses_of(a, b, nullptr);
+  if (verdict.decision != Decision::accepted && grids == nullptr) verdict.hypotheses = hypotheses_of(a, b, nullptr);
   std::vector<Hash> judgements;
   for (const SubmapMatch& match : matches) judgements.push_back(match.judgement);
   set_witnesses(verdict, std::move(judgements));
@@ -208,7 +213,7 @@ std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verd
     if (!answer.judgement.hypotheses.empty() &&
         (likeliest == nullptr || answer.judgement.probability > likeliest->judgement.probability))
       likeliest = &answer;
-  if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.overlap);
+  if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.overlap, Reason::little_evidence);
   return {};
 }
 

@@ -39,16 +39,23 @@ bool lie_together(const Sim3& one, const Sim3& other) {
 
 PairHypothesis LaserMerger::told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const {
   PairHypothesis hypothesis;
-  hypothesis.a_from_b.pose = spatial(between(map_frame(maps_[a], graph_, a, solved), map_frame(maps_[b], graph_, b, solved)));
+  // Of the maps as they were given: grids may have another scale here.
+  const double scale_a = grids_.scale(a);
+  Pose2 a_from_b = between(map_frame(maps_[a], graph_, a, solved), map_frame(maps_[b], graph_, b, solved));
+  a_from_b = {a_from_b.x / scale_a, a_from_b.y / scale_a, a_from_b.phi};
+  hypothesis.a_from_b = {spatial(a_from_b), grids_.scale(b) / scale_a};
   hypothesis.coinciding_m = walls.coinciding_m;
   hypothesis.distinctive_m = walls.distinctive_m;
   hypothesis.contradicted_m = walls.contradicted_m;
   hypothesis.unclear_m = walls.unclear_m;
+  const WeighedWalls weights = weighed(walls);
+  hypothesis.counted_unclear_m = weights.unclear_m;
+  hypothesis.by_chance_m = weights.by_chance_m;
   hypothesis.overlap = walls.overlap;
   for (const Contradiction& place : walls.contradictions) {
     if (hypothesis.contradictions.size() == kMostPlaces) break;
     const Pose2 there = in_map(maps_[a], graph_, a, solved, place.x_m, place.y_m);
-    hypothesis.contradictions.push_back({there.x, there.y, place.length_m});
+    hypothesis.contradictions.push_back({there.x / scale_a, there.y / scale_a, place.length_m});
   }
   return hypothesis;
 }
@@ -75,11 +82,33 @@ std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_
     const auto evaluation = evaluations_.find({one, other});
     if (evaluation == evaluations_.end()) continue;
     for (const MergeHypothesis& hypothesis : evaluation->second.hypotheses)
-      if (!hypothesis.matches.empty())
-        add(told(a, b, hypothesis.solved, hypothesis.walls), hypothesis.log_odds, hypothesis.prior_log_odds, hypothesis.matches.size());
+      if (!hypothesis.matches.empty()) {
+        PairHypothesis as_told = told(a, b, hypothesis.solved, hypothesis.walls);
+        as_told.is_of_teams = one.size() + other.size() > 2;
+        add(std::move(as_told), hypothesis.log_odds, hypothesis.prior_log_odds, hypothesis.matches.size());
+      }
   }
   if (result.size() > kMostPairHypotheses) result.resize(kMostPairHypotheses);
   return result;
+}
+
+// By which two maps came into one team.
+std::optional<TeamMerge> LaserMerger::merge_of(std::size_t a, std::size_t b) const {
+  const auto has = [](const std::vector<std::size_t>& maps, std::size_t map) { return std::binary_search(maps.begin(), maps.end(), map); };
+  const LaserTeam* team = team_of(a);
+  if (team == nullptr || team != team_of(b)) return std::nullopt;
+  const auto ids = [&](const std::vector<std::size_t>& maps) {
+    std::vector<MapId> result;
+    for (const std::size_t map : maps) result.push_back(maps_[map].map->id);
+    return result;
+  };
+  for (const MergedTeams& merge : merges_) {
+    if ((has(merge.one, a) && has(merge.other, b)) || (has(merge.one, b) && has(merge.other, a))) {
+      const bool is_in_order = merge.one.front() < merge.other.front();
+      return TeamMerge{ids(is_in_order ? merge.one : merge.other), ids(is_in_order ? merge.other : merge.one), merge.probability};
+    }
+  }
+  return std::nullopt;
 }
 
 std::size_t LaserMerger::matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const {
@@ -100,6 +129,8 @@ void LaserMerger::remember_taken_back(const LaserTeam& team, const TeamAudit& au
     walls.contradictions = pair.contradictions;
     PairHypothesis& hypothesis = taken_back_[{a, b}] = told(a, b, team.solved, walls);
     hypothesis.log_odds = log_odds_of(walls);
+    hypothesis.is_taken_apart = true;
+    hypothesis.by_chance_m = hypothesis.distinctive_m = 0.0;  // not weighed by the audit
     hypothesis.matches = static_cast<std::uint32_t>(matches);
   }
 }

@@ -4,6 +4,7 @@
 namespace mapweave::fusion {
 
 constexpr double kContradictionWeight = 4.0;  // a metre that the other map saw through, in metres that coincide
+constexpr double kUnclearWeight = 2.0;        // a metre that stands close beside the other map's walls, in metres that fit nowhere around
 
 // Metres of wall that two hypotheses of one pair are compared by.
 constexpr double fit_m(double coinciding_m, double unclear_m, double contradicted_m) {

@@ -41,8 +41,9 @@ enum class Reason : std::uint8_t {
   inconsistent = 5,
   vetoed = 6,
   too_few_witnesses = 7,
-  excluded = 8,       // the user wants the two maps not to be matched
-  same_recording = 9  // the two maps hold the same scans
+  excluded = 8,         // the user wants the two maps not to be matched
+  same_recording = 9,   // the two maps hold the same scans
+  little_evidence = 10  // walls that fit, but so few that it may be chance
 };
 
 struct Judgement {
@@ -58,8 +59,13 @@ struct Judgement {
 
 enum class Decision : std::uint8_t { accepted = 0, refused = 1, deferred = 2 };
 
-// One way in which two maps may lie to each other, with what speaks for and against it: metres of wall of both.
+// What a hypothesis rests on, which says what its numbers are: regions of lasers, whole map_server grids, pictures.
+enum class Sense : std::uint8_t { lasers = 0, grids = 1, cameras = 2 };
+
+// One way in which two maps may lie to each other, with what speaks for and against it: metres of wall of both (of grids the mean of
+// both), places of cameras.
 struct PairHypothesis {
+  Sense sense = Sense::lasers;
   Sim3 a_from_b;
   std::uint32_t matches = 0;     // of places of both maps that agree on it
   double log_odds = 0.0;         // that it is right, by itself; the prior's are among them
@@ -68,7 +74,13 @@ struct PairHypothesis {
   double distinctive_m = 0.0;    // that fit here and nowhere around
   double contradicted_m = 0.0;   // that the other one saw through
   double unclear_m = 0.0;        // where the other one looked and saw neither
+  double counted_unclear_m = 0.0;  // of these, what speaks against it: where maps overlap little, views just end
+  double by_chance_m = 0.0;        // that would fit by chance
+  double support_m = 0.0;          // of grids: what fits, by how unusual that is, less what lies in free space
   double overlap = 0.0;          // share of the smaller map's walls that lie where the other one looked
+  std::uint32_t elsewhere = 0;   // of cameras: places that put the maps otherwise
+  bool is_of_teams = false;      // the numbers are of all maps of the two teams that the maps were in then
+  bool is_taken_apart = false;   // a team had the maps so until its audit; how unusual is what fits was not weighed
   struct Place {
     double x_m = 0.0, y_m = 0.0;  // a's map frame
     double length_m = 0.0;
@@ -84,6 +96,18 @@ struct PriorCheck {
   bool is_contradicted = false;
   std::optional<double> off_m, off_rad;  // from it to where the maps were merged, or else fit best
   double coinciding_m = 0.0, contradicted_m = 0.0;  // walls, where it puts the maps
+};
+
+// By which two maps came into one: of all maps of one team with all of another.
+struct TeamMerge {
+  std::vector<MapId> of, with;  // sorted; the first one's lowest id is the lowest
+  double probability = 0.0;     // that it is right, as it was decided
+};
+
+// Two maps that lie in one team map, whether they were matched to each other or not.
+struct InOneMap {
+  Sim3 a_from_b;               // as that map has them
+  std::vector<MapId> through;  // the maps between them on the shortest way of matched pairs that is not their own; empty: there is none
 };
 
 // Whether two maps join, and how we know.
@@ -102,6 +126,9 @@ struct Verdict {
   // What else is told of the pair; stores do not keep it.
   std::vector<PairHypothesis> hypotheses;  // most probable first; of the accepted one, as the team has it
   std::optional<PriorCheck> prior;
+  std::string detail;  // more on the reason, with numbers; may be empty
+  std::optional<TeamMerge> merge;
+  std::optional<InOneMap> in_one_map;
 };
 
 std::string_view to_text(Reason);

@@ -9,8 +9,9 @@ namespace mapweave {
 
 // Of a pair of maps, to stand after "kept apart: ".
 std::string_view in_words(Reason);
+std::string_view to_text(Sense);  // "lasers", "grids", "cameras"
 // What somebody can do about it; may be empty.
 std::string_view what_helps(Reason);
-constexpr Reason kLastReason = Reason::same_recording;
+constexpr Reason kLastReason = Reason::little_evidence;
 
 }  // namespace mapweave
