@@ -19,6 +19,7 @@ LoadedConfiguration load_configuration(const std::filesystem::path& file, std::v
   sources.settings.insert(sources.settings.end(), flags.set.begin(), flags.set.end());
   if (flags.seed) sources.settings.push_back("seed=" + std::to_string(*flags.seed));
   loaded.origins = load(loaded.configuration, sources);
+  runtime::complete_starts(loaded.configuration, loaded.origins);
   return loaded;
 }
 

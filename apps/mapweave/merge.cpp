@@ -13,6 +13,7 @@ Action set_up_merge(CLI::App& verb) {
   struct Arguments {
     std::vector<std::filesystem::path> maps;
     std::vector<std::string> without, refused, anchors;
+    bool forget = false;
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
@@ -33,6 +34,8 @@ Action set_up_merge(CLI::App& verb) {
                   "0.1 rad). Walls may contradict it, and a note says so; repeatable")
       ->type_name("A,B,x,y,yaw[,sigma[,sigma_yaw]]")
       ->allow_extra_args(false);
+  verb.add_flag("--forget-requests", arguments->forget,
+                "drop what was said when the given teams were made (refusals, priors, starts, options of fusion); else it holds again");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     runtime::MergeRequests requests;
@@ -43,7 +46,7 @@ Action set_up_merge(CLI::App& verb) {
     expect_outside(arguments->flags.out, arguments->maps);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
-    const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force, requests};
+    const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force, requests, arguments->forget, loaded.origins};
     return tell(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out,
                 arguments->flags.json);
   };

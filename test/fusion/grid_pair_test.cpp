@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/fusion/grid_map.h>
 #include <mapweave/fusion/grid_pair.h>
@@ -66,7 +67,7 @@ TEST(GridPair, refuses_mirror_images) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     const OccupancyGrid grid = drawn_grid(office(seed));
     const auto result = align_grids(grid, test::flipped(grid));
-    EXPECT_NE(result.reason, Reason::none) << seed;
+    EXPECT_THAT(result.reason, testing::AnyOf(Reason::contradiction, Reason::ambiguous)) << seed;
     EXPECT_FALSE(result.note.empty());
   }
 }
@@ -139,11 +140,15 @@ TEST(GridPair, ties_bend_the_joint_graph_so_that_walls_coincide) {
 TEST(GridPair, refuses_text_and_photographs) {
   const OccupancyGrid building = drawn_grid(office(1));
   for (const unsigned seed : {1U, 2U}) {
-    EXPECT_NE(align_grids(building, test::page_of_text(seed)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(building, test::photograph(seed)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(test::page_of_text(seed), test::page_of_text(seed + 3)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(test::photograph(seed), test::photograph(seed + 3)).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(test::photograph(seed), test::page_of_text(seed)).reason, Reason::none) << seed;
+    const auto reason = [&](const OccupancyGrid& a, const OccupancyGrid& b) { return align_grids(a, b).reason; };
+    // Lines of text fit in many ways or nowhere; what fits of a photograph's speckles does so anywhere.
+    const auto is_of_text = testing::AnyOf(Reason::contradiction, Reason::ambiguous);
+    EXPECT_THAT(reason(building, test::page_of_text(seed)), is_of_text) << seed;
+    EXPECT_THAT(reason(test::page_of_text(seed), test::page_of_text(seed + 3)), is_of_text) << seed;
+    EXPECT_EQ(reason(building, test::photograph(seed)), Reason::unobservable) << seed;
+    EXPECT_EQ(reason(test::photograph(seed), test::photograph(seed + 3)), Reason::unobservable) << seed;
+    EXPECT_EQ(reason(test::photograph(seed), test::page_of_text(seed)), Reason::unobservable) << seed;
+    EXPECT_THAT(align_grids(building, test::photograph(seed)).note, testing::HasSubstr("walls beside free space")) << seed;
   }
 }
 

@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mapweave/fusion/fuse.h>
+#include <mapweave/maps/reasons.h>
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
 
@@ -86,7 +87,8 @@ TEST(LaserTeam, leaves_a_log_and_its_mirror_image_apart_under_any_name) {
     robot.id = RobotId(name);
     const auto result = fused({test::mapped(team.robots[0], team.laser), test::mapped(robot, team.laser)});
     EXPECT_EQ(result.components.size(), 2U) << name;
-    EXPECT_NE(result.verdicts[0].reason, Reason::none) << name;
+    EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction) << name << to_text(result.verdicts[0].reason);
+    EXPECT_EQ(in_words(result.verdicts[0].reason), "one saw through walls of the other");
   }
 }
 
@@ -101,6 +103,36 @@ TEST(LaserTeam, is_not_made_of_robots_that_were_in_different_rooms_which_look_al
     const auto team = seed % 2 == 0 ? simulation::make_mirrored_rooms(rows, options) : simulation::make_repeated_rooms(rows, options);
     EXPECT_EQ(fused(mapped(team)).components.size(), 2U) << "seed " << seed;
   }
+}
+
+// Rooms of a hotel, each robot in its own; the prior lays those of the second one on those of the first one, which look the same.
+TEST(LaserTeam, believes_a_prior_that_is_wrong_by_whole_rooms_where_rooms_repeat) {
+  simulation::RoomRowOptions hotel;
+  hotel.rooms = 8;
+  hotel.furniture = 2;
+  simulation::TeamOptions options;
+  options.shared = 0.0;
+  options.seed = 3;
+  const auto team = simulation::make_repeated_rooms(hotel, options);
+  const Pose2 &first = team.robots[0].steps.front().world_from_robot, &second = team.robots[1].steps.front().world_from_robot;
+  Pose2 wrong = second;
+  wrong.x -= 4.0 * hotel.room_width_m;
+  FusionInput input{{test::truth_map(team.robots[0], team.laser), test::truth_map(team.robots[1], team.laser)}, {}, TierId("cloud")};
+  const auto fused_here = [&] {
+    WorkerPool pool(1);
+    Memo memo;
+    return fuse(input, {}, memo, pool, *make_silent_progress());
+  };
+  EXPECT_EQ(fused_here().components.size(), 2U) << "without a prior they stay apart";
+  input.priors = {{MapId("robot0"), MapId("robot1"), between(first, wrong), 0.5, 0.1}};
+  const auto result = fused_here();
+  ASSERT_EQ(result.components.size(), 1U);
+  EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(between(first, wrong), 0.3, 0.05));
+  EXPECT_FALSE(result.verdicts[0].prior->is_contradicted) << "nothing can find it out";
+  input.priors[0].a_from_b = between(first, second);
+  const auto right = fused_here();
+  ASSERT_EQ(right.components.size(), 1U);
+  EXPECT_THAT(planar(*right.components[0].team_from_map.find(MapId("robot1"))), IsNear(between(first, second), 0.1, 0.02));
 }
 
 TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
@@ -207,7 +239,33 @@ TEST(LaserTeam, of_maps_that_are_all_bent_is_right_or_says_why) {
     }
     const auto result = fused(maps);
     EXPECT_LT(worst_between_robots(result, maps, team), 0.4) << bend_rad;
-    for (const Verdict& verdict : result.verdicts) EXPECT_EQ(verdict.decision == Decision::accepted, verdict.reason == Reason::none) << bend_rad;
+    for (const Verdict& verdict : result.verdicts) {
+      // What can be mended is merged; else walls were seen through wherever the maps are laid.
+      constexpr double kMended_rad = 0.1;
+      EXPECT_EQ(verdict.decision == Decision::accepted, verdict.reason == Reason::none) << bend_rad;
+      EXPECT_EQ(verdict.reason, bend_rad < kMended_rad ? Reason::none : Reason::contradiction) << bend_rad << to_text(verdict.reason);
+    }
+  }
+}
+
+TEST(LaserTeam, with_a_robot_that_stands_still_is_right_or_shows_too_little) {
+  const auto team = apartment(2, 0.6);
+  for (const std::size_t at : {std::size_t{0}, team.robots[1].steps.size() / 2}) {
+    auto still = team.robots[1];
+    for (auto& step : still.steps) {
+      step.world_from_robot = team.robots[1].steps[at].world_from_robot;
+      step.odometry_from_robot = team.robots[1].steps[at].odometry_from_robot;
+      step.ranges = team.robots[1].steps[at].ranges;
+    }
+    const auto result = fused({test::mapped(team.robots[0], team.laser), test::mapped(still, team.laser)});
+    ASSERT_EQ(result.verdicts.size(), 1U);
+    const Verdict& verdict = result.verdicts[0];
+    if (result.components.size() == 1) {
+      const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, still.steps.front().world_from_robot);
+      EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(truth, 0.3, 0.05)) << at;
+    } else {
+      EXPECT_THAT(verdict.reason, testing::Eq(Reason::little_evidence)) << at << to_text(verdict.reason);
+    }
   }
 }
 

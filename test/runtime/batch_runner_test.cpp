@@ -1,6 +1,7 @@
 #include "simulated_team.h"
 
 #include <mapweave/runtime/batch_runner.h>
+#include <mapweave/runtime/merge_runner.h>
 
 #include <gmock/gmock.h>
 #include <mapweave/core/files.h>
@@ -62,6 +63,49 @@ struct BatchTest : testing::Test {
   RunConfiguration configuration = simulated_team().configuration();
   std::unique_ptr<Progress> silent = make_silent_progress();
 };
+
+// As a user writes it, of both robots: their starts, if any.
+RunConfiguration with_starts(RunConfiguration configuration, const std::string& alpha, const std::string& beta, const test::TemporaryFolder& folder) {
+  const auto line = [&](const std::string& id, const std::string& start) {
+    const std::string log = "\"" + simulated_team().log(id).string() + "\"";
+    return "  - {id: " + id + ", log: " + log + (start.empty() ? "" : ", start: {" + start + "}") + "}\n";
+  };
+  write_file(folder / "run.yaml", "robots:\n" + line("alpha", alpha) + line("beta", beta));
+  const Origins origins = load(configuration, {{folder / "run.yaml"}, {}, {}});
+  complete_starts(configuration, origins);
+  return configuration;
+}
+
+TEST_F(BatchTest, takes_starts_of_a_configuration_as_priors_also_without_their_sigma) {
+  const RunConfiguration plain = configuration;
+  configuration = with_starts(plain, "x_m: 0.0, y_m: 0.0", "y_m: 40.0", folder);
+  EXPECT_EQ(configuration.robots[0].start.sigma_m, 0.5);
+  const Report report = run("out");
+  ASSERT_EQ(report.team.verdicts.size(), 1u);
+  ASSERT_TRUE(report.team.verdicts[0].prior);
+  EXPECT_NEAR(report.team.verdicts[0].prior->a_from_b.y, 40.0, 1.0);
+  EXPECT_TRUE(report.team.verdicts[0].prior->is_contradicted);
+  EXPECT_THAT(in_words(report, "out"), HasSubstr("the prior is contradicted"));
+  // As a team merged again knows it, and as the printed configuration says it.
+  WorkerPool pool(1);
+  const Report again = run_merge({}, {folder / "out"}, {folder / "again", false}, pool, *silent);
+  ASSERT_TRUE(again.team.verdicts.at(0).prior);
+  EXPECT_EQ(again.team.verdicts[0].prior->a_from_b.y, report.team.verdicts[0].prior->a_from_b.y);
+  RunConfiguration printed;
+  complete_starts(printed, load(printed, {{folder / "out/config.yaml"}, {}, {}}));
+  EXPECT_EQ(printed.robots[1].start.sigma_m, 0.5);
+}
+
+TEST_F(BatchTest, says_that_one_start_alone_says_nothing) {
+  configuration = with_starts(configuration, "", "x_m: 3.0, y_m: 1.0", folder);
+  EXPECT_EQ(configuration.robots[0].start.sigma_m, 0.0);
+  const Report report = run("out");
+  EXPECT_THAT(report.notes, testing::Contains(HasSubstr("where beta began is known, but of no other robot")));
+  EXPECT_FALSE(report.team.verdicts.at(0).prior);
+  RunConfiguration printed;
+  complete_starts(printed, load(printed, {{folder / "out/config.yaml"}, {}, {}}));
+  EXPECT_EQ(printed.robots[0].start.sigma_m, 0.0) << "what was not said stays unknown";
+}
 
 TEST_F(BatchTest, leaves_the_files_of_the_contract) {
   const Report report = run("out");

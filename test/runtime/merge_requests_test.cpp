@@ -54,6 +54,10 @@ struct MergeRequestsTest : testing::Test {
   Report merge(const std::vector<fs::path>& maps, const std::string& out, const MergeRequests& requests = {}) {
     return run_merge(configuration, maps, {folder / out, false, requests}, pool, *progress);
   }
+  // What was said of a team is dropped.
+  Report merge_anew(const std::vector<fs::path>& maps, const std::string& out) {
+    return run_merge(configuration, maps, {folder / out, false, {}, true}, pool, *progress);
+  }
   // Every map of a result, and what is drawn of it.
   void expect_same_maps(const std::string& one, const std::string& other) {
     std::size_t compared = 0;
@@ -184,6 +188,104 @@ TEST_F(MergeRequestsTest, anchors_are_read_as_metres_and_radians) {
       EXPECT_EQ(error.code(), ErrorCode::kUsage) << text;
       EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("--anchor"), HasSubstr("metres and radians"))) << text;
     }
+  }
+}
+
+// --- what was said of a team holds when it is merged again ---
+
+TEST_F(MergeRequestsTest, a_pair_that_was_refused_stays_so_in_a_team_without_a_robot) {
+  const MergeRequests refused{{}, {{"robot1", "robot0"}}, {}};
+  merge(robots({0, 1, 2}), "all", refused);
+  merge(robots({0, 1}), "never", refused);
+  const Report report = merge({folder / "all"}, "undone", {{"robot2"}, {}, {}});
+  expect_same_maps("never", "undone");
+  EXPECT_EQ(report.team.verdicts.at(0).reason, Reason::excluded);
+  EXPECT_THAT(in_words(report, "undone"), HasSubstr("note: as before: robot0 and robot1 are never matched to each other (--refuse)"));
+  const Report again = merge({folder / "undone"}, "twice");
+  expect_same_maps("undone", "twice");
+  EXPECT_EQ(again.team.verdicts.at(0).reason, Reason::excluded);
+  EXPECT_EQ(merge_anew({folder / "all/team/map.mwdb"}, "forgotten").team.components.size(), 1U);
+}
+
+TEST_F(MergeRequestsTest, what_was_said_of_a_robot_is_left_out_with_it) {
+  merge(robots({0, 1, 2}), "all", {{}, {{"robot0", "robot2"}}, {{"robot2", "robot1", {1.0, 2.0, 0.5}}}});
+  merge(robots({0, 1}), "never");
+  const Report report = merge({folder / "all"}, "undone", {{"robot2"}, {}, {}});
+  expect_same_maps("never", "undone");
+  EXPECT_THAT(in_words(report, "undone"), testing::Not(HasSubstr("as before")));
+}
+
+TEST_F(MergeRequestsTest, a_new_refusal_adds_to_those_before) {
+  merge(robots({0, 1, 2}), "all", {{}, {{"robot0", "robot1"}}, {}});
+  const Report report = merge({folder / "all"}, "more", {{}, {{"robot1", "robot2"}}, {}});
+  const auto is_excluded = [](const Verdict& verdict) { return verdict.reason == Reason::excluded; };
+  EXPECT_EQ(std::count_if(report.team.verdicts.begin(), report.team.verdicts.end(), is_excluded), 2);
+  merge(robots({0, 1, 2}), "at-once", {{}, {{"robot2", "robot1"}, {"robot0", "robot1"}}, {}});
+  expect_same_maps("at-once", "more");
+}
+
+TEST_F(MergeRequestsTest, a_prior_holds_in_a_team_without_a_robot_until_it_is_said_anew) {
+  const Pose2 wrong = compose(apartment().truth(0, 1), Pose2(8.0, 6.0, 0.0));
+  const MergeRequests anchors{{}, {}, {{"robot0", "robot2", apartment().truth(0, 2)}, {"robot0", "robot1", wrong}}};
+  merge(robots({0, 1, 2}), "all", anchors);
+  merge(robots({0, 1}), "never", {{}, {}, {anchors.anchors[1]}});
+  const Report undone = merge({folder / "all/team/map.mwdb"}, "undone", {{"robot2"}, {}, {}});
+  expect_same_maps("never", "undone");
+  EXPECT_TRUE(undone.team.verdicts.at(0).prior->is_contradicted);
+  EXPECT_THAT(in_words(undone, "undone"), HasSubstr("note: as before: a prior says where robot1 lies in robot0"));
+  const Report anew = merge({folder / "all"}, "anew", {{"robot2"}, {}, {{"robot1", "robot0", inverse(apartment().truth(0, 1))}}});
+  EXPECT_FALSE(anew.team.verdicts.at(0).prior->is_contradicted);
+  EXPECT_FALSE(merge_anew({folder / "all"}, "forgotten").team.verdicts.at(0).prior);
+}
+
+TEST_F(MergeRequestsTest, options_that_decide_hold_when_a_team_is_merged_again_unless_they_are_given) {
+  configuration.fusion.merge_probability = 0.97;
+  configuration.fusion.judge.min_inliers = 0.51;
+  configuration.fusion.cache_mb = 100;  // decides nothing
+  merge(robots({0, 1, 2}), "all");
+  merge(robots({0, 1}), "never");
+  configuration = {};
+  const Report report = merge({folder / "all"}, "undone", {{"robot2"}, {}, {}});
+  expect_same_maps("never", "undone");
+  EXPECT_THAT(report.notes, testing::Contains("as before: fusion.merge_probability=0.97"));
+  EXPECT_THAT(report.notes, testing::Contains("as before: fusion.judge.min_inliers=0.51"));
+  RunConfiguration written;
+  load(written, {{folder / "undone/config.yaml"}, {}, {}});
+  EXPECT_EQ(written.fusion.merge_probability, 0.97);
+  RunConfiguration given;
+  MergeSettings settings{folder / "given", false, {{"robot2"}, {}, {}}};
+  settings.origins = load(given, {{}, {}, {"fusion.merge_probability=0.9"}});
+  run_merge(given, {folder / "all"}, settings, pool, *progress);
+  load(written, {{folder / "given/config.yaml"}, {}, {}});
+  EXPECT_EQ(written.fusion.merge_probability, 0.9);
+  EXPECT_EQ(written.fusion.judge.min_inliers, 0.51);
+  EXPECT_EQ(merge_anew({folder / "all"}, "forgotten").notes, std::vector<std::string>());
+}
+
+TEST_F(MergeRequestsTest, two_teams_made_with_different_options_are_merged_with_neither) {
+  configuration.fusion.merge_probability = 0.97;
+  merge(robots({0, 1}), "one");
+  configuration = {};
+  merge(robots({2}), "other");
+  const Report report = merge({folder / "one", folder / "other"}, "both");
+  EXPECT_THAT(report.notes, testing::Contains("the teams were made with different options of fusion: none of them counts here"));
+  RunConfiguration written;
+  load(written, {{folder / "both/config.yaml"}, {}, {}});
+  EXPECT_EQ(written.fusion.merge_probability, fusion::FusionOptions().merge_probability);
+}
+
+TEST_F(MergeRequestsTest, damaged_requests_of_a_store_are_named) {
+  merge(robots({0, 1}), "all", {{}, {{"robot0", "robot1"}}, {}});
+  mapdb::StoredMaps stored = mapdb::read_store(folder / "all/team/map.mwdb");
+  ASSERT_EQ(stored.metadata.count("requests"), 1U);
+  stored.metadata["requests"] = "{\"refused\": [[1]]}";
+  mapdb::write_store(folder / "all/team/map.mwdb", stored);
+  try {
+    merge({folder / "all"}, "out");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::kCorrupt);
+    EXPECT_THAT(error.what(), HasSubstr("what was said when it was merged cannot be read"));
   }
 }
 

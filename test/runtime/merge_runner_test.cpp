@@ -1,9 +1,12 @@
 #include "simulated_team.h"
 
+#include <support/carried_away.h>
+
 #include <mapweave/runtime/merge_runner.h>
 
 #include <gmock/gmock.h>
 #include <mapweave/core/files.h>
+#include <mapweave/mapdb/map_store.h>
 #include <nlohmann/json.hpp>
 
 namespace mapweave::runtime {
@@ -41,6 +44,33 @@ TEST_F(MergeTest, joins_robots_maps_as_the_run_did_whatever_their_order) {
     EXPECT_EQ(read_file(folder / "out" / file), read_file(results() / file)) << file;
   for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"})
     EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
+}
+
+TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_picture_and_exit_code_4) {
+  const test::CarriedAway team;
+  std::vector<fs::path> paths;
+  for (const Map& map : team.maps) {
+    mapdb::StoredMaps stored;
+    stored.maps = {map};
+    paths.push_back(folder / (map.id.str() + ".mwdb"));
+    mapdb::write_store(paths.back(), stored);
+  }
+  const Report report = merge({paths[0], paths[1]});
+  EXPECT_EQ(report.exit_code(), 4);
+  EXPECT_TRUE(fs::exists(folder / "out/team/conflicts.png"));
+  const auto merges = nlohmann::json::parse(read_file(folder / "out/merges.json"));
+  ASSERT_EQ(merges.size(), 1U);
+  EXPECT_EQ(merges[0]["reason"], "contradiction");
+  EXPECT_TRUE(merges[0]["audit"]["taken_apart"]);
+  EXPECT_GT(merges[0]["audit"]["contradicted_m"], 10.0);
+  EXPECT_FALSE(merges[0]["audit"]["conflicts"].empty());
+  const std::string text = in_words(report, "out");
+  EXPECT_THAT(text, HasSubstr("robot0 + robot1: kept apart: one saw through walls of the other"));
+  EXPECT_THAT(text, HasSubstr("merged, they would show walls twice"));
+  EXPECT_THAT(text, HasSubstr("in the map of robot0 (conflicts.png)"));
+  // Nothing is in doubt without it.
+  EXPECT_EQ(merge({paths[0], paths[2]}, "two").exit_code(), 0);
+  EXPECT_FALSE(fs::exists(folder / "two/team/conflicts.png"));
 }
 
 TEST_F(MergeTest, takes_a_grid_among_the_maps) {

@@ -21,7 +21,7 @@ bool ComponentAudit::pass(const std::vector<Component>& components, const std::v
     };
     const TeamAudit audit = lasers.audited(members, pose_of);
     for (const AuditedPair& pair : audit.pairs) audits_.push_back(told_of(pair, maps[members[pair.a]], maps[members[pair.b]]));
-    if (!audit.taken_out || !refuse(members[*audit.taken_out], members, pairs)) continue;
+    if (!audit.taken_out || !refuse(members[*audit.taken_out], members, audit, pairs)) continue;
     passed = false;
     for (const PairAudit& ghost : lasers.ghosts_of(audit, members, members[*audit.taken_out], pose_of)) taken_apart_.push_back(ghost);
   }
@@ -32,14 +32,24 @@ bool ComponentAudit::pass(const std::vector<Component>& components, const std::v
 }
 
 // From all the others of its team. False where that was said before.
-bool ComponentAudit::refuse(std::size_t who, const std::vector<std::size_t>& members, const std::vector<PairJoin>& pairs) {
+bool ComponentAudit::refuse(std::size_t who, const std::vector<std::size_t>& members, const TeamAudit& audit,
+                            const std::vector<PairJoin>& pairs) {
+  const auto shows_ghosts = [&](const PairJoin& join) {
+    return std::any_of(audit.pairs.begin(), audit.pairs.end(), [&](const AuditedPair& pair) {
+      return pair.ghosts_m > 0.0 && members[pair.a] == join.a && members[pair.b] == join.b;
+    });
+  };
   bool is_new = false;
   for (const PairJoin& pair : pairs) {
     if (pair.a != who && pair.b != who) continue;
     if (!std::binary_search(members.begin(), members.end(), pair.a == who ? pair.b : pair.a)) continue;
     Verdict why = pair.result.verdict;
-    refuse_by_audit(why);
-    if (pair.is_accepted() && !why.hypotheses.empty()) why.hypotheses.front().is_taken_apart = true;
+    if (shows_ghosts(pair)) {
+      refuse_by_audit(why);
+      if (pair.is_accepted() && !why.hypotheses.empty()) why.hypotheses.front().is_taken_apart = true;
+    } else if (pair.is_accepted()) {
+      refuse_as_inconsistent(why);
+    }
     is_new = judging_.refuse(pair.a, pair.b, why) || is_new;
   }
   return is_new;

@@ -19,7 +19,7 @@ class ComponentAudit {
   std::vector<PairAudit> result() { return std::move(audits_); }
 
  private:
-  bool refuse(std::size_t who, const std::vector<std::size_t>& members, const std::vector<PairJoin>& pairs);
+  bool refuse(std::size_t who, const std::vector<std::size_t>& members, const TeamAudit& audit, const std::vector<PairJoin>& pairs);
 
   PairJudging& judging_;
   std::vector<PairAudit> audits_, taken_apart_;

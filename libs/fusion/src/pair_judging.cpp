@@ -146,6 +146,7 @@ Verdict PairJudging::not_compared(std::size_t a, std::size_t b, Reason reason) c
   Verdict verdict = unseen(maps_[a].map->id, maps_[b].map->id, input_.by,
                            maps_[a].is_grid || maps_[b].is_grid ? "grid" : by_laser ? "laser" : "vision");
   set_aside(verdict, reason);
+  if (by_laser && lasers_) verdict.merge = lasers_->merge_of(a, b);
   return verdict;
 }
 

@@ -161,6 +161,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     if (outcome.map) started.push_back({&*outcome.map, robot_entry(configuration, outcome.robot).start});
   const std::vector<fusion::MapPrior> priors = priors_of_starts(started);
   cloud.set_priors(priors);
+  if (const auto alone = start_alone(started)) report.notes.push_back(*alone);
   fusion::FusionResult team;
   const auto fuse_at_edges = [&] {
     for (const TierId& id : plan.edges) {
@@ -265,6 +266,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     for (const Map& map : outcome.apart) own_maps.push_back(&map);
   }
   results.set_own_maps(own_maps);
+  results.set_requests(kept_requests(priors, configuration.fusion));
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     const std::string name = edge.id().str();

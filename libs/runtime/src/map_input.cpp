@@ -54,7 +54,7 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   const std::string ending = path.extension().string();
   if (ending == ".mwdb") {
     mapdb::StoredMaps stored = mapdb::read_store(path);
-    MapInput input{std::move(stored.maps), {}, {path}, {}};
+    MapInput input{std::move(stored.maps), {}, {path}, {}, std::move(stored.metadata)};
     for (mapdb::MemberMap& member : stored.members) input.members.push_back(std::move(member.own));
     if (input.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
     return input;

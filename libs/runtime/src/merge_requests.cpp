@@ -42,6 +42,8 @@ MapId map_called(const std::string& name, const std::vector<Map>& maps, const st
   return found.front();
 }
 
+bool is_known(const StartedMap& one) { return one.start.sigma_m > 0.0 && !one.map->nodes.empty(); }
+
 constexpr const char* kAnchorForm = "write A,B,x,y,yaw[,sigma] in metres and radians, as in --anchor alpha,beta,3.5,-1,1.57,0.5";
 
 double number_in(const std::string& text, const std::string& what, double low, double high) {
@@ -126,7 +128,6 @@ std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>& ma
                                         [](const auto& l, const auto& r) { return l.second.stamp < r.second.stamp; });
     return compose(Pose2{one.start.x_m, one.start.y_m, one.start.yaw_rad}, inverse(planar(first->second.map_from_node)));
   };
-  const auto is_known = [](const StartedMap& one) { return one.start.sigma_m > 0.0 && !one.map->nodes.empty(); };
   for (auto a = maps.begin(); a != maps.end(); ++a)
     for (auto b = std::next(a); b != maps.end(); ++b) {
       if (!is_known(*a) || !is_known(*b)) continue;
@@ -137,6 +138,12 @@ std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>& ma
       priors.push_back(prior);
     }
   return priors;
+}
+
+std::optional<std::string> start_alone(const std::vector<StartedMap>& maps) {
+  const auto known = std::find_if(maps.begin(), maps.end(), is_known);
+  if (maps.size() < 2 || known == maps.end() || std::count_if(maps.begin(), maps.end(), is_known) > 1) return std::nullopt;
+  return "where " + known->map->id.str() + " began is known, but of no other robot: alone it says nothing of how maps lie to each other";
 }
 
 }  // namespace mapweave::runtime

@@ -1,3 +1,4 @@
+#include "kept_requests.h"
 #include "results.h"
 
 #include <mapweave/runtime/map_input.h>
@@ -5,7 +6,9 @@
 #include <mapweave/runtime/merge_runner.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
+#include <tuple>
 
 namespace mapweave::runtime {
 namespace {
@@ -14,6 +17,7 @@ struct Inputs {
   std::vector<Map> maps;
   std::vector<InputFile> files;
   std::vector<std::string> notes;
+  std::vector<KeptRequests> kept;  // of each team's store
 };
 
 // Of a folder of results: the stores of its teams, which hold the robots' own maps.
@@ -38,6 +42,37 @@ struct NamedInput {
   MapInput content;
 };
 
+KeptRequests renamed_in(const KeptRequests& kept, const std::function<MapId(const MapId&)>& renamed) {
+  KeptRequests result = kept;
+  result.refused.clear();
+  for (const auto& [a, b] : kept.refused) result.refused.insert(std::minmax(renamed(a), renamed(b)));
+  for (fusion::MapPrior& prior : result.priors) {
+    prior.a = renamed(prior.a);
+    prior.b = renamed(prior.b);
+  }
+  return result;
+}
+
+// Options that all teams were made with, where they were not given anew.
+void apply_options(const std::vector<KeptRequests>& kept, const Origins& origins, RunConfiguration& configuration,
+                   std::vector<std::string>& notes) {
+  for (const KeptRequests& one : kept)
+    if (one.options != kept.front().options) {
+      notes.push_back("the teams were made with different options of fusion: none of them counts here");
+      return;
+    }
+  if (kept.empty()) return;
+  for (const std::string& setting : kept.front().options) {
+    if (!origins.place_of(setting.substr(0, setting.find('='))).empty()) continue;
+    try {
+      load(configuration, {{}, {}, {setting}});
+      notes.push_back("as before: " + setting);
+    } catch (const Error& error) {
+      notes.push_back("the team was made with " + setting + ", which counts no longer: " + error.problem());
+    }
+  }
+}
+
 // Members of teams keep their names, unless something else has the same.
 void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
   std::map<MapId, int> holders;
@@ -45,11 +80,14 @@ void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
     if (input.content.members.empty()) ++holders[input.name];
     for (const Map& member : input.content.members) ++holders[member.id];
   }
-  for (NamedInput& input : read)
+  for (NamedInput& input : read) {
+    const auto renamed = [&](const MapId& id) { return holders[id] > 1 ? MapId(input.name.str() + "." + id.str()) : id; };
+    if (!input.content.members.empty()) inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
     for (Map& member : input.content.members) {
-      if (holders[member.id] > 1) member.id = MapId(input.name.str() + "." + member.id.str());
+      member.id = renamed(member.id);
       inputs.maps.push_back(std::move(member));
     }
+  }
 }
 
 void expect_one_robot_each(const NamedInput& input, const MergeRequests& requests) {
@@ -95,17 +133,23 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
 
 }  // namespace
 
-Report run_merge(const RunConfiguration& configuration, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
+Report run_merge(const RunConfiguration& given, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
                  WorkerPool& pool, Progress& progress) {
+  RunConfiguration configuration = given;
   Results results(settings.out, settings.force, configuration, pool, progress);
-  const Inputs inputs = read_inputs(paths, settings.requests);
+  Inputs inputs = read_inputs(paths, settings.requests);
+  if (settings.forget_requests) inputs.kept.clear();
   Report report;
   report.notes = inputs.notes;
+  apply_options(inputs.kept, settings.origins, configuration, report.notes);
 
   fusion::FusionInput input;
   input.by = cloud_tier();
   input.maps = inputs.maps;
   apply(settings.requests, input);
+  for (const KeptRequests& kept : inputs.kept) apply(kept, input, report.notes);
+  // What is said counts the same in any order.
+  std::sort(input.priors.begin(), input.priors.end(), [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
   fusion::Memo memo;
   const fusion::FusionResult team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
   report.team = Results::report_of(cloud_tier(), team);
@@ -114,6 +158,7 @@ Report run_merge(const RunConfiguration& configuration, const std::vector<std::f
   std::vector<const Map*> own_maps;
   for (const Map& map : inputs.maps) own_maps.push_back(&map);
   results.set_own_maps(own_maps);
+  results.set_requests(kept_requests(input, configuration.fusion));
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;

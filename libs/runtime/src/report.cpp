@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <tuple>
 #include <cmath>
 
 namespace mapweave::runtime {
@@ -325,11 +326,25 @@ std::string in_words(const fusion::PairAudit& audit) {
                 audit.contradicted_m, audit.conflicts.front().x_m, audit.conflicts.front().y_m, audit.a.str().c_str());
 }
 
+// Of a pair that matched, but of which one map was taken out of its team since it shows walls twice with a third one; else empty.
+std::string taken_apart_in_words(const FusionReport& fusion, const Verdict& verdict) {
+  if (verdict.decision != Decision::refused || verdict.reason != Reason::inconsistent) return "";
+  for (const fusion::PairAudit& audit : fusion.audits) {
+    if (!audit.is_ghost) continue;
+    for (const auto& [one, other] : {std::tie(audit.a, audit.b), std::tie(audit.b, audit.a)})
+      if (one == verdict.a || one == verdict.b)
+        return verdict.a.str() + " + " + verdict.b.str() + ": kept apart: " + std::string(in_words(verdict.reason)) +
+               " (they matched, but " + one.str() + " shows walls twice with " + other.str() + ")";
+  }
+  return "";
+}
+
 std::string in_words(const FusionReport& fusion, const std::string& who) {
   std::string text;
   for (const Verdict& verdict : fusion.verdicts) {
     const fusion::PairAudit* audit = audit_of(fusion, verdict);
-    text += who + ": " + in_words(verdict) + (audit != nullptr ? in_words(*audit) : "") + "\n";
+    const std::string taken_apart = taken_apart_in_words(fusion, verdict);
+    text += who + ": " + (taken_apart.empty() ? in_words(verdict) : taken_apart) + (audit != nullptr ? in_words(*audit) : "") + "\n";
     if (verdict.prior) text += "note: " + verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(*verdict.prior) + "\n";
   }
   return text;

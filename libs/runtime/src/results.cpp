@@ -17,7 +17,8 @@ namespace mapweave::runtime {
 namespace {
 
 // What a component's map rests on.
-mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused, const std::vector<const Map*>& own_maps) {
+mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused, const std::vector<const Map*>& own_maps,
+                         const KeptRequests& requests) {
   mapdb::StoredMaps result;
   result.maps = {component.map};
   for (const Map* own : own_maps)
@@ -28,6 +29,7 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
   for (const Verdict& verdict : fused.verdicts)
     if (is_member(verdict.a) || is_member(verdict.b)) result.verdicts.push_back(verdict);
   result.metadata["program"] = "mapweave " + program_version();
+  if (!result.members.empty()) keep(requests, component.members, result.metadata);
   return result;
 }
 
@@ -57,7 +59,7 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
 }
 
 void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-                   const std::vector<exporters::PictureMark>* conflicts) {
+                   const std::vector<exporters::PictureMark>& conflicts) {
   exporters::MapFolderOptions options = folder_options(configuration_.output, title);
   options.files.robot_trajectories = robot_trajectories && configuration_.output.tum;
   const std::size_t notes = notes_.size();
@@ -66,9 +68,9 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
   if (is_drawn && grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
   if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
-  if (conflicts == nullptr || !configuration_.output.png || grid.empty()) return;
-  options.picture.title = title + ": walls of one that another saw through";
-  write_file(folder_.staging() / folder / "conflicts.png", exporters::map_picture_png(grid, {}, options.picture, *conflicts));
+  if (conflicts.empty() || !configuration_.output.png || grid.empty()) return;
+  options.picture.title = title + ": walls of a map that was taken apart, seen through by another";
+  write_file(folder_.staging() / folder / "conflicts.png", exporters::map_picture_png(grid, {}, options.picture, conflicts));
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -192,18 +194,15 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
 
 namespace {
 
-// Of maps that the component holds, or of one of its maps with another that was taken apart from it. None where nothing was compared.
-std::optional<std::vector<exporters::PictureMark>> conflicts_in(const fusion::Component& component,
-                                                               const std::vector<fusion::PairAudit>& audits) {
-  std::optional<std::vector<exporters::PictureMark>> marks;
-  const auto is_member = [&](const MapId& id) { return component.team_from_map.find(id) != nullptr; };
+// Where the component's maps would show walls twice with those that were taken apart from it. Other walls that were seen through moved.
+std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& component, const std::vector<fusion::PairAudit>& audits) {
+  std::vector<exporters::PictureMark> marks;
   for (const fusion::PairAudit& audit : audits) {
-    if (!is_member(audit.a) || (!audit.is_ghost && !is_member(audit.b))) continue;
-    if (!marks) marks.emplace();
-    const Pose2 frame = audit.is_ghost ? planar(*component.team_from_map.find(audit.a)) : Pose2();
+    const Pose3* frame = component.team_from_map.find(audit.a);
+    if (!audit.is_ghost || frame == nullptr) continue;
     for (const auto& conflict : audit.conflicts) {
-      const Pose2 place = compose(frame, Pose2{conflict.x_m, conflict.y_m, 0.0});
-      marks->push_back({place.x, place.y, 0.5 * conflict.length_m});
+      const Pose2 place = compose(planar(*frame), Pose2{conflict.x_m, conflict.y_m, 0.0});
+      marks.push_back({place.x, place.y, 0.5 * conflict.length_m});
     }
   }
   return marks;
@@ -224,12 +223,12 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
     if (map.submaps.empty() && has_keyframes(map))
       draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
     else
-      draw(place, name, robot_trajectories, map, conflicts ? &*conflicts : nullptr);
+      draw(place, name, robot_trajectories, map, conflicts);
     std::vector<DepthWay> depth;
     for (const CamerasOutcome& outcome : cameras)
       for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
     if (tier == cloud_tier()) draw_dense(place, name, depth);
-    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused, own_maps_));
+    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused, own_maps_, requests_));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;

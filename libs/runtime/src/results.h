@@ -2,6 +2,7 @@
 // The folder that run, slam and merge leave: maps with their pictures, and the papers beside them.
 
 #include "dense_map.h"
+#include "kept_requests.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/progress.h>
@@ -36,6 +37,8 @@ class Results {
   // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be undone. They must
   // outlive it.
   void set_own_maps(std::vector<const Map*> maps) { own_maps_ = std::move(maps); }
+  // What was said beside the maps: stores of components keep it.
+  void set_requests(KeptRequests requests) { requests_ = std::move(requests); }
   // Adds notes, times and memory to the report, then config.yaml, summary.json, merges.json (not for slam) and manifest.json; then the
   // folder appears.
   void commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report);
@@ -53,9 +56,9 @@ class Results {
   void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map);
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
                  const std::vector<CamerasOutcome>& cameras);
-  // `conflicts`: drawn in a picture of their own; null: there is nothing to compare.
+  // `conflicts`: drawn in a picture of their own, where there are any.
   void draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
-            const std::vector<exporters::PictureMark>* conflicts = nullptr);
+            const std::vector<exporters::PictureMark>& conflicts = {});
   const RunConfiguration& configuration_;
   WorkerPool& pool_;
   Progress& progress_;
@@ -65,6 +68,7 @@ class Results {
   bool interrupted_ = false, saw_depth_ = false;
   std::vector<std::string> notes_;
   std::vector<const Map*> own_maps_;
+  KeptRequests requests_;
 };
 
 }  // namespace mapweave::runtime

@@ -207,6 +207,15 @@ RobotEntry robot_entry(const RunConfiguration& configuration, const RobotId& rob
   return *entry;
 }
 
+void complete_starts(RunConfiguration& configuration, const Origins& origins) {
+  for (std::size_t i = 0; i < configuration.robots.size(); ++i) {
+    const std::string start = key("robots", i, "start");
+    const auto is_said = [&](const char* field) { return origins.is_given(start + "." + field); };
+    if (!is_said("sigma_m") && (is_said("x_m") || is_said("y_m") || is_said("yaw_rad")))
+      configuration.robots[i].start.sigma_m = kStartSigma_m;
+  }
+}
+
 EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) {
   for (const EdgeEntry& entry : configuration.edges)
     if (entry.id == edge.str()) return entry;

@@ -22,6 +22,7 @@ constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
 constexpr int kMostMendings = 6, kMostMendingsAlone = 2;  // of a team; of two groups that are not joined yet
 constexpr std::size_t kFewestToMend = 3;                  // matches
+constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 constexpr double kAsGoodAFit = 0.9;
 constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
@@ -349,12 +350,14 @@ bool LaserMerger::take_back() {
     if (!audit.taken_out) continue;
     const std::size_t who = team.maps[*audit.taken_out];
     for (PairAudit& ghost : ghosts_of(audit, team.maps, who, pose_of)) taken_apart_.push_back(std::move(ghost));
+    for (const AuditedPair& pair : audit.pairs)
+      if (const MapPair maps{team.maps[pair.a], team.maps[pair.b]}; pair.ghosts_m > 0.0 && (maps.first == who || maps.second == who))
+        contradicted_.insert(maps);
     remember_taken_back(team, audit, who);
     for (const std::size_t other : team.maps)
       if (other != who) {
         const MapPair pair = std::minmax(who, other);
         refused_.insert(pair);
-        contradicted_.insert(pair);
         pairs_[pair].answers.clear();
       }
     return true;
@@ -369,7 +372,7 @@ void LaserMerger::merge_all() {
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (!maps_[m].submaps.empty()) teams_.push_back({{m}, {}, graph_.alone(m)});
   bool any = true;
-  for (std::size_t count = kFirstRound; any; count *= 4) {
+  for (std::size_t count = kFirstRound; any; count = std::min(4 * count, kMostAtOnce)) {
     any = false;
     std::set<MapPair> asked;
     do {

@@ -64,6 +64,8 @@ class LaserMerger {
   const SubmapGraph& graph() const { return graph_; }
   // Of maps that lie so. Numbers in the result are places among `maps`.
   TeamAudit audited(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
+  // The merge of teams by which two maps came into one; none where they did not.
+  std::optional<TeamMerge> merge_of(std::size_t a, std::size_t b) const;
   // Of two maps, a < b.
   PairResult result_of(std::size_t a, std::size_t b) const;
   // Its pairs with one map that show something twice, in the frames of their first maps.
@@ -129,7 +131,6 @@ class LaserMerger {
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
   void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
-  std::optional<TeamMerge> merge_of(std::size_t a, std::size_t b) const;
   std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;
   PairHypothesis told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
   std::vector<PairHypothesis> hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const;

@@ -157,6 +157,8 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     for (const PairAudit& ghost : taken_apart_)
       if (ghost.a == verdict.a && ghost.b == verdict.b)
         verdict.conflict = ghost.contradicted_m / std::max(1e-9, ghost.coinciding_m + ghost.contradicted_m + ghost.unclear_m);
+  } else if (taken_back_.count({a, b}) != 0) {
+    refuse_as_inconsistent(verdict);  // they matched, but a third one showed that one of them lay wrongly
   } else {
     matches = doubted(a, b, verdict);
   }

@@ -4,6 +4,7 @@
 #include <mapweave/maps/map.h>
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@ struct MapInput {
   std::vector<Map> members;  // of a team's store: the robots' own maps, as they were before they were merged; may be empty
   std::vector<std::filesystem::path> files;  // all that was read: of a map_server grid its image too
   std::vector<std::string> notes;            // for people: what is odd about a grid
+  std::map<std::string, std::string> metadata = {};  // of a store
 };
 
 // A store (.mwdb), a live map server's journal (.mwj: its clients' own maps, one by one), a map_server grid (.yaml), or a folder of results

@@ -4,6 +4,7 @@
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/runtime/run_configuration.h>
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -14,7 +15,7 @@ namespace mapweave::runtime {
 struct Anchor {
   std::string a, b;  // maps or robots
   Pose2 a_from_b;    // b's map frame in a's
-  double sigma_m = 0.5, sigma_rad = 0.1;
+  double sigma_m = kStartSigma_m, sigma_rad = 0.1;
 };
 
 struct MergeRequests {
@@ -43,5 +44,7 @@ struct StartedMap {
 };
 // Of each two maps whose starts are known.
 std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>&);
+// A note where the start of only one of several maps is known.
+std::optional<std::string> start_alone(const std::vector<StartedMap>&);
 
 }  // namespace mapweave::runtime

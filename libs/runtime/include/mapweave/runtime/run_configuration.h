@@ -42,12 +42,14 @@ struct StartPose {
     v.number("yaw_rad", yaw_rad, -7.0, 7.0,
              "heading in radians with which the robot began, counter-clockwise from the x axis of a frame that all robots share");
     v.non_negative("sigma_m", sigma_m,
-                   "standard deviation in metres of the position where the robot began; larger values let walls decide, 0: its start is "
-                   "not known");
+                   "standard deviation in metres of the position where the robot began; larger values let walls decide; 0.5 where "
+                   "the rest of a start is said without it, 0: its start is not known");
     v.positive("sigma_rad", sigma_rad,
                "standard deviation in radians of the heading with which the robot began; larger values let walls decide");
   }
 };
+
+constexpr double kStartSigma_m = 0.5;  // where nothing else is said of a start, or of a prior
 
 struct RobotEntry {
   std::string id, log, edge;
@@ -245,6 +247,8 @@ struct RunPlan {
 
 // What the configuration says of a robot; ContractViolation where it lists none of this name.
 RobotEntry robot_entry(const RunConfiguration&, const RobotId&);
+// Starts that are said without their sigma_m get it. To be done once all layers are loaded.
+void complete_starts(RunConfiguration&, const Origins&);
 // What the configuration says of an edge; the defaults where it lists none of this name.
 EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 
