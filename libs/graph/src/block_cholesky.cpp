@@ -34,15 +34,17 @@ std::vector<std::int32_t> places(std::size_t count, const std::vector<std::size_
 }
 
 // Puts the factor into the place of the block.
-bool has_root(BlockCholesky::Block& block) {
-  const Eigen::LLT<BlockCholesky::Block> cholesky(block);
+template <class Block>
+bool has_root(Block& block) {
+  const Eigen::LLT<Block> cholesky(block);
   if (cholesky.info() == Eigen::Success) block = cholesky.matrixL();
   return cholesky.info() == Eigen::Success;
 }
 
 }  // namespace
 
-BlockCholesky::BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std::int32_t> columns)
+template <int kSize>
+BlockCholesky<kSize>::BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std::int32_t> columns)
     : count_(row_begin.size() - 1), row_begin_(std::move(row_begin)), columns_(std::move(columns)) {
   MAPWEAVE_EXPECT(row_begin_.back() == columns_.size(), "each row knows where its columns end");
   place_ = places(count_, row_begin_, columns_);
@@ -81,8 +83,9 @@ BlockCholesky::BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std
 namespace {
 
 // The factor in the place of the matrix; false where it is not positive definite.
-MAPWEAVE_WIDE_CLONES bool eliminate(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky::Block* pivots,
-                                    BlockCholesky::Block* blocks) {
+template <int kSize>
+MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin, const std::int32_t* rows, Eigen::Matrix<double, kSize, kSize>* pivots,
+                                    Eigen::Matrix<double, kSize, kSize>* blocks) {
   constexpr std::int32_t kNone = -1;
   // Columns that are finished and whose next row is this one; which block that is.
   std::vector<std::int32_t> waiting(count, kNone), next(count, kNone);
@@ -93,9 +96,9 @@ MAPWEAVE_WIDE_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
       const auto from = static_cast<std::size_t>(done);
       const std::size_t first = reached[from], end = begin[from + 1];
       const double* const factor = blocks[first].data();
-      subtract_product<6>(factor, factor, pivots[column].data());
+      subtract_product<kSize, kSize>(factor, factor, pivots[column].data());
       for (std::size_t i = first + 1; i < end; ++i)
-        subtract_product<6>(blocks[i].data(), factor, blocks[where[static_cast<std::size_t>(rows[i])]].data());
+        subtract_product<kSize, kSize>(blocks[i].data(), factor, blocks[where[static_cast<std::size_t>(rows[i])]].data());
       done = next[from];
       if (first + 1 < end) {
         reached[from] = first + 1;
@@ -104,7 +107,7 @@ MAPWEAVE_WIDE_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
       }
     }
     if (!has_root(pivots[column])) return false;
-    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i) divide_by_transposed(pivots[column].data(), blocks[i].data());
+    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i) divide_by_transposed<kSize>(pivots[column].data(), blocks[i].data());
     if (begin[column] == begin[column + 1]) continue;
     reached[column] = begin[column];
     auto& list = waiting[static_cast<std::size_t>(rows[begin[column]])];
@@ -113,9 +116,19 @@ MAPWEAVE_WIDE_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
   return true;
 }
 
+MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky<3>::Block* pivots,
+                                     BlockCholesky<3>::Block* blocks) {
+  return eliminate<3>(count, begin, rows, pivots, blocks);
+}
+MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky<6>::Block* pivots,
+                                     BlockCholesky<6>::Block* blocks) {
+  return eliminate<6>(count, begin, rows, pivots, blocks);
+}
+
 }  // namespace
 
-bool BlockCholesky::factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below) {
+template <int kSize>
+bool BlockCholesky<kSize>::factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below) {
   MAPWEAVE_EXPECT(diagonal.size() == count_ && below.size() == columns_.size(), "blocks as the pattern has them");
   pivots_.resize(count_);
   blocks_.assign(rows_.size(), Block::Zero());
@@ -126,29 +139,33 @@ bool BlockCholesky::factorise(const std::vector<Block>& diagonal, const std::vec
     else
       blocks_[target_[i]] = below[i];
   }
-  return eliminate(count_, begin_.data(), rows_.data(), pivots_.data(), blocks_.data());
+  return eliminated(count_, begin_.data(), rows_.data(), pivots_.data(), blocks_.data());
 }
 
-Eigen::VectorXd BlockCholesky::solved(const Eigen::VectorXd& right) const {
+template <int kSize>
+Eigen::VectorXd BlockCholesky<kSize>::solved(const Eigen::VectorXd& right) const {
   const auto rows = static_cast<Eigen::Index>(count_);
-  MAPWEAVE_EXPECT(right.size() == 6 * rows, "6 numbers a row");
+  MAPWEAVE_EXPECT(right.size() == kSize * rows, "kSize numbers a row");
   Eigen::VectorXd x(right.size());
-  const auto at = [](auto place) { return 6 * static_cast<Eigen::Index>(place); };
-  for (std::size_t row = 0; row < count_; ++row) x.segment<6>(at(place_[row])) = right.segment<6>(at(row));
+  const auto at = [](auto place) { return kSize * static_cast<Eigen::Index>(place); };
+  for (std::size_t row = 0; row < count_; ++row) x.template segment<kSize>(at(place_[row])) = right.template segment<kSize>(at(row));
   for (std::size_t column = 0; column < count_; ++column) {
-    auto here = x.segment<6>(at(column));
-    pivots_[column].triangularView<Eigen::Lower>().solveInPlace(here);
-    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) x.segment<6>(at(rows_[i])).noalias() -= blocks_[i].lazyProduct(here);
+    auto here = x.template segment<kSize>(at(column));
+    pivots_[column].template triangularView<Eigen::Lower>().solveInPlace(here);
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) x.template segment<kSize>(at(rows_[i])).noalias() -= blocks_[i].lazyProduct(here);
   }
   for (std::size_t column = count_; column-- > 0;) {
-    auto here = x.segment<6>(at(column));
+    auto here = x.template segment<kSize>(at(column));
     for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i)
-      here.noalias() -= blocks_[i].transpose().lazyProduct(x.segment<6>(at(rows_[i])));
-    pivots_[column].triangularView<Eigen::Lower>().transpose().solveInPlace(here);
+      here.noalias() -= blocks_[i].transpose().lazyProduct(x.template segment<kSize>(at(rows_[i])));
+    pivots_[column].template triangularView<Eigen::Lower>().transpose().solveInPlace(here);
   }
   Eigen::VectorXd result(right.size());
-  for (std::size_t row = 0; row < count_; ++row) result.segment<6>(at(row)) = x.segment<6>(at(place_[row]));
+  for (std::size_t row = 0; row < count_; ++row) result.template segment<kSize>(at(row)) = x.template segment<kSize>(at(place_[row]));
   return result;
 }
+
+template class BlockCholesky<3>;
+template class BlockCholesky<6>;
 
 }  // namespace mapweave::graph

@@ -316,9 +316,9 @@ class Adjustment {
         }
         const Matrix63 left = cross_[i].lazyProduct(inverse_[point]);
         Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
-        subtract_product<3>(left.data(), cross_[i].data(), diagonal[row].data());
+        subtract_product<6, 3>(left.data(), cross_[i].data(), diagonal[row].data());
         for (std::size_t j = first_free_[point]; j < i; ++j, ++target)
-          if (used_[j] != 0 && column_of_sighting_[j] != row) subtract_product<3>(left.data(), cross_[j].data(), below[*target].data());
+          if (used_[j] != 0 && column_of_sighting_[j] != row) subtract_product<6, 3>(left.data(), cross_[j].data(), below[*target].data());
       }
   }
 
@@ -356,7 +356,7 @@ class Adjustment {
   std::vector<Matrix63> cross_;        // of each sighting
   std::vector<Matrix6> cross_of_tie_;  // the view of the higher column by the other
   std::vector<char> used_;
-  std::optional<BlockCholesky> cholesky_;
+  std::optional<BlockCholesky<6>> cholesky_;
 };
 
 }  // namespace

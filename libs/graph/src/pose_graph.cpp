@@ -1,4 +1,4 @@
-#include "least_squares.h"
+#include "pose_graph_solver.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/graph/pose_graph.h>
@@ -6,77 +6,54 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 
 namespace mapweave::graph {
 namespace {
 
-using Row3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+struct InPlane {
+  using Pose = Pose2;
+  using Edge = graph::Edge;
+  using Error = Eigen::Vector3d;
+  using Matrix = Eigen::Matrix3d;
+  static constexpr int kSize = 3;
+  static constexpr double kFirstDamping = 1e-6;
 
-// residual = sqrt(weight * information) * (from_from_to^-1 (+) (from^-1 (+) to)), with analytic derivatives.
-class EdgeCost : public ceres::SizedCostFunction<3, 3, 3> {
- public:
-  EdgeCost(const Edge& edge, const double* weight) : measured_(edge.from_from_to), weight_(weight) {
-    // Symmetric square root: also of matrices that are rank deficient.
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(0.5 * (edge.information + edge.information.transpose()));
-    root_ = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() * eigen.eigenvectors().transpose();
+  // Also of matrices that are rank deficient.
+  static Matrix sound(const Matrix& information) {
+    const Matrix symmetric = 0.5 * (information + information.transpose());
+    if (symmetric.llt().info() == Eigen::Success) return symmetric;
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(symmetric);
+    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
   }
-  bool Evaluate(const double* const* parameters, double* residuals, double** jacobians) const override {
-    const double* a = parameters[0];
-    const double* b = parameters[1];
-    const double ca = std::cos(a[2]), sa = std::sin(a[2]), cm = std::cos(measured_.phi), sm = std::sin(measured_.phi);
-    const double dx = b[0] - a[0], dy = b[1] - a[1];
-    const double lx = ca * dx + sa * dy, ly = -sa * dx + ca * dy;  // b seen from a
-    const double ex = lx - measured_.x, ey = ly - measured_.y;
-    const Eigen::Vector3d error(cm * ex + sm * ey, -sm * ex + cm * ey, wrap_angle(b[2] - a[2] - measured_.phi));
-    const double scale = std::sqrt(*weight_);
-    Eigen::Map<Eigen::Vector3d> out(residuals);
-    out = scale * (root_ * error);
-    if (jacobians == nullptr) return true;
-    const double c = ca * cm - sa * sm, s = sa * cm + ca * sm;  // rotation from the parent frame into the measured one
-    Eigen::Matrix3d by_b;
-    by_b << c, s, 0, -s, c, 0, 0, 0, 1;
-    if (jacobians[1] != nullptr) Eigen::Map<Row3>{jacobians[1]} = scale * (root_ * by_b);
-    if (jacobians[0] != nullptr) {
-      Eigen::Matrix3d by_a = -by_b;
-      by_a(0, 2) = cm * ly + sm * -lx;  // d(lx)/d(yaw) = ly, d(ly)/d(yaw) = -lx
-      by_a(1, 2) = -sm * ly + cm * -lx;
-      Eigen::Map<Row3>{jacobians[0]} = scale * (root_ * by_a);
-    }
-    return true;
+  // from_from_to^-1 (+) (from^-1 (+) to)
+  static Error error_of(const graph::Edge& edge, const Pose2& from, const Pose2& to) {
+    const Pose2 error = between(edge.from_from_to, between(from, to));
+    return {error.x, error.y, error.phi};
   }
-
- private:
-  Pose2 measured_;
-  Eigen::Matrix3d root_;
-  const double* weight_;
+  // Motions are of positions in the map's frame, and of yaws.
+  static void linearise(const graph::Edge& edge, const Pose2& from, const Pose2& to, Error& error, Matrix& by_from, Matrix& by_to) {
+    const Pose2& measured = edge.from_from_to;
+    const double cf = std::cos(from.phi), sf = std::sin(from.phi), cm = std::cos(measured.phi), sm = std::sin(measured.phi);
+    const double dx = to.x - from.x, dy = to.y - from.y;
+    const double lx = cf * dx + sf * dy, ly = -sf * dx + cf * dy;  // `to` seen from `from`
+    const double ex = lx - measured.x, ey = ly - measured.y;
+    error = {cm * ex + sm * ey, -sm * ex + cm * ey, wrap_angle(to.phi - from.phi - measured.phi)};
+    const double c = cf * cm - sf * sm, s = sf * cm + cf * sm;  // rotation from the map's frame into the measured one
+    by_to << c, s, 0, -s, c, 0, 0, 0, 1;
+    by_from = -by_to;
+    by_from(0, 2) = cm * ly - sm * lx;  // d(lx)/d(yaw) = ly, d(ly)/d(yaw) = -lx
+    by_from(1, 2) = -sm * ly - cm * lx;
+  }
+  static Pose2 moved(const Pose2& pose, const Error& motion) {
+    return {pose.x + motion.x(), pose.y + motion.y(), wrap_angle(pose.phi + motion.z())};
+  }
 };
-
-// Starting poses far from the solution cost iterations only; weights are what the rounds of GNC change.
-int run(std::vector<std::array<double, 3>>& poses, const std::vector<Edge>& edges, const std::vector<double>& weights, int iterations,
-        std::uint32_t fixed, bool& converged) {
-  ceres::Problem::Options problem_options;
-  problem_options.enable_fast_removal = false;
-  ceres::Problem problem(problem_options);
-  for (std::size_t i = 0; i < edges.size(); ++i)
-    if (weights[i] > 1e-9)
-      problem.AddResidualBlock(new EdgeCost(edges[i], &weights[i]), nullptr, poses[edges[i].from].data(), poses[edges[i].to].data());
-  if (problem.NumResidualBlocks() == 0) {
-    converged = true;
-    return 0;
-  }
-  if (problem.HasParameterBlock(poses[fixed].data())) problem.SetParameterBlockConstant(poses[fixed].data());
-  const ceres::Solver::Summary summary = minimised(problem, iterations, 1e6);
-  converged = summary.termination_type == ceres::CONVERGENCE;
-  return static_cast<int>(summary.iterations.size());
-}
 
 }  // namespace
 
 double chi2_of(const Edge& edge, const std::vector<Pose2>& poses) {
-  const Pose2 error = between(edge.from_from_to, between(poses[edge.from], poses[edge.to]));
-  const Eigen::Vector3d e(error.x, error.y, error.phi);
-  return e.dot(edge.information * e);
+  const Eigen::Vector3d error = InPlane::error_of(edge, poses[edge.from], poses[edge.to]);
+  return error.dot(edge.information * error);
 }
 
 Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options, std::uint32_t fixed) {
@@ -89,16 +66,19 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
   solution.weight.assign(edges.size(), 1.0);
   if (initial.empty()) return solution;
   MAPWEAVE_EXPECT(fixed < initial.size(), "the fixed pose is one of the graph");
-
-  std::vector<std::array<double, 3>> poses;
-  poses.reserve(initial.size());
-  for (const auto& p : initial) poses.push_back({p.x, p.y, p.phi});
-  const auto read_back = [&] {
-    for (std::size_t i = 0; i < poses.size(); ++i) solution.poses[i] = {poses[i][0], poses[i][1], wrap_angle(poses[i][2])};
+  if (edges.empty()) {
+    solution.converged = true;
+    return solution;
+  }
+  PoseGraphSolver<InPlane> solver(solution.poses, edges, fixed);
+  constexpr double kEnough = 1e-7, kEnoughToWeigh = 1e-3;
+  const auto run = [&](double enough) {
+    const auto result = solver.run(options.iterations, enough);
+    solution.iterations += result.iterations;
+    solution.converged = result.converged;
   };
   const bool robust = std::any_of(edges.begin(), edges.end(), [](const Edge& e) { return e.doubtful; });
-  solution.iterations = run(poses, edges, solution.weight, options.iterations, fixed, solution.converged);
-  read_back();
+  run(robust ? kEnoughToWeigh : kEnough);
   if (robust) {
     const double bound = options.truncation_chi2;
     double largest = 0.0;
@@ -122,18 +102,16 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
         hard = hard && (weight == 0.0 || weight == 1.0);
         solution.weight[i] = weight;
       }
-      solution.iterations += run(poses, edges, solution.weight, options.iterations, fixed, solution.converged);
-      read_back();
+      solver.set_weights(solution.weight);
+      run(kEnoughToWeigh);
       if (hard && mu > 1.0) break;
       mu *= mu < 0.1 ? 4.0 : 1.8;
     }
     // Weights end as a decision.
     for (std::size_t i = 0; i < edges.size(); ++i)
       if (edges[i].doubtful) solution.weight[i] = chi2_of(edges[i], solution.poses) <= bound ? 1.0 : 0.0;
-    if (mu > 0.0) {
-      solution.iterations += run(poses, edges, solution.weight, options.iterations, fixed, solution.converged);
-      read_back();
-    }
+    if (mu > 0.0) solver.set_weights(solution.weight);
+    run(kEnough);
   }
   for (std::size_t i = 0; i < edges.size(); ++i) solution.chi2 += solution.weight[i] * chi2_of(edges[i], solution.poses);
   return solution;

@@ -1,11 +1,10 @@
+#include "pose_graph_solver.h"
+
 #include <mapweave/core/error.h>
-#include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/spatial_graph.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <algorithm>
-#include <optional>
 
 namespace mapweave::graph {
 namespace {
@@ -13,8 +12,6 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Eigen::Matrix3d;
-
-constexpr std::int32_t kNone = -1;
 
 Matrix3d cross(const Eigen::Vector3d& v) {
   Matrix3d m;
@@ -56,136 +53,32 @@ Matrix6 sound(const Matrix6& information) {
   return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
 }
 
-// Levenberg-Marquardt on the poses that edges name, without the fixed one.
-class Solver {
- public:
-  Solver(std::vector<Pose3>& poses, const std::vector<SpatialEdge>& edges, std::uint32_t fixed) : poses_(poses), edges_(edges) {
-    std::vector<std::int32_t> number(poses.size(), kNone);
-    for (const SpatialEdge& edge : edges) {
-      information_.push_back(sound(edge.information));
-      for (const std::uint32_t pose : {edge.from, edge.to})
-        if (pose != fixed) number[pose] = 0;
-    }
-    for (std::size_t pose = 0; pose < poses.size(); ++pose)
-      if (number[pose] != kNone) number[pose] = static_cast<std::int32_t>(free_.size()), free_.push_back(pose);
-    std::vector<std::vector<std::int32_t>> below(free_.size());
-    for (const SpatialEdge& edge : edges) {
-      Place place{number[edge.from], number[edge.to], 0};
-      if (place.from != kNone && place.to != kNone)
-        below[static_cast<std::size_t>(std::max(place.from, place.to))].push_back(std::min(place.from, place.to));
-      places_.push_back(place);
-    }
-    std::vector<std::size_t> row_begin{0};
-    std::vector<std::int32_t> columns;
-    for (auto& row : below) {
-      std::sort(row.begin(), row.end());
-      row.erase(std::unique(row.begin(), row.end()), row.end());
-      columns.insert(columns.end(), row.begin(), row.end());
-      row_begin.push_back(columns.size());
-    }
-    for (Place& place : places_) {
-      if (place.from == kNone || place.to == kNone) continue;
-      const auto row = static_cast<std::size_t>(std::max(place.from, place.to));
-      const auto first = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row]),
-                 last = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row + 1]);
-      place.block = static_cast<std::size_t>(std::lower_bound(first, last, std::min(place.from, place.to)) - columns.begin());
-    }
-    diagonal_.resize(free_.size()), below_.resize(columns.size());
-    cholesky_.emplace(std::move(row_begin), std::move(columns));
-  }
+struct InSpace {
+  using Pose = Pose3;
+  using Edge = SpatialEdge;
+  using Error = Vector6;
+  using Matrix = Matrix6;
+  static constexpr int kSize = 6;
+  static constexpr double kFirstDamping = 1e-4;
 
-  SpatialSolution run(int iterations) {
-    constexpr double kEnough = 1e-6;  // of the cost, that a step saves
-    SpatialSolution solution;
-    double cost = cost_of(poses_), damping = 1e-4;
-    while (solution.iterations < iterations && !solution.converged) {
-      ++solution.iterations;
-      linearise();
-      bool better = false;
-      while (!better && !solution.converged) {
-        const double saved = step(damping, cost);
-        better = saved > 0.0;
-        if (!better && damping > 1e8) solution.converged = true;  // nothing is left to gain
-        damping = std::clamp(better ? 0.1 * damping : 10.0 * damping, 1e-10, 1e10);
-        if (better) solution.converged = saved <= kEnough * cost, cost -= saved;
-      }
-      if (cost < 1e-20) solution.converged = true;
-    }
-    solution.chi2 = cost;
-    return solution;
-  }
-
- private:
-  struct Place {
-    std::int32_t from, to;  // among the free poses
-    std::size_t block;      // between both
-  };
-
-  double cost_of(const std::vector<Pose3>& poses) const {
-    double cost = 0.0;
+  static Matrix6 sound(const Matrix6& information) { return graph::sound(information); }
+  static Vector6 error_of(const SpatialEdge& edge, const Pose3& from, const Pose3& to) {
     Eigen::Quaterniond turn;
-    for (std::size_t i = 0; i < edges_.size(); ++i) {
-      const Vector6 error = error_of(edges_[i].from_from_to, poses[edges_[i].from], poses[edges_[i].to], turn);
-      cost += error.dot(information_[i] * error);
-    }
-    return cost;
+    return graph::error_of(edge.from_from_to, from, to, turn);
   }
-
-  void linearise() {
-    for (Matrix6& block : diagonal_) block.setZero();
-    for (Matrix6& block : below_) block.setZero();
-    gradient_.setZero(6 * static_cast<Eigen::Index>(free_.size()));
-    const auto add = [&](std::int32_t pose, const Matrix6& slope, const Matrix6& weighted, const Vector6& error) {
-      if (pose == kNone) return;
-      diagonal_[static_cast<std::size_t>(pose)].noalias() += slope.transpose().lazyProduct(weighted);
-      gradient_.segment<6>(6 * static_cast<Eigen::Index>(pose)).noalias() += weighted.transpose().lazyProduct(error);
-    };
+  static void linearise(const SpatialEdge& edge, const Pose3& from, const Pose3& to, Vector6& error, Matrix6& by_from, Matrix6& by_to) {
     Eigen::Quaterniond turn;
-    for (std::size_t i = 0; i < edges_.size(); ++i) {
-      const Pose3 &a = poses_[edges_[i].from], &b = poses_[edges_[i].to], &measured = edges_[i].from_from_to;
-      const Vector6 error = error_of(measured, a, b, turn);
-      const Slopes slopes = slopes_of(measured, a, b, turn);
-      const Matrix6 from = information_[i].lazyProduct(slopes.from), to = information_[i].lazyProduct(slopes.to);
-      const Place& place = places_[i];
-      add(place.from, slopes.from, from, error);
-      add(place.to, slopes.to, to, error);
-      if (place.from == kNone || place.to == kNone) continue;
-      if (place.from > place.to)
-        below_[place.block].noalias() += slopes.from.transpose().lazyProduct(to);
-      else
-        below_[place.block].noalias() += slopes.to.transpose().lazyProduct(from);
-    }
+    error = graph::error_of(edge.from_from_to, from, to, turn);
+    const Slopes slopes = slopes_of(edge.from_from_to, from, to, turn);
+    by_from = slopes.from;
+    by_to = slopes.to;
   }
-
-  // Answers what it saves of the cost, 0 where it is not taken.
-  double step(double damping, double cost) {
-    std::vector<Matrix6> damped = diagonal_;
-    for (Matrix6& block : damped)
-      for (int i = 0; i < 6; ++i) block(i, i) += damping * std::max(block(i, i), 1e-6);
-    if (!cholesky_->factorise(damped, below_)) return 0.0;
-    const Eigen::VectorXd change = cholesky_->solved(gradient_);
-    std::vector<Pose3> moved = poses_;
-    for (std::size_t i = 0; i < free_.size(); ++i) {
-      const Vector6 d = -change.segment<6>(6 * static_cast<Eigen::Index>(i));
-      Pose3& pose = moved[free_[i]];
-      const double angle = d.tail<3>().norm();
-      pose.t += pose.q * d.head<3>();
-      if (angle > 0.0) pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, d.tail<3>() / angle))).normalized();
-    }
-    const double after = cost_of(moved);
-    if (!(after < cost)) return 0.0;
-    poses_ = std::move(moved);
-    return cost - after;
+  static Pose3 moved(Pose3 pose, const Vector6& motion) {
+    const double angle = motion.tail<3>().norm();
+    pose.t += pose.q * motion.head<3>();
+    if (angle > 0.0) pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, motion.tail<3>() / angle))).normalized();
+    return pose;
   }
-
-  std::vector<Pose3>& poses_;
-  const std::vector<SpatialEdge>& edges_;
-  std::vector<Matrix6> information_;
-  std::vector<std::size_t> free_;
-  std::vector<Place> places_;
-  std::vector<Matrix6> diagonal_, below_;
-  Eigen::VectorXd gradient_;
-  std::optional<BlockCholesky> cholesky_;
 };
 
 }  // namespace
@@ -198,17 +91,21 @@ SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<Spati
   }
   std::vector<Pose3> poses = initial;
   SpatialSolution solution;
-  if (edges.empty())
+  if (edges.empty()) {
     solution.converged = true;
-  else
-    solution = Solver(poses, edges, fixed).run(iterations);
+  } else {
+    constexpr double kEnough = 1e-6;
+    const auto result = PoseGraphSolver<InSpace>(poses, edges, fixed).run(iterations, kEnough);
+    solution.chi2 = result.cost;
+    solution.iterations = result.iterations;
+    solution.converged = result.converged;
+  }
   solution.poses = std::move(poses);
   return solution;
 }
 
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses) {
-  Eigen::Quaterniond turn;
-  const Vector6 error = error_of(edge.from_from_to, poses[edge.from], poses[edge.to], turn);
+  const Vector6 error = InSpace::error_of(edge, poses[edge.from], poses[edge.to]);
   return error.dot(edge.information * error);
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// Sparse Cholesky factorisation of symmetric positive definite matrices of 6 x 6 blocks, as poses make them: left-looking by block columns
+// Sparse Cholesky factorisation of symmetric positive definite matrices of square blocks, as poses make them: left-looking by block columns
 // (Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.8), in the order of approximate minimum degree.
 
 #include <Eigen/Core>
@@ -9,10 +9,12 @@
 
 namespace mapweave::graph {
 
-// The same pattern factorised again and again is analysed once. One thread; the same input gives the same bytes.
+// kSize: rows of a block; 3 (poses in the plane) or 6 (in space). The same pattern factorised again and again is analysed once. One thread;
+// the same input gives the same bytes.
+template <int kSize>
 class BlockCholesky {
  public:
-  using Block = Eigen::Matrix<double, 6, 6>;
+  using Block = Eigen::Matrix<double, kSize, kSize>;
 
   // Blocks below the diagonal: those of row r stand in columns[row_begin[r]] .. columns[row_begin[r + 1] - 1], ascending, each below r.
   BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std::int32_t> columns);
@@ -20,7 +22,7 @@ class BlockCholesky {
   // `below` in the order of the pattern's columns; of the diagonal blocks the lower triangle counts. False where the matrix is not positive
   // definite.
   bool factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below);
-  // After factorise(). 6 numbers a row.
+  // After factorise(). kSize numbers a row.
   Eigen::VectorXd solved(const Eigen::VectorXd& right) const;
 
  private:
@@ -36,5 +38,8 @@ class BlockCholesky {
   std::vector<char> turned_;
   std::vector<Block, Eigen::aligned_allocator<Block>> pivots_, blocks_;
 };
+
+extern template class BlockCholesky<3>;
+extern template class BlockCholesky<6>;
 
 }  // namespace mapweave::graph
