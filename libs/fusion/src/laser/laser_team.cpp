@@ -215,6 +215,20 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   return evaluation;
 }
 
+// In whichever order they were compared; nullptr where nothing was found.
+const LaserMerger::Evaluation* LaserMerger::last_evaluation(const std::vector<std::size_t>& one, const std::vector<std::size_t>& other) const {
+  for (const auto& pair : {std::pair(one, other), std::pair(other, one)})
+    if (const auto found = evaluations_.find(pair); found != evaluations_.end() && !found->second.hypotheses.empty()) return &found->second;
+  return nullptr;
+}
+
+// Whether the teams of two maps fit, and would fit elsewhere as well: more questions change nothing then.
+bool LaserMerger::is_known_to_repeat(const MapPair& pair) const {
+  const LaserTeam *one = team_of(pair.first), *other = team_of(pair.second);
+  const Evaluation* evaluation = one == nullptr || other == nullptr ? nullptr : last_evaluation(one->maps, other->maps);
+  return evaluation != nullptr && evaluation->repeats && evaluation->hypotheses.front().log_odds >= kCertain;
+}
+
 // Whether what makes two teams fit stands more than once in one of them: then they would fit there as well.
 bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) const {
   const auto pose_of = [&](std::size_t map, std::size_t s) { return hypothesis.solved.pose_of(graph_.number(map, s)); };

@@ -115,6 +115,8 @@ class LaserMerger {
   }
   void grow(MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
+  const Evaluation* last_evaluation(const std::vector<std::size_t>& one, const std::vector<std::size_t>& other) const;
+  bool is_known_to_repeat(const MapPair& pair) const;
   WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;

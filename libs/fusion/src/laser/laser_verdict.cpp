@@ -198,15 +198,24 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   return result;
 }
 
-// What kept two maps apart, and the matches of the best hypothesis.
+// What kept two maps apart, and the matches of the best hypothesis: what they were by themselves, unless that would have merged them or
+// nothing was found then; else what their teams were.
 std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
-  const auto evaluation = evaluations_.find({{a}, {b}});
-  if (evaluation != evaluations_.end() && !evaluation->second.hypotheses.empty()) {
-    const Evaluation& alone = evaluation->second;
-    const MergeHypothesis& best = alone.hypotheses.front();
-    doubt_by_lasers(verdict, {best.log_odds, alone.probability, alone.rival, alone.repeats}, best.walls, options_);
-    return best.matches;
-  }
+  const auto doubt_by = [&](const Evaluation& evaluation) {
+    const MergeHypothesis& best = evaluation.hypotheses.front();
+    doubt_by_lasers(verdict, {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats}, best.walls, options_);
+    std::vector<SubmapMatch> matches;
+    for (const SubmapMatch& match : best.matches)
+      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
+    return matches;
+  };
+  const Evaluation* alone = last_evaluation({a}, {b});
+  if (alone != nullptr && alone->probability < options_.merge_probability) return doubt_by(*alone);
+  const LaserTeam *of_a = team_of(a), *of_b = team_of(b);
+  const Evaluation* of_teams = of_a == nullptr || of_b == nullptr ? nullptr : last_evaluation(of_a->maps, of_b->maps);
+  if (of_teams != nullptr)
+    if (const auto matches = doubt_by(*of_teams); !matches.empty()) return matches;
+  if (alone != nullptr) return doubt_by(*alone);
   const auto state = pairs_.find({a, b});
   if (state == pairs_.end()) return {};
   // Only answers that were themselves in doubt: say which doubt was the least bad.

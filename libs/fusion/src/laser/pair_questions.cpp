@@ -87,6 +87,7 @@ std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::se
     }
     if (state.open.empty() || refused_.count(pair) != 0) continue;
     if (team_of(pair.first) != nullptr && team_of(pair.first) == team_of(pair.second)) continue;
+    if (is_known_to_repeat(pair)) continue;
     open.emplace_back(state.unlikeness, pair);
   }
   std::sort(open.begin(), open.end());
@@ -146,7 +147,7 @@ bool LaserMerger::propose_whole_maps() {
   std::vector<std::pair<double, MapPair>> apart;
   for (const auto& [pair, state] : pairs_)
     if (!state.is_proposed && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) && !grids_.is_grid(pair.second) &&
-        team_of(pair.first) != team_of(pair.second))
+        team_of(pair.first) != team_of(pair.second) && !is_known_to_repeat(pair))
       apart.emplace_back(state.unlikeness, pair);
   std::sort(apart.begin(), apart.end());
   std::vector<std::size_t> times(maps_.size(), 0);

@@ -16,8 +16,8 @@ constexpr double kMovedShare = 0.4;  // in doubt, of what coincides, that may ha
 constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
 
 // Whether a region is contradicted by things that moved, among walls that lie where they should.
-bool shows_what_moved(const RegionAgreement& region, const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of) {
-  return in_doubt_m(region) < kMovedShare * region.coinciding_m && !better_place(maps[region.a], maps[region.b], region, sight_of);
+bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displacement) {
+  return in_doubt_m(region) < kMovedShare * region.coinciding_m && !displacement.better_place(region);
 }
 
 }  // namespace
@@ -28,6 +28,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
                 const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts) {
   std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
   std::vector<double> ghosts_m(maps.size(), 0.0);
+  RegionDisplacement displacement(maps, sight_of);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
     AuditedPair& pair = pairs[{region.a, region.b}];
     pair.a = region.a;
@@ -36,7 +37,7 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
     pair.contradicted_m += region.contradicted_m;
     pair.unclear_m += region.unclear_m;
     pair.contradictions.insert(pair.contradictions.end(), region.contradictions.begin(), region.contradictions.end());
-    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b) || shows_what_moved(region, maps, sight_of)) continue;
+    if (!is_ghost(region) || !may_show_ghosts(region.a, region.b) || shows_what_moved(region, displacement)) continue;
     pair.ghosts_m += in_doubt_m(region);
     ghosts_m[region.a] += in_doubt_m(region);
     ghosts_m[region.b] += in_doubt_m(region);
@@ -58,9 +59,10 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
 std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
                                      const std::function<bool(std::size_t, std::size_t)>& may_be_bent) {
   std::vector<BentRegion> result;
+  RegionDisplacement displacement(maps, sight_of);
   for (const RegionAgreement& region : compare_by_region(maps, sight_of)) {
     if (in_doubt_m(region) < kLookedAt_m || !may_be_bent(region.a, region.b)) continue;
-    if (const auto moved = better_place(maps[region.a], maps[region.b], region, sight_of))
+    if (const auto moved = displacement.better_place(region))
       result.push_back({region.a, region.b, region.x_m, region.y_m, *moved});
   }
   return result;
