@@ -1,6 +1,8 @@
 #pragma once
 // One program, many verbs: each verb is a file of this folder and a line in main.cpp's table.
 
+#include <mapweave/core/exit_code.h>
+
 #include <CLI/CLI.hpp>
 
 #include <cstdint>
@@ -13,7 +15,7 @@
 namespace mapweave::app {
 
 // Carries out a verb; returns the exit code (README, verbs).
-using Action = std::function<int()>;
+using Action = std::function<ExitCode()>;
 
 struct Command {
   const char* name;

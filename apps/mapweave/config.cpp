@@ -34,24 +34,24 @@ Action set_up_config(CLI::App& verb) {
       simulation::WorldOptions world;
       if (!arguments->file.empty()) load(world, {{arguments->file}, {}, {}});
       std::cout << reference_page(world, "A simulated world: all options and their defaults (mapweave simulate)");
-      return 0;
+      return ExitCode::done;
     }
     if (reference->parsed()) {
       runtime::RunConfiguration configuration;
       if (!arguments->file.empty()) load(configuration, {{arguments->file}, {}, {}});
       std::cout << reference_page(configuration, "A run: all options and their defaults (mapweave run, slam, merge)");
-      return 0;
+      return ExitCode::done;
     }
     const LoadedConfiguration loaded = load_configuration(arguments->file, {}, arguments->flags);
     if (show->parsed()) {
       std::cout << to_yaml(loaded.configuration);
-      return 0;
+      return ExitCode::done;
     }
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     std::printf("%s is fine\n", arguments->file.c_str());
     for (const runtime::PlannedRobot& robot : plan.robots)
       std::printf("robot %s on edge %s: %s\n", robot.id.str().c_str(), robot.edge.str().c_str(), robot.log.c_str());
-    return 0;
+    return ExitCode::done;
   };
 }
 

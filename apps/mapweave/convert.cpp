@@ -30,7 +30,7 @@ struct Settings {
   }
 };
 
-int convert(const Arguments& arguments) {
+ExitCode convert(const Arguments& arguments) {
   if (!arguments.force && std::filesystem::exists(arguments.out))
     throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(), "choose another name, or replace it with --force");
   Settings settings;
@@ -41,7 +41,7 @@ int convert(const Arguments& arguments) {
     std::cout << nlohmann::ordered_json{{"log", arguments.out.string()}, {"observations", count}}.dump(2) << '\n';
   else
     std::printf("%s: %llu observations\n", arguments.out.c_str(), static_cast<unsigned long long>(count));
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

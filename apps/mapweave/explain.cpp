@@ -31,13 +31,13 @@ Action set_up_explain(CLI::App& verb) {
     std::cout << explanation.text;
     if (explanation.png.empty()) {
       std::cout << "no picture: the maps have no walls of lasers\n";
-      return 0;
+      return ExitCode::done;
     }
     const std::filesystem::path picture =
         arguments->out.empty() ? arguments->results / ("explain-" + explanation.a + "-" + explanation.b + ".png") : arguments->out;
     write_file(picture, explanation.png);
     std::cout << "picture: " << picture.string() << '\n';
-    return 0;
+    return ExitCode::done;
   };
 }
 

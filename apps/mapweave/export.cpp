@@ -23,7 +23,7 @@ struct Arguments {
   WritingFlags flags;
 };
 
-int export_map(Arguments arguments) {
+ExitCode export_map(Arguments arguments) {
   auto& files = arguments.files;
   if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o)) files.png = files.pgm = files.pcd = files.tum = true;
   runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
@@ -54,7 +54,7 @@ int export_map(Arguments arguments) {
   if (arguments.flags.json) std::printf("%s\n", nlohmann::ordered_json(written).dump(2).c_str());
   for (const std::string& file : written)
     if (!arguments.flags.json) std::printf("%s\n", (folder.goal() / file).c_str());
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

@@ -11,8 +11,6 @@
 namespace mapweave::app {
 namespace {
 
-constexpr int kGateFailed = 5;
-
 struct Limit {
   std::string key;
   double most;
@@ -39,7 +37,7 @@ Limit parsed(const std::string& text, const nlohmann::ordered_json& numbers) {
 
 }  // namespace
 
-int report_numbers(const nlohmann::ordered_json& numbers, bool as_json, const std::vector<std::string>& limits) {
+ExitCode report_numbers(const nlohmann::ordered_json& numbers, bool as_json, const std::vector<std::string>& limits) {
   std::vector<Limit> checked;
   for (const std::string& text : limits) checked.push_back(parsed(text, numbers));
   if (as_json)
@@ -50,12 +48,12 @@ int report_numbers(const nlohmann::ordered_json& numbers, bool as_json, const st
       std::snprintf(line, sizeof line, "%-28s %.6g\n", key.c_str(), value.get<double>());
       std::cout << line;
     }
-  int code = 0;
+  ExitCode code = ExitCode::done;
   for (const Limit& limit : checked) {
     const double value = numbers[limit.key].get<double>();
     if (value <= limit.most) continue;
     std::fprintf(stderr, "mapweave: %s is %.6g; at most %.6g was asked for\n", limit.key.c_str(), value, limit.most);
-    code = kGateFailed;
+    code = ExitCode::gate_failed;
   }
   return code;
 }

@@ -220,7 +220,7 @@ Action set_up_inspect(CLI::App& verb) {
       std::cout << contents.dump(2) << '\n';
     else
       print(contents, "", "");
-    return 0;
+    return ExitCode::done;
   };
 }
 

@@ -58,7 +58,7 @@ void expect_known_verb(int argc, char** argv) {
   }
 }
 
-int run_program(int argc, char** argv) {
+ExitCode run_program(int argc, char** argv) {
   expect_known_verb(argc, argv);
   CLI::App program("mapweave: one map from what a team of robots recorded.", "mapweave");
   program.set_version_flag("--version", "mapweave " + runtime::program_version());
@@ -80,30 +80,33 @@ int run_program(int argc, char** argv) {
   try {
     program.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    constexpr int kWrongCommandLine = 2;
-    return program.exit(error) == 0 ? 0 : kWrongCommandLine;
+    return program.exit(error) == 0 ? ExitCode::done : ExitCode::wrong_usage;
   }
   set_log_level(log_level_from_text(log_level));
   for (const auto& [verb, action] : actions)
     if (verb->parsed()) return action();
-  return exit_code(ErrorCode::kUsage);
+  return ExitCode::wrong_usage;
 }
 
 }  // namespace
 }  // namespace mapweave::app
 
 int main(int argc, char** argv) {
-  using mapweave::ErrorCode;
+  using mapweave::ExitCode;
+  ExitCode code = ExitCode::failed;
   mapweave::runtime::return_large_blocks();
   mapweave::install_interrupt_handlers();
   try {
-    const int code = mapweave::app::run_program(argc, argv);
+    const ExitCode ended = mapweave::app::run_program(argc, argv);
     std::cout.flush();
-    if (!std::cout) throw mapweave::Error(ErrorCode::kCannotWrite, "cannot write results", "standard output");
-    return code;
+    if (!std::cout) throw mapweave::Error(mapweave::ErrorCode::kCannotWrite, "cannot write results", "standard output");
+    code = ended;
+  } catch (const mapweave::Interrupted& interrupted) {
+    std::fprintf(stderr, "mapweave: %s\n", interrupted.message().c_str());
+    code = ExitCode::interrupted;
   } catch (const mapweave::Error& error) {
     std::fprintf(stderr, "mapweave: %s\n", error.what());
-    return mapweave::exit_code(error.code());
+    code = mapweave::exit_code(error.code());
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "mapweave: out of memory\n");
   } catch (const std::exception& error) {
@@ -111,5 +114,5 @@ int main(int argc, char** argv) {
   } catch (...) {
     std::fprintf(stderr, "mapweave: internal error\n");
   }
-  return mapweave::exit_code(ErrorCode::kInternal);
+  return static_cast<int>(code);
 }

@@ -65,7 +65,7 @@ void print(const Json& plan) {
               plan["predicted_seconds"].get<double>(), plan["lower_bound_seconds"].get<double>(), plan["algorithm_seconds"].get<double>());
 }
 
-int plan(PlanArguments arguments) {
+ExitCode plan(PlanArguments arguments) {
   const auto& names = scheduling::plan_method_names();
   const auto found = std::find(names.begin(), names.end(), arguments.method);  // checked by the command line
   arguments.options.method = static_cast<scheduling::PlanMethod>(found - names.begin());
@@ -76,7 +76,7 @@ int plan(PlanArguments arguments) {
     std::cout << told.dump(2) << '\n';
   else
     print(told);
-  return 0;
+  return ExitCode::done;
 }
 
 struct ProfileArguments {
@@ -104,7 +104,7 @@ Json json_of(const scheduling::ProfiledTerm& term) {
           {"points", points}};
 }
 
-int profile(const ProfileArguments& arguments) {
+ExitCode profile(const ProfileArguments& arguments) {
   const scheduling::Profile profile = scheduling::profile_runs(arguments.runs);
   const std::string model = scheduling::model_json(profile.model);
   if (!arguments.out.empty()) write_file(arguments.out, model);
@@ -112,7 +112,7 @@ int profile(const ProfileArguments& arguments) {
     Json terms = Json::array();
     for (const auto& term : profile.terms) terms.push_back(json_of(term));
     std::cout << Json{{"model", Json::parse(model)}, {"terms", terms}, {"notes", profile.notes}}.dump(2) << '\n';
-    return 0;
+    return ExitCode::done;
   }
   for (const auto& term : profile.terms) {
     const char* unit = term.unit.c_str();
@@ -126,7 +126,7 @@ int profile(const ProfileArguments& arguments) {
   }
   for (const std::string& note : profile.notes) std::printf("note: %s\n", note.c_str());
   std::cout << model;
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

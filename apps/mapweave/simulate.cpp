@@ -16,7 +16,7 @@
 namespace mapweave::app {
 namespace {
 
-int simulate(const std::string& world_file, const WritingFlags& flags) {
+ExitCode simulate(const std::string& world_file, const WritingFlags& flags) {
   using Json = nlohmann::ordered_json;
   simulation::WorldOptions world;
   std::vector<std::string> settings = flags.set;
@@ -47,7 +47,7 @@ int simulate(const std::string& world_file, const WritingFlags& flags) {
     std::cout << summary.dump(2) << '\n';
   else
     std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

@@ -49,7 +49,7 @@ std::string effective(const Arguments& arguments, const Settings& settings) {
          cuts + "]\n" + to_yaml(settings);
 }
 
-int split(Arguments arguments) {
+ExitCode split(Arguments arguments) {
   using Json = nlohmann::ordered_json;
   Settings settings;
   load(settings, {{}, environment_for(fields_of(settings)), arguments.flags.set});
@@ -83,14 +83,14 @@ int split(Arguments arguments) {
 
   if (arguments.flags.json) {
     std::cout << summary.dump(2) << '\n';
-    return 0;
+    return ExitCode::done;
   }
   for (const rawlog::SplitPart& part : parts)
     std::printf("%s: %llu scans, %llu frames, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(),
                 static_cast<unsigned long long>(part.scans), static_cast<unsigned long long>(part.frames), part.first.seconds(),
                 part.last.seconds());
   std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

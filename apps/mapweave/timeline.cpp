@@ -42,7 +42,7 @@ void expect_measured(runtime::Mode measured, runtime::Mode asked, const std::str
                 "run it again with --set mode=offload");
 }
 
-int tell_timeline(const Arguments& arguments) {
+ExitCode tell_timeline(const Arguments& arguments) {
   for (const std::string& setting : arguments.settings) expect_to_act(setting);
   runtime::RunConfiguration configuration;
   const std::filesystem::path file = arguments.folder / "config.yaml";
@@ -56,7 +56,7 @@ int tell_timeline(const Arguments& arguments) {
       {configuration.mode, configuration.network, configuration.processors, configuration.cloud, recorded_s, configuration.seed}, work);
   if (arguments.json) {
     std::cout << timeline_json(line, work).dump(2) << '\n';
-    return 0;
+    return ExitCode::done;
   }
   std::printf("seconds since the recordings ended\n");
   for (const auto& robot : line.robots)
@@ -67,7 +67,7 @@ int tell_timeline(const Arguments& arguments) {
                 edge.arrived_s);
   std::printf("all   %.3f\n", line.total_s);
   for (const auto& push : line.pushes) std::printf("robot %-16s has it at %.3f\n", push.robot.str().c_str(), push.arrived_s);
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace

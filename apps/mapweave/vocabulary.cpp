@@ -98,7 +98,7 @@ void print(const Json& report, bool json) {
     std::cout << key << ": " << (value.is_string() ? value.get<std::string>() : value.dump()) << '\n';
 }
 
-int train(const TrainingArguments& arguments) {
+ExitCode train(const TrainingArguments& arguments) {
   if (!arguments.force && std::filesystem::exists(arguments.out))
     throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(), "choose another name, or replace it with --force");
   const std::filesystem::path folder = std::filesystem::absolute(arguments.out).parent_path();
@@ -116,7 +116,7 @@ int train(const TrainingArguments& arguments) {
   Json report = {{"vocabulary", arguments.out.string()}, {"pictures", pictures.ends.size()}, {"features", pictures.descriptors.size()}};
   report.update(told(vocabulary));
   print(report, arguments.json);
-  return 0;
+  return ExitCode::done;
 }
 
 }  // namespace
@@ -147,7 +147,7 @@ Action set_up_vocabulary(CLI::App& verb) {
   return [=] {
     if (train_verb->parsed()) return train(*training);
     print(told(file->empty() ? matching::shipped_vocabulary() : matching::load_vocabulary(*file)), training->json);
-    return 0;
+    return ExitCode::done;
   };
 }
 

@@ -1,5 +1,5 @@
 #include <gtest/gtest.h>
-#include <mapweave/core/error.h>
+#include <mapweave/core/exit_code.h>
 
 namespace mapweave {
 namespace {
@@ -15,11 +15,10 @@ TEST(Error, says_where_what_and_what_to_do) {
 }
 
 TEST(Error, has_the_exit_code_that_scripts_rely_on) {
-  EXPECT_EQ(exit_code(ErrorCode::kUsage), 2);
+  EXPECT_EQ(exit_code(ErrorCode::kUsage), ExitCode::wrong_usage);
   for (const auto code : {ErrorCode::kBadInput, ErrorCode::kMissing, ErrorCode::kCorrupt, ErrorCode::kUnsupported})
-    EXPECT_EQ(exit_code(code), 3);
-  for (const auto code : {ErrorCode::kCannotWrite, ErrorCode::kHelperFailed, ErrorCode::kInternal}) EXPECT_EQ(exit_code(code), 1);
-  EXPECT_EQ(exit_code(ErrorCode::kInterrupted), 130);
+    EXPECT_EQ(exit_code(code), ExitCode::bad_input);
+  for (const auto code : {ErrorCode::kCannotWrite, ErrorCode::kHelperFailed, ErrorCode::kInternal}) EXPECT_EQ(exit_code(code), ExitCode::failed);
 }
 
 TEST(ContractViolation, names_the_contract_and_the_place) {

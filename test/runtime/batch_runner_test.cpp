@@ -175,7 +175,7 @@ TEST_F(BatchTest, ends_with_nothing_written_when_a_log_is_cut) {
     run("out");
     FAIL() << "did not end";
   } catch (const Error& error) {
-    EXPECT_EQ(exit_code(error.code()), 3);
+    EXPECT_EQ(exit_code(error.code()), ExitCode::bad_input);
     EXPECT_THAT(error.what(), HasSubstr("beta.rawlog"));
   }
   EXPECT_EQ(entries(folder.path()), "beta.rawlog ");
@@ -184,7 +184,7 @@ TEST_F(BatchTest, ends_with_nothing_written_when_a_log_is_cut) {
 TEST_F(BatchTest, keeps_what_came_before_the_cut_and_the_others_when_told_to) {
   break_log("beta");
   const Report report = run("out", 2, true);
-  EXPECT_EQ(report.exit_code(), 3);
+  EXPECT_EQ(report.exit_code(), ExitCode::bad_input);
   EXPECT_FALSE(report.robots[0].trouble);
   ASSERT_TRUE(report.robots[1].trouble);
   EXPECT_TRUE(report.robots[1].mapped);
@@ -197,7 +197,7 @@ TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_told_to) {
   write_file(folder / "empty.rawlog", "");
   configuration.robots[1].log = folder / "empty.rawlog";
   const Report report = run("out", 1, true);
-  EXPECT_EQ(report.exit_code(), 3);
+  EXPECT_EQ(report.exit_code(), ExitCode::bad_input);
   EXPECT_FALSE(report.robots[1].mapped);
   EXPECT_TRUE(fs::exists(folder / "out/team/map.mwdb"));
   EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
@@ -232,7 +232,7 @@ TEST_F(BatchTest, makes_a_helper_that_cannot_start_the_trouble_of_its_robot) {
 TEST_F(BatchTest, saves_robots_that_are_finished_when_interrupted) {
   InterruptAt interrupt("robot beta");
   const Report report = run("out", 1, false, &interrupt);
-  EXPECT_EQ(report.exit_code(), 130);
+  EXPECT_EQ(report.exit_code(), ExitCode::interrupted);
   EXPECT_TRUE(fs::exists(folder / "out/robots/alpha/map.mwdb"));
   EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
   EXPECT_FALSE(fs::exists(folder / "out/team"));
@@ -244,8 +244,8 @@ TEST_F(BatchTest, writes_nothing_when_interrupted_before_anything_is_finished) {
   try {
     run("out", 1, false, &interrupt);
     FAIL() << "did not end";
-  } catch (const Error& error) {
-    EXPECT_EQ(exit_code(error.code()), 130);
+  } catch (const Interrupted& interrupted) {
+    EXPECT_THAT(interrupted.message(), HasSubstr("nothing was written"));
   }
   EXPECT_EQ(entries(folder.path()), "");
 }
@@ -294,7 +294,7 @@ TEST_F(BatchTest, slam_leaves_the_files_of_the_contract_in_one_folder) {
   WorkerPool pool(1);
   configuration.robots.resize(1);
   const Report report = run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, *silent);
-  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(report.exit_code(), ExitCode::done);
   EXPECT_EQ(entries(folder / "out"),
             "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml summary.json trajectory.tum ");
 }

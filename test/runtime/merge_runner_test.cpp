@@ -56,7 +56,7 @@ TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_pictu
     mapdb::write_store(paths.back(), stored);
   }
   const Report report = merge({paths[0], paths[1]});
-  EXPECT_EQ(report.exit_code(), 4);
+  EXPECT_EQ(report.exit_code(), ExitCode::stayed_apart);
   EXPECT_TRUE(fs::exists(folder / "out/team/conflicts.png"));
   const auto merges = nlohmann::json::parse(read_file(folder / "out/merges.json"));
   ASSERT_EQ(merges.size(), 1U);
@@ -69,7 +69,7 @@ TEST_F(MergeTest, that_would_show_walls_twice_is_taken_apart_with_places_a_pictu
   EXPECT_THAT(text, HasSubstr("merged, they would show walls twice"));
   EXPECT_THAT(text, HasSubstr("in the map of robot0 (conflicts.png)"));
   // Nothing is in doubt without it.
-  EXPECT_EQ(merge({paths[0], paths[2]}, "two").exit_code(), 0);
+  EXPECT_EQ(merge({paths[0], paths[2]}, "two").exit_code(), ExitCode::done);
   EXPECT_FALSE(fs::exists(folder / "two/team/conflicts.png"));
 }
 

@@ -80,15 +80,15 @@ TEST(Report, has_the_keys_of_the_contract) {
 
 TEST(Report, ends_with_the_exit_code_of_what_happened) {
   Report report = report_of(Decision::accepted, 1);
-  EXPECT_EQ(report.exit_code(), 0);
+  EXPECT_EQ(report.exit_code(), ExitCode::done);
   report.team.components.resize(2);
-  EXPECT_EQ(report.exit_code(), 4);
+  EXPECT_EQ(report.exit_code(), ExitCode::stayed_apart);
   report.robots[0].trouble = Error(ErrorCode::kCorrupt, "cut short", "alpha.rawlog");
-  EXPECT_EQ(report.exit_code(), 3);
+  EXPECT_EQ(report.exit_code(), ExitCode::bad_input);
   report.robots[0].trouble = Error(ErrorCode::kHelperFailed, "killed");
-  EXPECT_EQ(report.exit_code(), 1);
+  EXPECT_EQ(report.exit_code(), ExitCode::failed);
   report.interrupted = true;
-  EXPECT_EQ(report.exit_code(), 130);
+  EXPECT_EQ(report.exit_code(), ExitCode::interrupted);
 }
 
 TEST(Report, tells_people_why_maps_stayed_apart) {

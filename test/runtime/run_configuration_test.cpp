@@ -1,7 +1,7 @@
 #include <mapweave/runtime/run_configuration.h>
 
 #include <gmock/gmock.h>
-#include <mapweave/core/error.h>
+#include <mapweave/core/exit_code.h>
 #include <mapweave/core/files.h>
 #include <support/temporary_folder.h>
 
@@ -23,7 +23,7 @@ struct PlanTest : testing::Test {
     try {
       plan();
     } catch (const Error& error) {
-      EXPECT_EQ(exit_code(error.code()), 3);
+      EXPECT_EQ(exit_code(error.code()), ExitCode::bad_input);
       return error.what();
     }
     return "none";

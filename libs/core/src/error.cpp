@@ -1,4 +1,4 @@
-#include <mapweave/core/error.h>
+#include <mapweave/core/exit_code.h>
 
 #include <utility>
 
@@ -20,19 +20,18 @@ Error::Error(ErrorCode code, std::string what, std::string where, std::string re
       where_(std::move(where)),
       remedy_(std::move(remedy)) {}
 
-int exit_code(ErrorCode code) {
+ExitCode exit_code(ErrorCode code) {
   switch (code) {
-    case ErrorCode::kUsage: return 2;
+    case ErrorCode::kUsage: return ExitCode::wrong_usage;
     case ErrorCode::kBadInput:
     case ErrorCode::kMissing:
     case ErrorCode::kCorrupt:
-    case ErrorCode::kUnsupported: return 3;
-    case ErrorCode::kInterrupted: return 130;
+    case ErrorCode::kUnsupported: return ExitCode::bad_input;
     case ErrorCode::kCannotWrite:
     case ErrorCode::kHelperFailed:
     case ErrorCode::kInternal: break;
   }
-  return 1;
+  return ExitCode::failed;
 }
 
 ContractViolation::ContractViolation(const char* expression, const char* file, int line, const std::string& message)

@@ -1,4 +1,4 @@
-#include <mapweave/core/error.h>
+#include <mapweave/core/exit_code.h>
 #include <mapweave/core/interrupt.h>
 #include <unistd.h>
 
@@ -12,7 +12,7 @@ std::atomic<bool> signal_came{false};
 static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may touch lock-free atomics only");
 
 void on_signal(int) {
-  if (signal_came.exchange(true)) ::_exit(exit_code(ErrorCode::kInterrupted));
+  if (signal_came.exchange(true)) ::_exit(static_cast<int>(ExitCode::interrupted));
 }
 
 }  // namespace
@@ -35,7 +35,7 @@ void install_interrupt_handlers() {
 bool interrupted() { return signal_came.load(std::memory_order_relaxed); }
 
 void throw_if_interrupted() {
-  if (interrupted()) throw Error(ErrorCode::kInterrupted, "interrupted");
+  if (interrupted()) throw Interrupted();
 }
 
 void request_interrupt() { signal_came = true; }

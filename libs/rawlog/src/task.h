@@ -13,7 +13,7 @@ class Task {
  public:
   Task(Progress& progress, const std::string& name, const ObservationStream& stream)
       : stream_(stream), task_(progress, name, stream.bytes_total() / kKilobyte, "kB") {}
-  // After each record. Throws Error kInterrupted.
+  // After each record. Throws Interrupted.
   void step() {
     if (++records_ % 256 != 0) return;
     throw_if_interrupted();

@@ -31,8 +31,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
   try {
     if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
     if (configuration.server.share != tiers::Sharing::none) shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
-  } catch (const Error& error) {
-    if (error.code() != ErrorCode::kInterrupted) throw;
+  } catch (const Interrupted&) {
     return std::vector<std::optional<RobotResult>>(plan.robots.size());
   }
   auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
@@ -44,8 +43,7 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
                                      cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
-    } catch (const Error& error) {
-      if (error.code() != ErrorCode::kInterrupted) throw;
+    } catch (const Interrupted&) {
       return std::nullopt;
     }
   });
@@ -61,8 +59,7 @@ bool finished(Work&& work) {
     throw_if_interrupted();
     work();
     return true;
-  } catch (const Error& error) {
-    if (error.code() != ErrorCode::kInterrupted) throw;
+  } catch (const Interrupted&) {
     return false;
   }
 }
@@ -70,7 +67,7 @@ bool finished(Work&& work) {
 // What was finished is to be saved in peace: a further signal ends that too.
 void acknowledge_interruption(Report& report, bool anything_finished) {
   report.interrupted = true;
-  if (!anything_finished) throw Error(ErrorCode::kInterrupted, "interrupted before a map was finished; nothing was written");
+  if (!anything_finished) throw Interrupted("interrupted before a map was finished; nothing was written");
   clear_interrupt();
 }
 

@@ -213,7 +213,6 @@ struct CameraTask::State {
     try {
       reading_on();
     } catch (const Error& error) {
-      if (error.code() == ErrorCode::kInterrupted) throw;
       trouble = error;
       next.reset();
     }
@@ -247,7 +246,7 @@ void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& gi
   state.guarded([&] {
     while (state.next && (!until || state.next->stamp < *until)) {
       throw_if_interrupted();
-      if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + state.robot.id.str());
+      if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
       for (Camera& camera : state.cameras) camera.add(*state.next);
       state.task->advance(state.log->bytes_read() / kKilobyte);
       state.next = state.log->next();

@@ -134,8 +134,7 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   for (const PlannedRobot& robot : plan_.robots) {
     try {
       if (!choose_sensors(robot.log, configuration_).laser) continue;
-    } catch (const Error& error) {
-      if (error.code() == ErrorCode::kInterrupted) throw;
+    } catch (const Error&) {
       continue;  // is told where the robot is mapped
     }
     all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);

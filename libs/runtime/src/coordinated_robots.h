@@ -15,7 +15,7 @@ class CoordinatedRobots {
   // Coordinator::decide and reading a model throw.
   CoordinatedRobots(const RunConfiguration&, RunPlan& plan);
 
-  // Drives all robots with a laser to the ends of their logs; `plan` then names the edges that they ended on. Throws Error(kInterrupted),
+  // Drives all robots with a laser to the ends of their logs; `plan` then names the edges that they ended on. Throws Interrupted,
   // and without `keep_going` the first trouble with a log.
   std::map<RobotId, LaserOutcome> map_lasers(bool keep_going, WorkerPool&, Progress&);
 

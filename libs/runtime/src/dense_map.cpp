@@ -148,7 +148,6 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder, co
         pictures += seen.points_in_map.empty() ? 0 : 1;
       });
     } catch (const Error& error) {
-      if (error.code() == ErrorCode::kInterrupted) throw;
       notes.push_back("the cloud of depth holds of " + first->robot.id.str() + " what came before this: " + error.what());
     }
   }

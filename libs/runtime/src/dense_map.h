@@ -21,7 +21,7 @@ std::vector<DepthWay> depth_ways(const CameraMap&, const CamerasOutcome&);
 std::vector<DepthWay> depth_ways(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
 
 // map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are ways. What was not as
-// expected is answered for people. Memory: that of the options, and one picture. Throws Error(kInterrupted).
+// expected is answered for people. Memory: that of the options, and one picture. Throws Interrupted.
 std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthWay>&, const RunConfiguration&,
                                          Progress&);
 

@@ -43,7 +43,6 @@ struct LaserTask::State {
     try {
       do_it();
     } catch (const Error& error) {
-      if (error.code() == ErrorCode::kInterrupted) throw;
       trouble = error;
       next.reset();
     }
@@ -95,7 +94,7 @@ void LaserTask::advance(std::optional<Stamp> until, const std::atomic<bool>& giv
   state.guarded([&] {
     while (state.next && (!until || state.next->stamp < *until)) {
       throw_if_interrupted();
-      if (give_up) throw Error(ErrorCode::kInterrupted, "given up, because another robot failed", "robot " + state.robot.id.str());
+      if (give_up) throw Interrupted("robot " + state.robot.id.str() + ": given up, because another robot failed");
       state.carry([&] { return state.agent.step(*state.next); });
       state.task->advance(state.log->bytes_read() / kKilobyte);
       if (!state.outcome) state.next = state.log->next();

@@ -261,12 +261,11 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
 
 }  // namespace
 
-int Report::exit_code() const {
-  if (interrupted) return mapweave::exit_code(ErrorCode::kInterrupted);
+ExitCode Report::exit_code() const {
+  if (interrupted) return ExitCode::interrupted;
   for (const RobotReport& robot : robots)
     if (robot.trouble) return mapweave::exit_code(robot.trouble->code());
-  constexpr int kStayedApart = 4;
-  return team.components.size() > 1 ? kStayedApart : 0;
+  return team.components.size() > 1 ? ExitCode::stayed_apart : ExitCode::done;
 }
 
 Json summary_json(const Report& report) {
@@ -302,7 +301,7 @@ Json summary_json(const Report& report) {
                   {"team", fusion_json(report.team)},
                   {"notes", report.notes},
                   {"interrupted", report.interrupted},
-                  {"exit_code", report.exit_code()},
+                  {"exit_code", static_cast<int>(report.exit_code())},
                   {"wall_seconds", report.wall_seconds},
                   {"peak_rss_bytes", report.peak_rss_bytes},
                   {"stages", stages}};

@@ -45,17 +45,14 @@ OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
     OccupancyGrid grid = fusion::compose_grid(map, configuration_.compose, pool_);
     composing_seconds_ += watch.seconds();
     return grid;
+  } catch (const Interrupted&) {
+    interrupted_ = true;
+    clear_interrupt();  // what is finished is saved; a further signal ends that too
   } catch (const Error& error) {
-    if (error.code() == ErrorCode::kInterrupted) {
-      interrupted_ = true;
-      clear_interrupt();  // what is finished is saved; a further signal ends that too
-    } else if (error.code() != ErrorCode::kBadInput) {
-      throw;
-    } else {
-      notes_.push_back(title + " is not drawn: " + error.what());
-    }
-    return {};
+    if (error.code() != ErrorCode::kBadInput) throw;
+    notes_.push_back(title + " is not drawn: " + error.what());
   }
+  return {};
 }
 
 void Results::draw(const std::string& folder, const std::string& title, bool robot_trajectories, const Map& map,
@@ -138,8 +135,7 @@ void Results::draw_dense(const std::filesystem::path& folder, const std::string&
   try {
     for (const std::string& note : write_dense_map(folder_.staging() / folder, ways, configuration_, progress_))
       notes_.push_back(title + ": " + note);
-  } catch (const Error& error) {
-    if (error.code() != ErrorCode::kInterrupted) throw;
+  } catch (const Interrupted&) {
     interrupted_ = true;
     clear_interrupt();  // as for grids
   }

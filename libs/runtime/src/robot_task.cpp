@@ -87,7 +87,6 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
       result.work.seeing_s = shared_s + thread_cpu_seconds() - by_laser_s;
     }
   } catch (const Error& error) {
-    if (error.code() == ErrorCode::kInterrupted) throw;
     result.outcome = {robot.id, std::nullopt, error};
   }
   return_free_memory();  // of the engine, which has ended

@@ -9,7 +9,7 @@
 namespace mapweave::runtime {
 
 // Of the robots that have cameras to map with; the others, and those whose logs cannot be read, are left to map_robot(), which says so.
-// Throws Error(kInterrupted) alone.
+// Throws Interrupted alone.
 std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

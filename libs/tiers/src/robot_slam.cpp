@@ -9,7 +9,6 @@ std::optional<RobotOutcome> RobotSlam::step(Sensed sensed) {
   try {
     return act(std::move(sensed));
   } catch (const Error& error) {
-    if (error.code() == ErrorCode::kInterrupted) throw;
     return failed(error);
   } catch (const std::exception& error) {
     return failed(Error(ErrorCode::kInternal, error.what(), "robot " + robot_.str()));
@@ -50,8 +49,8 @@ RobotOutcome RobotSlam::finished(std::optional<Error> trouble) {
       mapper_->finish();
       Map map = mapper_->snapshot();
       if (!map.empty()) outcome.map = std::move(map);
-    } catch (const Error& error) {
-      if (error.code() == ErrorCode::kInterrupted || !outcome.trouble) throw;  // else the first trouble is the cause
+    } catch (const Error&) {
+      if (!outcome.trouble) throw;  // else the first trouble is the cause
     }
   }
   outcome.helper_cpu_seconds = mapper_->helper_cpu_seconds();

@@ -1,6 +1,7 @@
 #pragma once
 // Three kinds of failure, three forms: no answer (std::optional, or a result with a reason), the world let us down
-// (Error), the caller broke the contract (MAPWEAVE_EXPECT). Caught once per program and once per worker loop.
+// (Error), the caller broke the contract (MAPWEAVE_EXPECT). Caught once per program and once per worker loop. Being interrupted is none of
+// them (interrupt.h).
 
 #include <stdexcept>
 #include <string>
@@ -8,15 +9,14 @@
 namespace mapweave {
 
 enum class ErrorCode {
-  kUsage,         // wrong command line                                    -> exit code 2
-  kBadInput,      // input or configuration that cannot be used            -> 3
-  kMissing,       // a file, key or sensor that should be there is not      -> 3
-  kCorrupt,       // bytes that cannot be decoded                          -> 3
-  kUnsupported,   // a newer schema, an unknown class                      -> 3
-  kCannotWrite,   // output folder, disk full                              -> 1
-  kInterrupted,   // Ctrl-C or SIGTERM                                     -> 130
-  kHelperFailed,  // a child process ended early                           -> 1
-  kInternal,      // ours                                                  -> 1
+  kUsage,         // wrong command line
+  kBadInput,      // input or configuration that cannot be used
+  kMissing,       // a file, key or sensor that should be there is not
+  kCorrupt,       // bytes that cannot be decoded
+  kUnsupported,   // a newer schema, an unknown class
+  kCannotWrite,   // output folder, disk full
+  kHelperFailed,  // a child process ended early
+  kInternal,      // ours
 };
 
 class Error : public std::runtime_error {
@@ -33,9 +33,6 @@ class Error : public std::runtime_error {
   ErrorCode code_;
   std::string problem_, where_, remedy_;
 };
-
-// The exit code (README, verbs) for an error that ends the program.
-int exit_code(ErrorCode code);
 
 // The caller broke the contract. Throws in every build type.
 class ContractViolation : public std::logic_error {

@@ -27,7 +27,7 @@ struct ExternalMapperOptions {
 
 // The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the map is empty.
 // Errors: kMissing where there is no helper, kHelperFailed where it ended early ("alpha: helper mrpt_mapper ended by signal 9 after 57
-// scans; ..."), kInterrupted; after one, every call throws the same again. The destructor ends the helper; when this process dies, however,
+// scans; ..."). After one, every call throws the same again. The destructor ends the helper; when this process dies, however,
 // the helper leaves by itself. Memory: here what was added (a packed scan each) until finish(); the helper's is bounded by its options'
 // memory_limit_mb.
 class ExternalMapper : public LaserMapper {

@@ -66,7 +66,7 @@ class CameraTask {
   CameraTask(CameraTask&&) noexcept;
 
   std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
-  // All records before `until`; nullopt: to the end. Throws Error(kInterrupted) alone: after a signal, or when `give_up` becomes true.
+  // All records before `until`; nullopt: to the end. Throws Interrupted alone: after a signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
 
   struct Client {

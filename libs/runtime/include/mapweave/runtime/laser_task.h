@@ -29,7 +29,7 @@ class LaserTask {
   LaserTask(LaserTask&&) noexcept;
 
   std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
-  // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Error(kInterrupted) alone: after a
+  // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone: after a
   // signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
   // Another edge maps from now on: it hears all that was sensed, from the beginning. Nothing happens where the robot maps itself.

@@ -1,7 +1,7 @@
 #pragma once
 // What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (the contract of the command line).
 
-#include <mapweave/core/error.h>
+#include <mapweave/core/exit_code.h>
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/runtime/timeline.h>
@@ -92,7 +92,7 @@ struct Report {
   std::uint64_t peak_rss_bytes = 0;
 
   // 0, 4 where maps stayed apart, the code of the first robot's trouble, 130 (README, verbs).
-  int exit_code() const;
+  ExitCode exit_code() const;
 };
 
 nlohmann::ordered_json summary_json(const Report&);

@@ -24,7 +24,7 @@ struct RobotResult {
 };
 
 // Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going` only. A log that
-// cannot be read and an engine that cannot start are trouble too. Throws Error(kInterrupted) alone: after a signal, or when `give_up`
+// cannot be read and an engine that cannot start are trouble too. Throws Interrupted alone: after a signal, or when `give_up`
 // becomes true. `laser`, `cameras`: where they were mapped together with those of others already.
 RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, bool keep_going, const std::atomic<bool>& give_up, Progress&,
                       std::optional<LaserOutcome> laser = std::nullopt, std::optional<CamerasOutcome> cameras = std::nullopt);

@@ -24,7 +24,7 @@ class RobotSlam {
   RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper);
 
   // The outcome, once: at the end of the stream, or where the engine failed. What comes after it, and what came before, is ignored; a
-  // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only an interruption (Error kInterrupted) is thrown.
+  // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only Interrupted is thrown.
   std::optional<RobotOutcome> step(Sensed);
   // Empty after the outcome, and where the engine shows none before its end.
   Map map_so_far() const { return mapper_ != nullptr && anything_ ? mapper_->snapshot() : Map(); }
