@@ -22,7 +22,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json of_camera(const rawlog::CameraGeometry& camera) {
+Json of_camera(const rawlog::RecordedCameraGeometry& camera) {
   Json told = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
   if (camera.calibrated) {
     for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}})
@@ -76,7 +76,7 @@ Json of_log(const std::filesystem::path& path) {
           {"sensors", sensors}};
 }
 
-Json of_map(const mapdb::MapSummary& map) {
+Json of_map(const mapdb::StoredMapSummary& map) {
   Json sessions = Json::array();
   for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
   Json told = {{"id", map.id.str()},         {"nodes", map.nodes},     {"contents", map.contents},       {"keyframes", map.keyframes},
@@ -92,7 +92,7 @@ Json of_map(const mapdb::MapSummary& map) {
 Json of_store(const std::filesystem::path& path) {
   const mapdb::StoreSummary store = mapdb::summarize_store(path);
   Json maps = Json::array();
-  for (const mapdb::MapSummary& map : store.maps) maps.push_back(of_map(map));
+  for (const mapdb::StoredMapSummary& map : store.maps) maps.push_back(of_map(map));
   return {{"kind", "map store"},
           {"schema", store.schema},
           {"file_bytes", store.file_bytes},

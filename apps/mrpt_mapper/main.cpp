@@ -35,7 +35,7 @@ void write_all(int stream, std::string_view bytes) {
 }
 
 // The next frame; the stream's end before `end` means that the program is gone.
-protocol::Frame next_frame(protocol::FrameParser& parser) {
+protocol::MapperFrame next_frame(protocol::FrameParser& parser) {
   while (true) {
     if (auto frame = parser.next()) return std::move(*frame);
     static std::array<char, 65536> bytes;
@@ -67,7 +67,7 @@ void limit_memory(const protocol::EngineOptions& options) {
 
 void serve(int output) {
   protocol::FrameParser parser;
-  const protocol::Frame first = next_frame(parser);
+  const protocol::MapperFrame first = next_frame(parser);
   if (first.kind != protocol::Kind::start) protocol::fail("the first frame is of kind " + std::to_string(static_cast<int>(first.kind)));
   const protocol::EngineOptions options = protocol::decode_start(first.body);
   limit_memory(options);
@@ -81,7 +81,7 @@ void serve(int output) {
   });
   std::shared_ptr<const ScanGeometry> geometry;
   for (bool more = true; more;) {
-    const protocol::Frame frame = next_frame(parser);
+    const protocol::MapperFrame frame = next_frame(parser);
     switch (frame.kind) {
       case protocol::Kind::geometry: geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body)); break;
       case protocol::Kind::scan: {

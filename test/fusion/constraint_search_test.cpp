@@ -9,7 +9,7 @@ namespace {
 
 struct Drive {
   std::vector<simulation::SimulatedStep> steps;
-  simulation::LaserOptions laser;
+  simulation::SimulatedLaserOptions laser;
 };
 
 Drive drive(std::int64_t seed) {

@@ -16,8 +16,8 @@ std::vector<Pose2> way_of(const simulation::SimulatedRobot& robot, const Pose2& 
 }
 
 // A robot's walls and stars. The camera's world is laid so that the robot stands at `stars_from_start` when it begins.
-Map of_two_senses(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser, const test::StarryBuilding& stars,
-                  const Pose2& stars_from_start) {
+Map of_two_senses(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser,
+                  const test::StarryBuilding& stars, const Pose2& stars_from_start) {
   Map camera = stars.keyframe_map(robot.id.str(), way_of(robot, stars_from_start));
   for (auto& entry : camera.nodes) entry.second.stamp = robot.steps[15 * entry.first.index].stamp;
   return rig::align_cameras(test::truth_map(robot, laser), {camera}).map;

@@ -11,7 +11,7 @@ namespace {
 // The frozen submaps of a simulated robot whose map is the truth, laid where they are or moved.
 class Placed {
  public:
-  Placed(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser) : map_(test::mapped(robot, laser)) {
+  Placed(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser) : map_(test::mapped(robot, laser)) {
     for (const auto& [id, submap] : map_.submaps) {
       if (!submap.frozen) continue;
       models_.push_back(std::make_unique<matching::SubmapModel>(submap, map_.nodes));

@@ -9,7 +9,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-Frame only_frame(std::string_view bytes) {
+MapperFrame only_frame(std::string_view bytes) {
   FrameParser parser;
   parser.feed(bytes);
   const auto frame = parser.next();

@@ -246,7 +246,7 @@ TEST(MapStore, is_summarised_without_reading_the_maps) {
   EXPECT_EQ(summary.identity, identity(stored));
   ASSERT_EQ(summary.maps.size(), 3U);
   const Map& alpha = stored.maps[0];
-  const MapSummary& map = summary.maps[0];
+  const StoredMapSummary& map = summary.maps[0];
   EXPECT_EQ(map.id, MapId("alpha"));
   EXPECT_EQ(map.nodes, 40U);
   EXPECT_EQ(map.contents, static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(),

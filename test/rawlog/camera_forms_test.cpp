@@ -142,7 +142,7 @@ TEST(CameraContents, tell_size_calibration_and_depth) {
   EXPECT_EQ(contents.format, "TUM RGB-D folder");
   ASSERT_EQ(contents.sensors.size(), 2u);
   ASSERT_TRUE(contents.sensors[1].camera.has_value());
-  const CameraGeometry& camera = *contents.sensors[1].camera;
+  const RecordedCameraGeometry& camera = *contents.sensors[1].camera;
   EXPECT_EQ(camera.width, 32u);
   EXPECT_TRUE(camera.calibrated && camera.distorted);
   EXPECT_EQ(camera.fx, 30.5);

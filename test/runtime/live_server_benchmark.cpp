@@ -62,7 +62,7 @@ class Building {
     options.buildings.resize(1);
     options.buildings[0].kind = simulation::PlanKind::apartment, options.buildings[0].seed = 7;
     options.cameras.resize(1);
-    options.cameras[0].kind = simulation::CameraKind::rgbd, options.cameras[0].frames_per_second = kFramesPerSecond;
+    options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = kFramesPerSecond;
     options.robots.resize(robots);
     for (std::size_t i = 0; i < robots; ++i) {
       auto& robot = options.robots[i];

@@ -32,7 +32,7 @@ double depth_at(const CameraFrame& frame, int column, int row) {
 }
 
 TEST(CameraRecording, measures_the_distance_of_the_wall_ahead) {
-  const World world = built(camera_world(perfect(tiny_camera(CameraKind::rgbd))));
+  const World world = built(camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd))));
   const CameraFrame frame = frame_of(world, 0);
   EXPECT_NEAR(depth_at(frame, 80, 60), 6.0 - 1.0 - 0.15, 0.005);
   EXPECT_EQ(frame.left.channels, 1);
@@ -40,7 +40,7 @@ TEST(CameraRecording, measures_the_distance_of_the_wall_ahead) {
 }
 
 TEST(CameraRecording, keeps_the_worlds_clock_and_tells_the_truth) {
-  WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
+  WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::mono));
   options.robots[0].start_s = 2.0;
   options.cameras[0].yaw_deg = 90.0;
   const World world = built(options);
@@ -58,7 +58,7 @@ TEST(CameraRecording, keeps_the_worlds_clock_and_tells_the_truth) {
 }
 
 TEST(CameraRecording, makes_the_same_frame_in_any_order_and_another_for_another_seed) {
-  WorldOptions options = camera_world(tiny_camera(CameraKind::rgbd));
+  WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::rgbd));
   const World world = built(options);
   const CameraRecording recording(world, 0, 0);
   CameraRecording::Workspace workspace;
@@ -74,7 +74,7 @@ TEST(CameraRecording, makes_the_same_frame_in_any_order_and_another_for_another_
 }
 
 TEST(CameraRecording, sees_the_left_picture_shifted_by_the_disparity_in_the_right_one) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::stereo));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::stereo));
   camera.baseline_m = 4.85 / 131.0 * 10.0;  // ten pixels at the wall ahead
   const World world = built(camera_world(camera));
   const CameraFrame frame = frame_of(world, 0);
@@ -93,7 +93,7 @@ TEST(CameraRecording, sees_the_left_picture_shifted_by_the_disparity_in_the_righ
 }
 
 TEST(CameraRecording, falsifies_depths_as_the_options_say) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::rgbd));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::rgbd));
   const World clean_world = built(camera_world(camera));
   camera.depth.noise_m = 0.002;
   camera.depth.noise_per_m2 = 0.001;
@@ -116,7 +116,7 @@ TEST(CameraRecording, falsifies_depths_as_the_options_say) {
 }
 
 TEST(CameraRecording, measures_in_steps_of_disparity) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::rgbd));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::rgbd));
   camera.depth.step_per_m2 = 0.0028;
   const World world = built(camera_world(camera));
   for (const std::uint16_t depth : frame_of(world, 0).depth) {
@@ -127,7 +127,7 @@ TEST(CameraRecording, measures_in_steps_of_disparity) {
 }
 
 TEST(CameraRecording, has_holes_out_of_range_at_grazing_surfaces_and_in_the_projectors_shadow) {
-  const CameraOptions clean = perfect(tiny_camera(CameraKind::rgbd));
+  const CameraOptions clean = perfect(tiny_camera(SimulatedCameraKind::rgbd));
   const auto holes = [](const CameraOptions& camera) {
     WorldOptions options = camera_world(camera);
     options.buildings[0].corridor.clutter = 6;
@@ -152,7 +152,7 @@ TEST(CameraRecording, has_holes_out_of_range_at_grazing_surfaces_and_in_the_proj
 }
 
 TEST(CameraRecording, falsifies_grey_levels_as_the_options_say) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::mono));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::mono));
   const World clean_world = built(camera_world(camera));
   camera.image.noise = 3.0;
   const World world = built(camera_world(camera));
@@ -172,7 +172,7 @@ TEST(CameraRecording, falsifies_grey_levels_as_the_options_say) {
 }
 
 TEST(CameraRecording, darkens_corners_and_wanders_in_brightness) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::mono));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::mono));
   const World clean_world = built(camera_world(camera));
   const CameraFrame clean = frame_of(clean_world, 0);
   camera.image.vignetting = 0.5;
@@ -193,7 +193,7 @@ TEST(CameraRecording, darkens_corners_and_wanders_in_brightness) {
 }
 
 TEST(CameraRecording, blurs_what_moves_while_it_is_exposed) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::mono));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::mono));
   WorldOptions options = camera_world(camera);
   options.robots[0].waypoints = {{1.0, 1.0}, {4.0, 1.0}, {1.0, 1.0}};  // turns about at the end
   const auto roughness = [&](double exposure_ms, std::size_t frame_number) {
@@ -219,7 +219,7 @@ TEST(CameraRecording, blurs_what_moves_while_it_is_exposed) {
 }
 
 TEST(CameraRecording, takes_the_depth_before_or_after_the_colour_and_says_when) {
-  CameraOptions camera = perfect(tiny_camera(CameraKind::rgbd));
+  CameraOptions camera = perfect(tiny_camera(SimulatedCameraKind::rgbd));
   camera.depth.offset_ms = 20.0;
   const World world = built(camera_world(camera));
   const CameraRecording recording(world, 0, 0);
@@ -237,7 +237,7 @@ TEST(CameraRecording, takes_the_depth_before_or_after_the_colour_and_says_when) 
 }
 
 TEST(CameraRecording, shows_others_walking_by) {
-  WorldOptions options = camera_world(perfect(tiny_camera(CameraKind::rgbd)));
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd)));
   options.robots.resize(2);
   options.robots[1] = options.robots[0];
   options.robots[1].id = "beta";
@@ -250,7 +250,7 @@ TEST(CameraRecording, shows_others_walking_by) {
 }
 
 TEST(CameraRecording, is_black_while_the_robot_is_carried_and_elsewhere_after) {
-  WorldOptions options = camera_world(perfect(tiny_camera(CameraKind::rgbd)));
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::rgbd)));
   options.robots[0].kidnappings.resize(1);
   options.robots[0].kidnappings[0] = {1.0, 1.2, 4.0};
   const World world = built(options);
@@ -282,7 +282,7 @@ TEST(CameraRecording, is_black_while_the_robot_is_carried_and_elsewhere_after) {
 }
 
 TEST(CameraRecording, jumps_between_two_frames_where_carrying_takes_no_time) {
-  WorldOptions options = camera_world(perfect(tiny_camera(CameraKind::mono)));
+  WorldOptions options = camera_world(perfect(tiny_camera(SimulatedCameraKind::mono)));
   options.robots[0].kidnappings.resize(1);
   options.robots[0].kidnappings[0] = {1.0, 1.2, 0.0};
   const World world = built(options);
@@ -296,8 +296,8 @@ TEST(CameraRecording, jumps_between_two_frames_where_carrying_takes_no_time) {
 }
 
 TEST(CameraRecording, takes_a_robots_own_cameras_for_the_worlds) {
-  WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
-  options.robots[0].cameras = {tiny_camera(CameraKind::stereo), tiny_camera(CameraKind::rgbd)};
+  WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::mono));
+  options.robots[0].cameras = {tiny_camera(SimulatedCameraKind::stereo), tiny_camera(SimulatedCameraKind::rgbd)};
   options.robots[0].cameras[1].id = "back";
   options.robots.resize(2, options.robots[0]);
   options.robots[1].id = "beta";
@@ -306,11 +306,11 @@ TEST(CameraRecording, takes_a_robots_own_cameras_for_the_worlds) {
   ASSERT_EQ(world.cameras(0).size(), 2u);
   EXPECT_EQ(world.cameras(0)[1].id, "back");
   ASSERT_EQ(world.cameras(1).size(), 1u);
-  EXPECT_EQ(world.cameras(1)[0].kind, CameraKind::mono);
+  EXPECT_EQ(world.cameras(1)[0].kind, SimulatedCameraKind::mono);
 }
 
 TEST(CameraRecording, leans_with_the_floor) {
-  WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
+  WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::mono));
   options.motion.floor_tilt_deg = 1.0;
   const World world = built(options);
   double squares = 0.0;
@@ -335,7 +335,7 @@ TEST(CameraRecording, refuses_cameras_that_cannot_be) {
     }
     return "";
   };
-  WorldOptions options = camera_world(tiny_camera(CameraKind::mono));
+  WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::mono));
   options.cameras.push_back(options.cameras[0]);
   EXPECT_THAT(message(options), testing::HasSubstr("two cameras have the id 'camera'"));
   options.cameras.pop_back();

@@ -5,7 +5,7 @@
 
 namespace mapweave::test {
 
-inline simulation::CameraOptions tiny_camera(simulation::CameraKind kind) {
+inline simulation::CameraOptions tiny_camera(simulation::SimulatedCameraKind kind) {
   simulation::CameraOptions camera;
   camera.kind = kind;
   camera.width = 160;

@@ -35,7 +35,7 @@ struct Sensor {
         recording(world, field, options, 0, 0) {}
 };
 
-CameraOptions camera(CameraKind kind) {
+CameraOptions camera(SimulatedCameraKind kind) {
   CameraOptions result = tiny_camera(kind);
   result.width = 640;
   result.height = 480;
@@ -44,20 +44,20 @@ CameraOptions camera(CameraKind kind) {
 }
 
 TEST(FeatureSensor, finds_landmarks_where_the_truth_projects_them) {
-  CameraOptions distorted = camera(CameraKind::rgbd);
+  CameraOptions distorted = camera(SimulatedCameraKind::rgbd);
   distorted.k1 = -0.1;
   const Sensor sensor(camera_world(distorted));
   double squares = 0.0, depth_squares = 0.0;
   int count = 0, depths = 0, strays = 0;
   for (std::size_t i = 0; i < sensor.recording.frame_count(); i += 7) {
-    const FeatureFrame frame = sensor.recording.frame(i);
+    const SimulatedFeatureFrame frame = sensor.recording.frame(i);
     EXPECT_GT(frame.features.size(), 50u);
     for (const Feature& feature : frame.features) {
       if (feature.landmark == kNoLandmark) {
         ++strays;
         continue;
       }
-      const Landmark& landmark = sensor.field.landmarks()[feature.landmark];
+      const SimulatedLandmark& landmark = sensor.field.landmarks()[feature.landmark];
       const Eigen::Vector3d p = transformed(landmark.point_in_world, inverse(frame.world_from_camera));
       const auto pixel = sensor.recording.model().project(p);
       ASSERT_TRUE(pixel);
@@ -80,7 +80,7 @@ TEST(FeatureSensor, finds_landmarks_where_the_truth_projects_them) {
 TEST(FeatureSensor, flips_the_wanted_share_of_bits) {
   FeatureOptions options;
   options.flipped_bits = 0.1;
-  const Sensor sensor(camera_world(camera(CameraKind::mono)), options);
+  const Sensor sensor(camera_world(camera(SimulatedCameraKind::mono)), options);
   double bits = 0.0;
   int count = 0;
   for (std::size_t i = 0; i < sensor.recording.frame_count(); i += 5) {
@@ -96,8 +96,8 @@ TEST(FeatureSensor, flips_the_wanted_share_of_bits) {
 TEST(FeatureSensor, tells_disparities_of_stereo_cameras) {
   FeatureOptions options;
   options.pixel_noise = options.strays = 0.0;
-  const Sensor sensor(camera_world(camera(CameraKind::stereo)), options);
-  const FeatureFrame frame = sensor.recording.frame(3);
+  const Sensor sensor(camera_world(camera(SimulatedCameraKind::stereo)), options);
+  const SimulatedFeatureFrame frame = sensor.recording.frame(3);
   int seen = 0;
   for (const Feature& feature : frame.features) {
     EXPECT_EQ(feature.depth_m, 0.0f);
@@ -110,7 +110,7 @@ TEST(FeatureSensor, tells_disparities_of_stereo_cameras) {
 }
 
 TEST(FeatureSensor, finds_the_same_landmarks_again_from_the_next_place) {
-  const Sensor sensor(camera_world(camera(CameraKind::rgbd)));
+  const Sensor sensor(camera_world(camera(SimulatedCameraKind::rgbd)));
   std::set<std::uint32_t> before;
   for (const Feature& feature : sensor.recording.frame(20).features) before.insert(feature.landmark);
   int again = 0, count = 0;
@@ -122,17 +122,17 @@ TEST(FeatureSensor, finds_the_same_landmarks_again_from_the_next_place) {
 }
 
 TEST(FeatureSensor, does_not_see_through_walls_or_furniture) {
-  WorldOptions options = camera_world(camera(CameraKind::rgbd));
+  WorldOptions options = camera_world(camera(SimulatedCameraKind::rgbd));
   options.buildings[0].kind = PlanKind::repeated_rooms;
   options.buildings[0].repeated_rooms.rooms = 2;
   options.robots[0].waypoints = {{2.0, 0.9}, {6.0, 0.9}};
   FeatureOptions features;
   features.strays = features.pixel_noise = 0.0;
   const Sensor sensor(options, features);
-  View view;
+  RenderedView view;
   int agreeing = 0, count = 0;
   for (std::size_t i = 0; i < sensor.recording.frame_count(); i += 20) {
-    const FeatureFrame frame = sensor.recording.frame(i);
+    const SimulatedFeatureFrame frame = sensor.recording.frame(i);
     render(sensor.world.scene(0), {}, sensor.recording.model(), frame.world_from_camera, Channels::none, view);
     for (const Feature& feature : frame.features) {
       const double z = transformed(sensor.field.landmarks()[feature.landmark].point_in_world, inverse(frame.world_from_camera)).z();
@@ -146,26 +146,26 @@ TEST(FeatureSensor, does_not_see_through_walls_or_furniture) {
 }
 
 TEST(FeatureSensor, gives_rooms_that_look_alike_the_same_descriptors) {
-  WorldOptions options = camera_world(camera(CameraKind::rgbd));
+  WorldOptions options = camera_world(camera(SimulatedCameraKind::rgbd));
   options.buildings[0].kind = PlanKind::repeated_rooms;
   options.buildings[0].repeated_rooms.rooms = 3;
   options.robots[0].waypoints = {{2.0, 0.9}, {6.0, 0.9}};
   const Sensor sensor(options);
   std::map<std::uint64_t, int> looks;
-  for (const Landmark& landmark : sensor.field.landmarks()) ++looks[landmark.look];
+  for (const SimulatedLandmark& landmark : sensor.field.landmarks()) ++looks[landmark.look];
   int shared = 0;
   for (const auto& [look, times] : looks) shared += times >= 3;
   EXPECT_GT(shared, 300);
-  const Sensor unlike(camera_world(camera(CameraKind::rgbd)));
+  const Sensor unlike(camera_world(camera(SimulatedCameraKind::rgbd)));
   looks.clear();
-  for (const Landmark& landmark : unlike.field.landmarks()) ++looks[landmark.look];
+  for (const SimulatedLandmark& landmark : unlike.field.landmarks()) ++looks[landmark.look];
   for (const auto& [look, times] : looks) EXPECT_LE(times, 2) << "a picture shows on both sides of a wall";
 }
 
 TEST(FeatureSensor, says_the_same_whenever_it_is_asked) {
-  const Sensor one(camera_world(camera(CameraKind::rgbd))), other(camera_world(camera(CameraKind::rgbd)));
+  const Sensor one(camera_world(camera(SimulatedCameraKind::rgbd))), other(camera_world(camera(SimulatedCameraKind::rgbd)));
   other.recording.frame(9);
-  const FeatureFrame a = one.recording.frame(4), b = other.recording.frame(4);
+  const SimulatedFeatureFrame a = one.recording.frame(4), b = other.recording.frame(4);
   ASSERT_EQ(a.features.size(), b.features.size());
   for (std::size_t i = 0; i < a.features.size(); ++i) {
     EXPECT_EQ(a.features[i].u, b.features[i].u);

@@ -10,7 +10,7 @@ namespace mapweave::simulation {
 namespace {
 
 WorldOptions with_imu(double rate) {
-  WorldOptions options = test::camera_world(test::tiny_camera(CameraKind::mono));
+  WorldOptions options = test::camera_world(test::tiny_camera(SimulatedCameraKind::mono));
   options.cameras.clear();
   options.imu.readings_per_second = rate;
   options.robots[0].waypoints = {{1.0, 1.0}, {4.0, 1.0}, {1.0, 1.0}};

@@ -10,8 +10,8 @@
 namespace mapweave::simulation {
 namespace {
 
-LaserOptions perfect_laser() {
-  LaserOptions options;
+SimulatedLaserOptions perfect_laser() {
+  SimulatedLaserOptions options;
   options.noise_m = options.noise_per_m = options.outliers = options.dropouts = 0.0;
   return options;
 }
@@ -35,7 +35,7 @@ TEST(LaserSensor, sees_the_walls_of_a_square_room_where_they_are) {
 
 TEST(LaserSensor, looks_from_where_it_is_mounted) {
   const RayCaster room(square_room().walls);
-  LaserOptions options = perfect_laser();
+  SimulatedLaserOptions options = perfect_laser();
   options.x_m = 0.3;
   options.y_m = -0.2;
   options.yaw_deg = 90.0;
@@ -46,7 +46,7 @@ TEST(LaserSensor, looks_from_where_it_is_mounted) {
 
 TEST(LaserSensor, answers_nothing_beyond_its_range) {
   const RayCaster room(square_room().walls);
-  LaserOptions options = perfect_laser();
+  SimulatedLaserOptions options = perfect_laser();
   options.max_range_m = 5.5;
   const auto ranges = LaserSensor(room, options).scan({0.0, 0.0, 0.0}, {}, numbers(0));
   EXPECT_NEAR(ranges[90], 5.0, 1e-5);
@@ -56,7 +56,7 @@ TEST(LaserSensor, answers_nothing_beyond_its_range) {
 
 TEST(LaserSensor, casts_each_ray_from_where_the_robot_is_at_its_time) {
   const RayCaster room(square_room().walls);
-  LaserOptions options = perfect_laser();
+  SimulatedLaserOptions options = perfect_laser();
   options.sweep_s = 0.2;
   options.sweep_stamp = 0.5;
   const auto driving = [](double after_s) { return Pose2(1.0 + 2.0 * after_s, 0.5, 0.0); };
@@ -71,10 +71,10 @@ TEST(LaserSensor, casts_each_ray_from_where_the_robot_is_at_its_time) {
 
 TEST(LaserSensor, sees_the_same_of_a_robot_that_stands_however_long_it_takes) {
   const RayCaster room(square_room().walls);
-  LaserOptions slow;
+  SimulatedLaserOptions slow;
   slow.sweep_s = 0.5;
   EXPECT_EQ(LaserSensor(room, slow).swept_scan([](double) { return Pose2(1.0, 0.5, 0.3); }, {}, numbers(3)),
-            LaserSensor(room, LaserOptions{}).scan(Pose2(1.0, 0.5, 0.3), {}, numbers(3)));
+            LaserSensor(room, SimulatedLaserOptions{}).scan(Pose2(1.0, 0.5, 0.3), {}, numbers(3)));
 }
 
 TEST(LaserSensor, sees_people_before_walls_and_never_itself) {
@@ -87,7 +87,7 @@ TEST(LaserSensor, sees_people_before_walls_and_never_itself) {
 
 TEST(LaserSensor, errs_as_much_as_its_options_say) {
   const RayCaster room(square_room().walls);
-  LaserOptions options;
+  SimulatedLaserOptions options;
   options.noise_m = 0.02;
   options.noise_per_m = 0.002;
   options.outliers = 0.03;

@@ -32,7 +32,7 @@ int main() {
     const double scans = static_cast<double>(world->scan_count(0));
 
     const RayCaster caster(plan.walls);
-    LaserOptions exact = options.laser;
+    SimulatedLaserOptions exact = options.laser;
     exact.noise_m = exact.noise_per_m = exact.outliers = exact.dropouts = 0.0;
     const LaserSensor laser(caster, exact);
     double sum = 0.0;

@@ -13,7 +13,7 @@ using namespace mapweave::simulation;
 
 namespace {
 
-WorldOptions world_of(CameraKind kind, bool colour) {
+WorldOptions world_of(SimulatedCameraKind kind, bool colour) {
   WorldOptions options;
   options.seed = 7;
   options.robots.resize(1);
@@ -39,14 +39,14 @@ void write(const CameraFrame& frame, const std::string& path) {
 int main(int argc, char** argv) {
   WorkerPool all(available_processors()), here(1);
   for (const bool colour : {false, true}) {
-    for (const CameraKind kind : {CameraKind::rgbd, CameraKind::stereo}) {
+    for (const SimulatedCameraKind kind : {SimulatedCameraKind::rgbd, SimulatedCameraKind::stereo}) {
       const World world(world_of(kind, colour), here);
       Stopwatch watch;
       const std::size_t surfaces = world.scene(0).surfaces().size();
       const double painted_s = watch.seconds();
       const CameraRecording recording(world, 0, 0);
-      std::printf("%s %s: %zu surfaces painted in %.2f s;", colour ? "colour" : "grey", kind == CameraKind::rgbd ? "RGB-D" : "stereo",
-                  surfaces, painted_s);
+      std::printf("%s %s: %zu surfaces painted in %.2f s;", colour ? "colour" : "grey",
+                  kind == SimulatedCameraKind::rgbd ? "RGB-D" : "stereo", surfaces, painted_s);
       const std::size_t frames = std::min<std::size_t>(recording.frame_count(), 96);
       for (WorkerPool* pool : {&here, &all}) {
         std::vector<CameraRecording::Workspace> workspaces(frames / 8);

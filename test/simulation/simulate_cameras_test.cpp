@@ -21,11 +21,11 @@ namespace fs = std::filesystem;
 
 // An RGB-D camera, a stereo pair and a camera in colour, 2 frames/s each, on a drive of some seconds.
 WorldOptions three_cameras() {
-  WorldOptions options = test::camera_world(test::tiny_camera(CameraKind::rgbd));
+  WorldOptions options = test::camera_world(test::tiny_camera(SimulatedCameraKind::rgbd));
   options.cameras[0].id = "depth";
-  options.cameras.push_back(test::tiny_camera(CameraKind::stereo));
+  options.cameras.push_back(test::tiny_camera(SimulatedCameraKind::stereo));
   options.cameras[1].id = "pair";
-  options.cameras.push_back(test::tiny_camera(CameraKind::mono));
+  options.cameras.push_back(test::tiny_camera(SimulatedCameraKind::mono));
   options.cameras[2].id = "eye";
   options.cameras[2].colour = true;
   for (CameraOptions& camera : options.cameras) camera.frames_per_second = 2.0;

@@ -50,7 +50,7 @@ TEST(FreeSpace, goes_straight_in_the_open) {
 }
 
 // A tour of all rooms, its legs planned one after the other.
-Trajectory tour(const FloorPlan& plan, const FreeSpace& space, const MotionOptions& motion, double length_m = 0.0) {
+SimulatedTrajectory tour(const FloorPlan& plan, const FreeSpace& space, const MotionOptions& motion, double length_m = 0.0) {
   std::vector<Leg> legs;
   for (std::size_t i = 1; i < plan.rooms.size(); ++i) {
     auto path = space.path(*space.nearest_free(plan.rooms[i - 1].inside.centre()), *space.nearest_free(plan.rooms[i].inside.centre()));
@@ -65,7 +65,7 @@ TEST(Drive, keeps_its_clearance_from_every_wall) {
   const MotionOptions motion;
   for (const std::uint64_t seed : {1u, 2u}) {
     for (const auto& [name, plan] : test::every_plan(seed)) {
-      const Trajectory trajectory = tour(plan, FreeSpace(plan, motion.clearance_m), motion);
+      const SimulatedTrajectory trajectory = tour(plan, FreeSpace(plan, motion.clearance_m), motion);
       for (double t = 0.0; t <= trajectory.duration_s(); t += 0.2) {
         const Pose2 pose = trajectory.at(t);
         ASSERT_GE(test::distance_to_nearest_wall(plan, {pose.x, pose.y}), motion.clearance_m) << name << " seed " << seed << " at " << t;
@@ -78,7 +78,7 @@ TEST(Drive, obeys_its_limits_and_looks_where_it_goes) {
   MotionOptions motion;
   motion.turn_rate_deg_per_s = 40.0;
   const FloorPlan plan = make_apartment_plan({}, 4);
-  const Trajectory trajectory = tour(plan, FreeSpace(plan, motion.clearance_m), motion);
+  const SimulatedTrajectory trajectory = tour(plan, FreeSpace(plan, motion.clearance_m), motion);
   constexpr double kStep = 0.05;
   double fastest = 0.0, sharpest = 0.0, hardest = 0.0, last_speed = 0.0;
   for (double t = kStep; t < trajectory.duration_s(); t += kStep) {
@@ -100,9 +100,9 @@ TEST(Drive, obeys_its_limits_and_looks_where_it_goes) {
 
 TEST(Drive, visits_every_room) {
   const FloorPlan plan = make_apartment_plan({}, 6);
-  const Trajectory trajectory = tour(plan, FreeSpace(plan, 0.3), {});
+  const SimulatedTrajectory trajectory = tour(plan, FreeSpace(plan, 0.3), {});
   for (const Room& room : plan.rooms) {
-    EXPECT_TRUE(std::any_of(trajectory.knots().begin(), trajectory.knots().end(), [&](const Trajectory::Knot& knot) {
+    EXPECT_TRUE(std::any_of(trajectory.knots().begin(), trajectory.knots().end(), [&](const SimulatedTrajectory::Knot& knot) {
       return room.inside.contains({knot.world_from_robot.x, knot.world_from_robot.y});
     })) << room.name;
   }
@@ -111,21 +111,21 @@ TEST(Drive, visits_every_room) {
 TEST(Drive, stops_at_the_wanted_length) {
   const FloorPlan plan = make_ring_plan({}, 6);
   const FreeSpace space(plan, 0.3);
-  const Trajectory whole = tour(plan, space, {}), part = tour(plan, space, {}, 17.5);
+  const SimulatedTrajectory whole = tour(plan, space, {}), part = tour(plan, space, {}, 17.5);
   EXPECT_GT(whole.length_m(), 40.0);
   EXPECT_NEAR(part.length_m(), 17.5, 1e-6);
   EXPECT_THAT(part.at(0.0), test::IsNear(whole.at(0.0), 0.0, 0.0));
 }
 
-TEST(Trajectory, stands_still_before_and_after) {
-  const Trajectory trajectory({{0.0, {1.0, 2.0, 3.1}, 1.0}, {2.0, {3.0, 2.0, -3.1}, 1.0}});
+TEST(SimulatedTrajectory, stands_still_before_and_after) {
+  const SimulatedTrajectory trajectory({{0.0, {1.0, 2.0, 3.1}, 1.0}, {2.0, {3.0, 2.0, -3.1}, 1.0}});
   EXPECT_THAT(trajectory.at(-1.0), test::IsNear(Pose2{1.0, 2.0, 3.1}, 0.0, 0.0));
   EXPECT_THAT(trajectory.at(1.0), test::IsNear(Pose2{2.0, 2.0, -M_PI}, 1e-12, 1e-12)) << "turns the short way";
   EXPECT_THAT(trajectory.at(9.0), test::IsNear(Pose2{3.0, 2.0, -3.1}, 0.0, 0.0));
 }
 
-TEST(Trajectory, speeds_up_evenly_between_knots) {
-  const Trajectory trajectory({{0.0, {0.0, 0.0, 0.0}, 0.0}, {2.0, {1.0, 0.0, 0.0}, 1.0}});
+TEST(SimulatedTrajectory, speeds_up_evenly_between_knots) {
+  const SimulatedTrajectory trajectory({{0.0, {0.0, 0.0, 0.0}, 0.0}, {2.0, {1.0, 0.0, 0.0}, 1.0}});
   EXPECT_DOUBLE_EQ(trajectory.at(1.0).x, 0.25);
 }
 

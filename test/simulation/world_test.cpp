@@ -176,7 +176,7 @@ TEST(World, returns_to_the_start_and_drives_laps) {
   RobotOptions& robot = options.robots[0];
   robot.length_m = 0.0;
   const World once = built(options);
-  const Trajectory& lap = once.trajectory(0);
+  const SimulatedTrajectory& lap = once.trajectory(0);
   EXPECT_LT(std::hypot(lap.at(0.0).x - lap.at(1e9).x, lap.at(0.0).y - lap.at(1e9).y), 1e-6);
   robot.laps = 2;
   EXPECT_NEAR(built(options).trajectory(0).length_m(), 2.0 * lap.length_m(), 0.2 * lap.length_m());

@@ -19,7 +19,7 @@ inline simulation::SimulatedRobot until_east_of(simulation::SimulatedRobot robot
 
 // What `carried` saw, then what `stranger` saw in its first steps, with the corner of its building at (x_m, 0).
 inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const simulation::SimulatedRobot& stranger, std::size_t steps,
-                        const simulation::LaserOptions& laser) {
+                        const simulation::SimulatedLaserOptions& laser) {
   const std::int64_t later_ns = carried.steps.back().stamp.ns - stranger.steps.front().stamp.ns;
   for (std::size_t i = 1; i < std::min(steps, stranger.steps.size()); ++i) {
     simulation::SimulatedStep step = stranger.steps[i];

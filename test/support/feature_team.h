@@ -23,7 +23,7 @@ inline simulation::WorldOptions camera_world(simulation::PlanKind kind, std::int
   options.buildings.resize(1);
   options.buildings[0].kind = kind, options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd, options.cameras[0].frames_per_second = frames_per_second;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = frames_per_second;
   options.robots.resize(robots);
   for (std::size_t i = 0; i < robots; ++i) options.robots[i].id = kNames[i];
   return options;
@@ -150,7 +150,7 @@ class FeatureTeam {
  private:
   static constexpr double kRate_hz = 12.0;
 
-  static Shot shot_of(const simulation::FeatureFrame& seen) { return {frame_of(seen), seen.world_from_camera}; }
+  static Shot shot_of(const simulation::SimulatedFeatureFrame& seen) { return {frame_of(seen), seen.world_from_camera}; }
 
   void drive(Robot& robot, std::size_t frames) {
     if (robot.begin > rounds_ * frames) return;

@@ -30,7 +30,7 @@ inline simulation::WorldOptions world_of_two_cameras(double length_m) {
   options.cameras.resize(2);
   for (std::size_t i = 0; i < 2; ++i) {
     simulation::CameraOptions& camera = options.cameras[i];
-    camera.id = i == 0 ? "ahead" : "back", camera.kind = simulation::CameraKind::rgbd, camera.frames_per_second = 12.0;
+    camera.id = i == 0 ? "ahead" : "back", camera.kind = simulation::SimulatedCameraKind::rgbd, camera.frames_per_second = 12.0;
     if (i == 1) camera.yaw_deg = 180.0, camera.x_m = -0.15;
   }
   options.robots.resize(1);
@@ -78,7 +78,7 @@ inline DrivenRobot drive(double length_m, const Blindness& blindness = {}, doubl
     visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {},
                                 matching::shipped_vocabulary());
     for (std::size_t i = 0; i < recording.frame_count(); ++i) {
-      const simulation::FeatureFrame seen = recording.frame(i);
+      const simulation::SimulatedFeatureFrame seen = recording.frame(i);
       visual::FeatureFrame frame = test::frame_of(seen);
       const double seconds = seconds_between(world.first_stamp(0), seen.stamp);
       if (name == blindness.camera && seconds >= blindness.begin_s && seconds < blindness.end_s)

@@ -6,7 +6,7 @@
 
 namespace mapweave::test {
 
-inline visual::FeatureFrame frame_of(const simulation::FeatureFrame& seen, bool with_depth = true) {
+inline visual::FeatureFrame frame_of(const simulation::SimulatedFeatureFrame& seen, bool with_depth = true) {
   visual::FeatureFrame frame;
   frame.stamp = seen.stamp;
   for (const simulation::Feature& feature : seen.features) {

@@ -11,7 +11,7 @@
 
 namespace mapweave::test {
 
-inline std::shared_ptr<const ScanGeometry> scan_geometry(const simulation::LaserOptions& laser) {
+inline std::shared_ptr<const ScanGeometry> scan_geometry(const simulation::SimulatedLaserOptions& laser) {
   ScanGeometry geometry;
   geometry.first_angle_rad = laser.first_angle_rad();
   geometry.angle_step_rad = laser.angle_step_rad();
@@ -23,7 +23,7 @@ inline std::shared_ptr<const ScanGeometry> scan_geometry(const simulation::Laser
 }
 
 // The same, and what it should know of the sweep.
-inline std::shared_ptr<const ScanGeometry> swept_geometry(const simulation::LaserOptions& laser) {
+inline std::shared_ptr<const ScanGeometry> swept_geometry(const simulation::SimulatedLaserOptions& laser) {
   ScanGeometry geometry = *scan_geometry(laser);
   geometry.first_ray_s = laser.first_ray_s();
   geometry.ray_step_s = laser.ray_step_s();

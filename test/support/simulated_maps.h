@@ -12,7 +12,7 @@ inline SessionId session_of(const simulation::SimulatedRobot& robot) {
 }
 
 // In the frame of the robot's first pose.
-inline Map truth_map(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser) {
+inline Map truth_map(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser) {
   const auto geometry = scan_geometry(laser);
   std::vector<laser::TrackedScan> scans;
   for (const auto& step : robot.steps)
@@ -31,7 +31,7 @@ inline Map mapped(const simulation::SimulatedRobot& robot, const std::shared_ptr
   mapper.finish();
   return mapper.snapshot();
 }
-inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::LaserOptions& laser, bool with_odometry = true,
+inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser, bool with_odometry = true,
                   const laser::GraphMapperOptions& options = {}) {
   return mapped(robot, scan_geometry(laser), with_odometry, options);
 }

@@ -204,7 +204,7 @@ void compare_in_building(double length_m, std::uint64_t seed) {
   options.robots[0].id = "alpha", options.robots[1].id = "beta";
   for (auto& robot : options.robots) robot.length_m = length_m;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
   WorkerPool here(1);
   const simulation::World world(options, here);
   const simulation::FeatureOptions features;

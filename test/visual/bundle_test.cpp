@@ -10,10 +10,10 @@ const Pinhole camera{640, 480, 500.0, 500.0, 319.5, 239.5};
 constexpr double kReadout = 0.02;
 
 // Views along a line that look at points ahead; exact sightings.
-Bundle known_world(bool with_flow, double depth_offset) {
+WindowBundle known_world(bool with_flow, double depth_offset) {
   std::mt19937_64 random(7);
   const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
-  Bundle bundle;
+  WindowBundle bundle;
   for (int i = 0; i < 6; ++i) {
     Eigen::Matrix<double, 6, 1> motion;
     motion << 0.15 * i, 0.02 * i, 0.01 * i, 0.01 * i, -0.03 * i, 0.02 * i;
@@ -24,7 +24,7 @@ Bundle known_world(bool with_flow, double depth_offset) {
   for (int p = 0; p < 80; ++p)
     for (int v = 0; v < 6; ++v) {
       const Eigen::Vector3d seen = bundle.views[static_cast<std::size_t>(v)] * bundle.points[static_cast<std::size_t>(p)];
-      BundleObservation o;
+      WindowBundleObservation o;
       o.view = v, o.point = p;
       o.sighting.pixel = camera.project(seen);
       if (with_flow) {
@@ -37,7 +37,7 @@ Bundle known_world(bool with_flow, double depth_offset) {
   return bundle;
 }
 
-void disturb(Bundle& bundle) {
+void disturb(WindowBundle& bundle) {
   for (std::size_t i = 1; i < bundle.views.size(); ++i) {
     Eigen::Matrix<double, 6, 1> motion;
     motion << 0.03, -0.02, 0.02, 0.01, -0.01, 0.01;
@@ -46,7 +46,7 @@ void disturb(Bundle& bundle) {
   for (std::size_t i = 0; i < bundle.points.size(); ++i) bundle.points[i] += Eigen::Vector3d(0.05, -0.04, i % 3 == 0 ? 0.1 : -0.08);
 }
 
-void expect_truth(const Bundle& found, const Bundle& truth, double tolerance) {
+void expect_truth(const WindowBundle& found, const WindowBundle& truth, double tolerance) {
   for (std::size_t i = 0; i < truth.views.size(); ++i) {
     EXPECT_LT((found.views[i].centre() - truth.views[i].centre()).norm(), tolerance);
     EXPECT_TRUE(found.views[i].rotation.isApprox(truth.views[i].rotation, tolerance));
@@ -54,17 +54,17 @@ void expect_truth(const Bundle& found, const Bundle& truth, double tolerance) {
   for (std::size_t i = 0; i < truth.points.size(); ++i) EXPECT_LT((found.points[i] - truth.points[i]).norm(), 10.0 * tolerance);
 }
 
-TEST(Bundle, comes_back_to_the_truth) {
-  const Bundle truth = known_world(false, 0.0);
-  Bundle bundle = truth;
+TEST(WindowBundle, comes_back_to_the_truth) {
+  const WindowBundle truth = known_world(false, 0.0);
+  WindowBundle bundle = truth;
   disturb(bundle);
   adjust(bundle, camera, {30, 2.0, 4.0, {}});
   expect_truth(bundle, truth, 1e-5);
 }
 
-TEST(Bundle, does_not_believe_wrong_sightings) {
-  const Bundle truth = known_world(false, 0.0);
-  Bundle bundle = truth;
+TEST(WindowBundle, does_not_believe_wrong_sightings) {
+  const WindowBundle truth = known_world(false, 0.0);
+  WindowBundle bundle = truth;
   disturb(bundle);
   for (std::size_t i = 0; i < bundle.observations.size(); i += 17) bundle.observations[i].sighting.pixel.x() += 60.0;
   adjust(bundle, camera, {40, 2.0, 4.0, {}});
@@ -72,29 +72,29 @@ TEST(Bundle, does_not_believe_wrong_sightings) {
   expect_truth(bundle, truth, 0.01);
 }
 
-TEST(Bundle, learns_how_long_rows_are_read) {
-  const Bundle truth = known_world(true, 0.0);
-  Bundle bundle = truth;
+TEST(WindowBundle, learns_how_long_rows_are_read) {
+  const WindowBundle truth = known_world(true, 0.0);
+  WindowBundle bundle = truth;
   disturb(bundle);
-  BundleOptions options{40, 2.0, 4.0, {}};
+  WindowBundleOptions options{40, 2.0, 4.0, {}};
   options.prior.readout_step_s = 0.05, options.prior.readout_s = 1.0;
   adjust(bundle, camera, options);
   EXPECT_NEAR(bundle.flaws.readout_s, kReadout, 2e-4);
   EXPECT_NEAR(bundle.flaws.inverse_depth_offset, 0.0, 1e-20);  // was not to be learnt
 }
 
-TEST(Bundle, learns_a_constant_error_of_disparities) {
-  const Bundle truth = known_world(false, 0.01);
-  Bundle bundle = truth;
+TEST(WindowBundle, learns_a_constant_error_of_disparities) {
+  const WindowBundle truth = known_world(false, 0.01);
+  WindowBundle bundle = truth;
   disturb(bundle);
-  BundleOptions options{60, 2.0, 4.0, {}};
+  WindowBundleOptions options{60, 2.0, 4.0, {}};
   options.prior.inverse_depth_step = 0.1, options.prior.inverse_depth = 1.0;
   adjust(bundle, camera, options);
   EXPECT_NEAR(bundle.flaws.inverse_depth_offset, 0.01, 1e-3);
 }
 
-TEST(Bundle, leaves_fixed_views_alone) {
-  Bundle bundle = known_world(false, 0.0);
+TEST(WindowBundle, leaves_fixed_views_alone) {
+  WindowBundle bundle = known_world(false, 0.0);
   disturb(bundle);
   std::fill(bundle.fixed.begin(), bundle.fixed.end(), 1);
   const auto views = bundle.views;
@@ -103,9 +103,9 @@ TEST(Bundle, leaves_fixed_views_alone) {
 }
 
 TEST(PoseFromPoints, finds_the_view_among_a_third_of_wrong_sightings) {
-  const Bundle world = known_world(false, 0.0);
+  const WindowBundle world = known_world(false, 0.0);
   std::vector<Sighting> sightings;
-  for (const BundleObservation& o : world.observations) {
+  for (const WindowBundleObservation& o : world.observations) {
     if (o.view != 4) continue;
     sightings.push_back(o.sighting);
     sightings.back().point_in_map = world.points[static_cast<std::size_t>(o.point)];
@@ -117,11 +117,11 @@ TEST(PoseFromPoints, finds_the_view_among_a_third_of_wrong_sightings) {
   EXPECT_EQ(found.count, static_cast<int>(sightings.size() - (sightings.size() + 2) / 3));
 }
 
-TEST(Bundle, is_the_same_sparse_as_dense) {
+TEST(WindowBundle, is_the_same_sparse_as_dense) {
   // A long walk: more views than the dense solver takes, each point seen by four of them.
   std::mt19937_64 random(3);
   const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
-  Bundle truth;
+  WindowBundle truth;
   for (int i = 0; i < 70; ++i) {
     Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();
     motion << -0.2 * i, 0, 0, 0.01 * (i % 3), 0.01 * (i % 5), 0;
@@ -132,7 +132,7 @@ TEST(Bundle, is_the_same_sparse_as_dense) {
     for (int p = 0; p < 12; ++p) {
       truth.points.emplace_back(0.2 * i + uniform(-0.5, 1.0), uniform(-1, 1), uniform(2, 4));
       for (int v = i; v < i + 4; ++v) {
-        BundleObservation o;
+        WindowBundleObservation o;
         o.view = v, o.point = static_cast<int>(truth.points.size()) - 1;
         const Eigen::Vector3d seen = truth.views[static_cast<std::size_t>(v)] * truth.points.back();
         o.sighting.pixel = camera.project(seen);
@@ -140,7 +140,7 @@ TEST(Bundle, is_the_same_sparse_as_dense) {
         truth.observations.push_back(o);
       }
     }
-  Bundle bundle = truth;
+  WindowBundle bundle = truth;
   disturb(bundle);
   adjust(bundle, camera, {40, 2.0, 4.0, {}});
   expect_truth(bundle, truth, 1e-4);

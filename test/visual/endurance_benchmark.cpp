@@ -47,7 +47,7 @@ void drive_alone(const simulation::WorldOptions& options) {
   const double rate = options.cameras[0].frames_per_second;
   const auto often = static_cast<std::size_t>(300.0 * rate);
   for (std::size_t i = 0; i < recording.frame_count(); ++i) {
-    const simulation::FeatureFrame seen = recording.frame(i);
+    const simulation::SimulatedFeatureFrame seen = recording.frame(i);
     const visual::FeatureFrame frame = test::frame_of(seen);
     truth.push_back(seen.world_from_camera.t);
     const std::clock_t before = std::clock();
@@ -92,7 +92,7 @@ int main(int argc, char** argv) try {
   if (is_team) options.robots[1].id = "beta", options.robots[1].order = simulation::TourOrder::back;
   for (auto& robot : options.robots) robot.length_m = words.empty() ? 2200.0 : std::atof(words[0].c_str());
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
   if (!is_team) {
     drive_alone(options);
     return 0;

@@ -118,7 +118,7 @@ TEST(FeatureClient, leaves_out_features_that_are_no_numbers_and_refuses_half_one
   frame.features.points[1].v_px = 1e9F;
   frame.inverse_depths[2] = std::numeric_limits<float>::infinity();
   frame.inverse_depths[3] = -1.0F;
-  const FeatureGrid grid(frame, camera);
+  const FrameFeatureGrid grid(frame, camera);
   EXPECT_EQ(grid.size(), static_cast<int>(frame.features.points.size()) - 2);
   EXPECT_EQ(grid.inverse_depth(0), 0.0);
   EXPECT_EQ(grid.inverse_depth(1), 0.0);
@@ -127,10 +127,10 @@ TEST(FeatureClient, leaves_out_features_that_are_no_numbers_and_refuses_half_one
   EXPECT_THROW(client.add(frame), ContractViolation);
 }
 
-TEST(FeatureGrid, finds_what_looks_alike_nearby) {
+TEST(FrameFeatureGrid, finds_what_looks_alike_nearby) {
   StarryRoom room;
   const FeatureFrame frame = room.frame(at(0), walk(0));
-  const FeatureGrid grid(frame, camera);
+  const FrameFeatureGrid grid(frame, camera);
   std::vector<char> taken(static_cast<std::size_t>(grid.size()), 0);
   for (int i = 0; i < grid.size(); ++i) {
     const matching::OrbDescriptor& descriptor = grid.features().descriptors[static_cast<std::size_t>(i)];

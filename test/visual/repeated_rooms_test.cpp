@@ -21,7 +21,7 @@ simulation::WorldOptions world_of(simulation::PlanKind kind, std::int64_t seed) 
   options.buildings.resize(1);
   options.buildings[0].kind = kind, options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::CameraKind::rgbd, options.cameras[0].frames_per_second = 12.0;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = 12.0;
   options.robots.resize(1);
   options.robots[0].id = "alpha";
   return options;
@@ -47,7 +47,7 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   Outcome outcome;
   std::map<std::int64_t, Eigen::Vector3d> truth;
   for (std::size_t i = 0; i < recording.frame_count(); ++i) {
-    const simulation::FeatureFrame seen = recording.frame(i);
+    const simulation::SimulatedFeatureFrame seen = recording.frame(i);
     for (; next && !(seen.stamp < next->stamp); next = wheels.next()) wheels_said = next;
     FeatureFrame frame = test::frame_of(seen);
     if (has_wheels) frame.odometry_from_camera = compose(spatial(wheels_said->odometry_from_robot), robot_from_camera);

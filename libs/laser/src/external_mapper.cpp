@@ -174,7 +174,7 @@ bool ExternalMapper::exchange(std::string_view& outgoing, bool wait) {
   return true;
 }
 
-void ExternalMapper::take(const protocol::Frame& frame) {
+void ExternalMapper::take(const protocol::MapperFrame& frame) {
   switch (frame.kind) {
     case protocol::Kind::progress: finished_scans_ = protocol::decode_count(frame.body); return;
     case protocol::Kind::poses: {

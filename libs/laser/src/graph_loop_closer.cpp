@@ -15,10 +15,10 @@ constexpr std::size_t kNeighbours = 2;  // submaps this near in the sequence sha
 
 }  // namespace
 
-LoopCloser::LoopCloser(const GraphMapperOptions& options)
+LaserLoopCloser::LaserLoopCloser(const GraphMapperOptions& options)
     : options_(options), cache_(static_cast<std::size_t>(options.loops.cache_mb) << 20) {}
 
-void LoopCloser::add(const Submap& submap, const Map& map) {
+void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   const auto model = cache_.get(submap, map.nodes);
   Kept kept{submap.id,
             submap.anchor(),
@@ -73,7 +73,7 @@ void LoopCloser::add(const Submap& submap, const Map& map) {
   solve();
 }
 
-std::vector<LoopCloser::Uncertainty> LoopCloser::uncertainty_from(std::size_t from) const {
+std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std::size_t from) const {
   // Dijkstra over the variance of the heading, which is what makes positions uncertain.
   const std::size_t count = submaps_.size();
   std::vector<double> cost(count, 1e300), length(count, 0.0), turns(count, 0.0);
@@ -110,7 +110,7 @@ std::vector<LoopCloser::Uncertainty> LoopCloser::uncertainty_from(std::size_t fr
   return result;
 }
 
-bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map) {
+bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map) {
   throw_if_interrupted();
   const auto view = [&](std::size_t i) {
     const Submap& submap = *map.submaps.find(submaps_[i].id);
@@ -134,7 +134,7 @@ bool LoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& uncerta
 }
 
 // A loop from a wide window is believed once a second one, of other submaps, says the same.
-void LoopCloser::commit_agreeing() {
+void LaserLoopCloser::commit_agreeing() {
   for (auto& loop : loops_) {
     if (loop.committed) continue;
     if (loop.sure) {
@@ -158,7 +158,7 @@ void LoopCloser::commit_agreeing() {
   }
 }
 
-void LoopCloser::solve() {
+void LaserLoopCloser::solve() {
   std::vector<graph::Edge> edges;
   std::vector<std::size_t> of_loop;
   for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
@@ -185,7 +185,7 @@ void LoopCloser::solve() {
   loops_ = std::move(kept);
 }
 
-void LoopCloser::finish(const Map& map) {
+void LaserLoopCloser::finish(const Map& map) {
   for (int round = 0; round < 2; ++round) {
     bool found = false;
     std::vector<Uncertainty> uncertainty;
@@ -215,7 +215,7 @@ void LoopCloser::finish(const Map& map) {
   cache_.clear();
 }
 
-std::vector<Constraint> LoopCloser::loops() const {
+std::vector<Constraint> LaserLoopCloser::loops() const {
   std::vector<Constraint> result;
   for (const auto& loop : loops_) {
     if (!loop.committed) continue;

@@ -9,9 +9,9 @@
 
 namespace mapweave::laser {
 
-class LoopCloser {
+class LaserLoopCloser {
  public:
-  explicit LoopCloser(const GraphMapperOptions& options);
+  explicit LaserLoopCloser(const GraphMapperOptions& options);
 
   // A submap that was just frozen: looks for loops with all before it and, where some hold, moves the poses. `map`: in the local frame.
   void add(const Submap& submap, const Map& map);

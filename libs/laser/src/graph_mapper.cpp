@@ -30,7 +30,7 @@ std::string described(const SweepEstimator& estimator) {
 // One pass over a stream: front end and loops.
 struct Mapping {
   FrontEnd front_end;
-  LoopCloser loops;
+  LaserLoopCloser loops;
   Map map;  // in the local frame
   std::vector<SubmapId> frozen;
   std::size_t looked_at = 0;           // of `frozen`

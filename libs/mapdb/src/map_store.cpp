@@ -227,7 +227,7 @@ StoredMaps read_store(const fs::path& path) {
   const std::string where = path.string();
   StoredMaps stored;
   stored.metadata = index.summary.metadata;
-  for (const MapSummary& summary : index.summary.maps) {
+  for (const StoredMapSummary& summary : index.summary.maps) {
     stored.maps.emplace_back();
     stored.maps.back().id = summary.id;
   }

@@ -95,7 +95,7 @@ Hash seal_of(const StoreIndex& index) {
   Hasher hasher;
   hasher.add("store").add(std::int64_t{summary.schema}).add(summary.identity).add(number(summary.judgements)).add(number(summary.verdicts));
   hasher.add(number(summary.maps.size()));
-  for (const MapSummary& map : summary.maps) {
+  for (const StoredMapSummary& map : summary.maps) {
     hasher.add(map.id.str()).add(number(map.nodes)).add(number(map.contents)).add(number(map.submaps)).add(number(map.constraints));
     if (summary.schema > 1) hasher.add(number(map.keyframes)).add(number(map.landmarks));
     hasher.add(map.first.ns).add(map.last.ns).add(map.min_x_m).add(map.min_y_m).add(map.max_x_m).add(map.max_y_m).add(map.content);
@@ -136,8 +136,8 @@ std::vector<BlobEntry> read_entries(Database& database, const char* sql) {
 
 }  // namespace
 
-MapSummary summary_of(const Map& map) {
-  MapSummary summary;
+StoredMapSummary summary_of(const Map& map) {
+  StoredMapSummary summary;
   summary.id = map.id;
   summary.nodes = map.nodes.size();
   summary.submaps = map.submaps.size();
@@ -208,7 +208,7 @@ void write_index(Database& database, const StoreIndex& index) {
   Statement insert_map(database, "INSERT INTO maps VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   Statement insert_session(database, "INSERT INTO sessions VALUES (?, ?, ?, ?, ?)");
   for (std::size_t place = 0; place < summary.maps.size(); ++place) {
-    const MapSummary& map = summary.maps[place];
+    const StoredMapSummary& map = summary.maps[place];
     insert_map.bind(number(place)).bind_text(map.id.str()).bind(number(map.nodes)).bind(number(map.contents)).bind(number(map.submaps));
     insert_map.bind(number(map.constraints))
         .bind(map.first.ns)
@@ -244,7 +244,7 @@ StoreIndex read_index(Database& database, int schema) {
   Statement maps(database, "SELECT * FROM maps ORDER BY place");
   while (maps.step()) {
     if (maps.integer(0) != number(summary.maps.size())) database.corrupt("a map is missing");
-    MapSummary map;
+    StoredMapSummary map;
     map.id = MapId(name_from(maps.text(1), database));
     map.nodes = count_from(maps.integer(2), database);
     map.contents = count_from(maps.integer(3), database);
@@ -264,7 +264,7 @@ StoreIndex read_index(Database& database, int schema) {
     if (!summary.maps.empty() && !(summary.maps.back().id < map.id)) database.corrupt("the maps are not in order");
     summary.maps.push_back(std::move(map));
   }
-  const auto map_of = [&](std::int64_t place) -> MapSummary& {
+  const auto map_of = [&](std::int64_t place) -> StoredMapSummary& {
     if (place < 0 || place >= number(summary.maps.size()))
       database.corrupt("it speaks of map " + std::to_string(place) + " of " + std::to_string(summary.maps.size()));
     return summary.maps[static_cast<std::size_t>(place)];
@@ -283,7 +283,7 @@ StoreIndex read_index(Database& database, int schema) {
   summary.members = index.members.size();
   for (const BlobEntry& entry : index.members) map_of(entry.owner);
   for (const BlobEntry& entry : index.updates) {
-    MapSummary& map = map_of(entry.owner);
+    StoredMapSummary& map = map_of(entry.owner);
     map.bytes += count_from(entry.bytes, database);
     map.stored_bytes += count_from(entry.stored_bytes, database);
   }

@@ -5,7 +5,7 @@
 
 namespace mapweave::matching {
 
-FeatureGrid::FeatureGrid(const KeyframeView& keyframe)
+KeyframeFeatureGrid::KeyframeFeatureGrid(const KeyframeView& keyframe)
     : keyframe_(keyframe),
       columns_(std::max(1, static_cast<int>(std::ceil(keyframe.camera.width / kCell)))),
       rows_(std::max(1, static_cast<int>(std::ceil(keyframe.camera.height / kCell)))) {
@@ -22,7 +22,8 @@ FeatureGrid::FeatureGrid(const KeyframeView& keyframe)
 }
 
 GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side, const KeyframeView& keyframe,
-                              const FeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px, int max_distance) {
+                              const KeyframeFeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px,
+                              int max_distance) {
   GuidedSearch search;
   constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;

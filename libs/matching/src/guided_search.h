@@ -8,9 +8,9 @@
 namespace mapweave::matching {
 
 // Features of a keyframe by place in the picture. `keyframe` must outlive it.
-class FeatureGrid {
+class KeyframeFeatureGrid {
  public:
-  explicit FeatureGrid(const KeyframeView& keyframe);
+  explicit KeyframeFeatureGrid(const KeyframeView& keyframe);
   // Calls take(feature) for each within the radius, rising within a cell.
   template <class Take>
   void near(const Eigen::Vector2d& pixel, double radius_px, Take&& take) const {
@@ -50,6 +50,7 @@ struct GuidedSearch {
 // camera_from_side: of the landmarks' side. depth_of_feature: along the keyframe's axis, 0 unknown, in the unit of camera_from_side; may be
 // empty.
 GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side, const KeyframeView& keyframe,
-                              const FeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px, int max_distance);
+                              const KeyframeFeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px,
+                              int max_distance);
 
 }  // namespace mapweave::matching

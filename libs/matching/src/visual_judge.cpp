@@ -20,7 +20,7 @@ constexpr std::size_t kRivalFeatures = 500, kRivalLandmarks = 2000;
 // A side with what is looked up often.
 struct Side {
   const PlaceView& place;
-  FeatureGrid grid;                             // of the first keyframe
+  KeyframeFeatureGrid grid;                     // of the first keyframe
   std::vector<std::optional<FeatureId>> shown;  // of each landmark, the first feature that shows it
   std::vector<double> depth;                    // of the first keyframe's features; 0: unknown
 

@@ -75,7 +75,7 @@ void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObse
   ++known->scans;
 }
 
-void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& calibration, CameraGeometry& camera) {
+void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& calibration, RecordedCameraGeometry& camera) {
   if (!image.isExternallyStored()) {
     camera.width = static_cast<std::uint32_t>(image.getWidth());
     camera.height = static_cast<std::uint32_t>(image.getHeight());
@@ -93,7 +93,7 @@ void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& ca
   camera.distorted = std::any_of(calibration.dist.begin(), calibration.dist.end(), [](double k) { return k != 0.0; });
 }
 
-void add_depth(const mrpt::obs::CObservation3DRangeScan& scan, bool is_first, CameraGeometry& camera) {
+void add_depth(const mrpt::obs::CObservation3DRangeScan& scan, bool is_first, RecordedCameraGeometry& camera) {
   const double delay_s = static_cast<double>(depth_delay_ns(scan)) * 1e-9;
   camera.least_depth_delay_s = is_first ? delay_s : std::min(camera.least_depth_delay_s, delay_s);
   camera.most_depth_delay_s = is_first ? delay_s : std::max(camera.most_depth_delay_s, delay_s);
@@ -109,7 +109,7 @@ void add_depth(const mrpt::obs::CObservation3DRangeScan& scan, bool is_first, Ca
   camera.farthest_m = std::max(camera.farthest_m, far_m);
 }
 
-void add_camera(const mrpt::obs::CObservation& observation, std::optional<CameraGeometry>& camera) {
+void add_camera(const mrpt::obs::CObservation& observation, std::optional<RecordedCameraGeometry>& camera) {
   const bool is_first = !camera;
   const auto* image = dynamic_cast<const mrpt::obs::CObservationImage*>(&observation);
   const auto* stereo = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation);

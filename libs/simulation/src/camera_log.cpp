@@ -59,7 +59,7 @@ std::string camera_yaml(const CameraOptions& options) {
   text += format("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width, c.height, c.fx, c.fy,
                   c.cx, c.cy);
   text += format("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2], d[3], d[4]);
-  if (options.kind == CameraKind::rgbd) text += "depth_scale: 5000.0\ndepth_registered_to_color: true\n";
+  if (options.kind == SimulatedCameraKind::rgbd) text += "depth_scale: 5000.0\ndepth_registered_to_color: true\n";
   return text + format("rate_hz: %.9g\n", options.frames_per_second);
 }
 
@@ -76,7 +76,7 @@ CameraLog::CameraLog(const World& world, std::size_t robot, std::size_t camera, 
   own_folder_ = folder_ / (robot_ + "_" + of_camera.id);
   if (has_rawlog() && options_.pictures != PictureFormat::embedded) make_folder(folder_ / (robot_ + "_Images"));
   if (!has_folder()) return;
-  if (of_camera.kind == CameraKind::stereo) {
+  if (of_camera.kind == SimulatedCameraKind::stereo) {
     if (of_camera.intrinsics().is_distorted())
       throw Error(ErrorCode::kBadInput, "the layout of folders has no place for a stereo camera's distortion",
                   "camera '" + of_camera.id + "'", "set logs.layout to rawlog, or k1 to k3 to 0");
@@ -86,7 +86,7 @@ CameraLog::CameraLog(const World& world, std::size_t robot, std::size_t camera, 
   }
   make_folder(own_folder_ / "rgb");
   colour_list_ = "# timestamp filename\n";
-  if (of_camera.kind == CameraKind::rgbd) {
+  if (of_camera.kind == SimulatedCameraKind::rgbd) {
     make_folder(own_folder_ / "depth");
     depth_list_ = colour_list_;
   }
@@ -103,7 +103,7 @@ std::string CameraLog::picture_file(std::size_t frame, const char* side) const {
 CameraLog::Entry CameraLog::make(std::size_t number, CameraRecording::Workspace& workspace) const {
   const CameraFrame frame = recording_.frame(number, workspace);
   const CameraOptions& camera = recording_.options();
-  const bool is_stereo = camera.kind == CameraKind::stereo;
+  const bool is_stereo = camera.kind == SimulatedCameraKind::stereo;
   Entry entry{frame.stamp, frame.depth_stamp, frame.world_from_camera, nullptr};
   if (has_rawlog()) {
     PictureFiles files;
@@ -124,7 +124,7 @@ CameraLog::Entry CameraLog::make(std::size_t number, CameraRecording::Workspace&
     write_picture(own_folder_ / "image_1" / (format("%06zu", number) + ending), frame.right, options_.jpeg_quality);
   } else {
     write_picture(own_folder_ / "rgb" / (seconds_text(frame.stamp) + ending), frame.left, options_.jpeg_quality);
-    if (camera.kind == CameraKind::rgbd) {
+    if (camera.kind == SimulatedCameraKind::rgbd) {
       auto* depth = const_cast<std::uint16_t*>(frame.depth.data());  // as above
       write_picture(own_folder_ / "depth" / (seconds_text(frame.depth_stamp) + ".png"),
                     cv::Mat(camera.height, camera.width, CV_16UC1, depth), 0);
@@ -137,7 +137,7 @@ void CameraLog::add(const Entry& entry) {
   const std::string truth = tum_line(entry.stamp, entry.world_from_camera);
   truth_ += truth;
   if (!has_folder()) return;
-  if (recording_.options().kind == CameraKind::stereo) {
+  if (recording_.options().kind == SimulatedCameraKind::stereo) {
     if (!first_from_world_) {
       first_from_world_ = inverse(entry.world_from_camera);
       first_stamp_ = entry.stamp;
@@ -152,7 +152,7 @@ void CameraLog::add(const Entry& entry) {
   const std::string ending = options_.pictures == PictureFormat::jpeg ? ".jpg" : ".png";
   const std::string colour = seconds_text(entry.stamp) + " rgb/" + seconds_text(entry.stamp) + ending;
   colour_list_ += colour + "\n";
-  if (recording_.options().kind != CameraKind::rgbd) return;
+  if (recording_.options().kind != SimulatedCameraKind::rgbd) return;
   const std::string depth = seconds_text(entry.depth_stamp) + " depth/" + seconds_text(entry.depth_stamp) + ".png";
   depth_list_ += depth + "\n";
   pairs_ += colour + " " + depth + "\n";
@@ -162,7 +162,7 @@ void CameraLog::close() {
   const CameraOptions& camera = recording_.options();
   write_file(folder_ / (robot_ + "." + camera.id + ".truth.tum"), truth_);
   if (!has_folder()) return;
-  if (camera.kind == CameraKind::stereo) {
+  if (camera.kind == SimulatedCameraKind::stereo) {
     const CameraIntrinsics c = camera.intrinsics();
     std::string calibration;
     for (const double baseline : {0.0, camera.baseline_m}) {
@@ -178,7 +178,7 @@ void CameraLog::close() {
   write_file(own_folder_ / "camera.yaml", camera_yaml(camera));
   write_file(own_folder_ / "rgb.txt", colour_list_);
   write_file(own_folder_ / "groundtruth.txt", "# timestamp tx ty tz qx qy qz qw\n" + truth_);
-  if (camera.kind != CameraKind::rgbd) return;
+  if (camera.kind != SimulatedCameraKind::rgbd) return;
   write_file(own_folder_ / "depth.txt", depth_list_);
   write_file(own_folder_ / "associations.txt", pairs_);
 }

@@ -39,7 +39,7 @@ class Motion {
 
 }  // namespace
 
-void blur(View& view, const CameraModel& camera, const Pose3& world_from_first, const Pose3& world_from_middle,
+void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from_first, const Pose3& world_from_middle,
           const Pose3& world_from_last, std::vector<float>& blurred) {
   // No pixel moves by more than its turn and its shift could, at the nearest depth, in a picture of up to 1 rad beside its axis.
   const Pose3 way = between(world_from_first, world_from_last);
@@ -113,7 +113,7 @@ std::vector<float> vignette(const CameraIntrinsics& camera, double vignetting) {
   return shares;
 }
 
-void expose(const View& view, const std::vector<float>& vignette, double gain, double noise, const RandomStream& numbers,
+void expose(const RenderedView& view, const std::vector<float>& vignette, double gain, double noise, const RandomStream& numbers,
             std::uint64_t frame, Picture& picture) {
   picture.width = view.width;
   picture.height = view.height;
@@ -134,7 +134,7 @@ void expose(const View& view, const std::vector<float>& vignette, double gain, d
   }
 }
 
-void measure_depth(const View& view, const CameraModel& camera, const DepthNoiseOptions& options, const RandomStream& numbers,
+void measure_depth(const RenderedView& view, const CameraModel& camera, const DepthNoiseOptions& options, const RandomStream& numbers,
                    std::uint64_t frame, std::vector<std::uint16_t>& depth) {
   const std::size_t width = static_cast<std::size_t>(view.width);
   depth.assign(width * static_cast<std::size_t>(view.height), 0);
@@ -146,7 +146,7 @@ void measure_depth(const View& view, const CameraModel& camera, const DepthNoise
   const std::uint64_t least_luck = static_cast<std::uint64_t>(options.dropouts * 65536.0);
 
   std::vector<float> inverse_steepness;  // of each surface: 1 / |inverse depth's gradient|
-  for (const View::Shown& surface : view.surfaces) inverse_steepness.push_back(1.0f / surface.inverse_depth.norm());
+  for (const RenderedView::Shown& surface : view.surfaces) inverse_steepness.push_back(1.0f / surface.inverse_depth.norm());
 
   // Rows of white noise, of which 3 x 3 are averaged.
   std::array<std::vector<float>, 3> white;

@@ -69,7 +69,7 @@ Pose3 CameraRecording::world_from_camera(double seconds) const {
 
 void CameraRecording::take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream& noise, std::uint64_t frame,
                            Workspace& workspace, Picture& picture) const {
-  View& view = workspace.view;
+  RenderedView& view = workspace.view;
   std::vector<Surface> moving;
   const Scene& scene = world_->scene(world_->building_of(robot_));
   for (const Body& body : world_->bodies_around(robot_, seconds)) {
@@ -93,13 +93,13 @@ CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) cons
   const bool is_covered = world_->is_carried(robot_, at);
   const double gain = is_covered ? 0.0 : std::exp(options_.image.exposure_change * wandering(stream("exposure"), at));
   take(at, {}, gain, stream("left picture"), frame, workspace, result.left);
-  if (options_.kind == CameraKind::stereo)
+  if (options_.kind == SimulatedCameraKind::stereo)
     take(at, {{options_.baseline_m, 0.0, 0.0}, Eigen::Quaterniond::Identity()}, gain, stream("right picture"), frame, workspace,
          result.right);
-  if (options_.kind != CameraKind::rgbd) return result;
+  if (options_.kind != SimulatedCameraKind::rgbd) return result;
 
   const double offset = depth_offset(options_.depth, stream("depth offset"), at);
-  const View* view = &workspace.view;
+  const RenderedView* view = &workspace.view;
   if (offset != 0.0) {
     result.depth_stamp.ns += std::llround(offset * 1e6) * 1000;
     std::vector<Surface> moving;

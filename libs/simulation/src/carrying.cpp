@@ -5,8 +5,8 @@
 
 namespace mapweave::simulation {
 
-Trajectory carried_away(const Trajectory& planned, const RobotOptions& robot, std::vector<Carry>& carries) {
-  std::vector<Trajectory::Knot> knots;
+SimulatedTrajectory carried_away(const SimulatedTrajectory& planned, const RobotOptions& robot, std::vector<Carry>& carries) {
+  std::vector<SimulatedTrajectory::Knot> knots;
   double way_m = 0.0, delay_s = 0.0;
   auto next = robot.kidnappings.begin();
   const auto& all = planned.knots();
@@ -25,7 +25,7 @@ Trajectory carried_away(const Trajectory& planned, const RobotOptions& robot, st
     const double picked_up_s = knots.back().seconds, duration_s = std::max(next->duration_s, 0.001);
     ++next;
     if (down == i || down + 1 >= all.size()) continue;  // nowhere to go on from
-    Trajectory::Knot put_down = all[down];
+    SimulatedTrajectory::Knot put_down = all[down];
     put_down.seconds = picked_up_s + duration_s;
     put_down.speed_m_per_s = knots.back().speed_m_per_s;
     carries.push_back({picked_up_s, put_down.seconds});
@@ -33,7 +33,7 @@ Trajectory carried_away(const Trajectory& planned, const RobotOptions& robot, st
     delay_s = put_down.seconds - all[down].seconds;
     i = down;
   }
-  return Trajectory(std::move(knots));
+  return SimulatedTrajectory(std::move(knots));
 }
 
 FloorWaves::FloorWaves(double tilt_deg, std::uint64_t seed) {

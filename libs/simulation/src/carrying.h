@@ -15,7 +15,7 @@ struct Carry {
 };
 
 // Takes the skipped parts of the way out and notes when the robot was in the air. What lies beyond the end of the way is left out.
-Trajectory carried_away(const Trajectory&, const RobotOptions&, std::vector<Carry>& carries);
+SimulatedTrajectory carried_away(const SimulatedTrajectory&, const RobotOptions&, std::vector<Carry>& carries);
 
 // A floor that is not quite flat: a sum of waves, the same for everyone who drives over it.
 class FloorWaves {

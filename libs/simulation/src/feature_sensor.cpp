@@ -41,7 +41,7 @@ bool is_within(const Surface& surface, const Vector3d& point) {
 
 }  // namespace
 
-Descriptor descriptor_of(const Landmark& landmark) {
+Descriptor descriptor_of(const SimulatedLandmark& landmark) {
   RandomNumbers numbers(landmark.look);
   Descriptor descriptor;
   for (std::uint64_t& word : descriptor) word = numbers.bits();
@@ -117,7 +117,7 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
   first_.push_back(static_cast<std::uint32_t>(members_.size()));
 }
 
-bool LandmarkField::is_in_sight(const Vector3d& eye, const Landmark& landmark) const {
+bool LandmarkField::is_in_sight(const Vector3d& eye, const SimulatedLandmark& landmark) const {
   const Vector3d way = landmark.point_in_world - eye;
   const double length = way.norm();
   return length <= kBeforeSurface || walls_.is_in_sight(eye, eye + way * (1.0 - kBeforeSurface / length));
@@ -150,10 +150,10 @@ FeatureRecording::FeatureRecording(const World& world, const LandmarkField& fiel
   check(options);
 }
 
-FeatureFrame FeatureRecording::frame(std::size_t number) const {
+SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
   MAPWEAVE_EXPECT(number < frame_count_, "a frame of the recording");
   const double seconds = std::round(static_cast<double>(number) * 1e6 / camera_.frames_per_second) * 1e-6;
-  FeatureFrame frame;
+  SimulatedFeatureFrame frame;
   frame.stamp = Stamp{world_->first_stamp(robot_).ns + std::llround(seconds * 1e6) * 1000};
   frame.world_from_camera = compose(world_->world_from_robot(robot_, seconds), robot_from_camera_);
   if (world_->is_carried(robot_, seconds)) return frame;
@@ -183,7 +183,7 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
   const std::uint64_t salt = numbers_.at(2 * number).bits();
   const std::uint64_t missed = static_cast<std::uint64_t>(options_.missed * 0x1p32);
   field_->for_each_in(box, [&](std::uint32_t i) {
-    const Landmark& landmark = field_->landmarks()[i];
+    const SimulatedLandmark& landmark = field_->landmarks()[i];
     const Vector3d way = landmark.point_in_world - eye, p = camera_from_world * way;
     if (p.z() < 0.05 || p.z() > options_.farthest_m) return;
     const double x = p.x() / p.z(), y = p.y() / p.z();
@@ -224,12 +224,12 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
     feature.v = static_cast<float>(v + noise * numbers.normal());
     feature.octave = octave;
     feature.right_u = -1.0f;
-    if (camera_.kind == CameraKind::rgbd) {
+    if (camera_.kind == SimulatedCameraKind::rgbd) {
       const DepthNoiseOptions& depth = camera_.depth;
       const double measured =
           z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) * numbers.normal();
       feature.depth_m = measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
-    } else if (camera_.kind == CameraKind::stereo) {
+    } else if (camera_.kind == SimulatedCameraKind::stereo) {
       const double right = u - focal * camera_.baseline_m / z + noise * numbers.normal();
       feature.right_u = right >= 0.0 ? static_cast<float>(right) : -1.0f;
     }
@@ -249,7 +249,7 @@ FeatureFrame FeatureRecording::frame(std::size_t number) const {
   const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - strays));
   for (const Candidate& candidate : candidates) {
     if (frame.features.size() >= most) break;
-    const Landmark& landmark = field_->landmarks()[candidate.landmark];
+    const SimulatedLandmark& landmark = field_->landmarks()[candidate.landmark];
     if (is_behind_body(landmark.point_in_world) || !field_->is_in_sight(eye, landmark)) continue;
     add(candidate.u, candidate.v, candidate.z, candidate.octave, descriptor_of(landmark), candidate.landmark);
   }

@@ -2,7 +2,7 @@
 
 namespace mapweave::simulation {
 
-LaserSensor::LaserSensor(const RayCaster& building, const LaserOptions& options) : building_(&building), options_(options) {
+LaserSensor::LaserSensor(const RayCaster& building, const SimulatedLaserOptions& options) : building_(&building), options_(options) {
   for (int ray = 0; ray < options.rays; ++ray) {
     const double angle = options.robot_from_laser().phi + options.first_angle_rad() + ray * options.angle_step_rad();
     directions_.push_back({std::cos(angle), std::sin(angle)});

@@ -60,7 +60,7 @@ mrpt::obs::CObservationOdometry::Ptr odometry_observation(const SimulatedStep& s
   return observation;
 }
 
-mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep& step, const LaserOptions& options) {
+mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep& step, const SimulatedLaserOptions& options) {
   MAPWEAVE_EXPECT(step.ranges.size() == static_cast<std::size_t>(options.rays), "a scan has the laser's rays");
   auto observation = mrpt::obs::CObservation2DRangeScan::Create();
   observation->timestamp = rawlog::to_mrpt_time(step.stamp);
@@ -95,7 +95,7 @@ mrpt::obs::CObservationIMU::Ptr imu_observation(const ImuReading& reading) {
 mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const CameraOptions& options, const PictureFiles& files) {
   mrpt::obs::CObservation::Ptr result;
   switch (options.kind) {
-    case CameraKind::mono: {
+    case SimulatedCameraKind::mono: {
       auto observation = mrpt::obs::CObservationImage::Create();
       observation->image = image_of(frame.left, files.left);
       observation->cameraParams = camera_of(options);
@@ -103,7 +103,7 @@ mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const 
       result = observation;
       break;
     }
-    case CameraKind::stereo: {
+    case SimulatedCameraKind::stereo: {
       auto observation = mrpt::obs::CObservationStereoImages::Create();
       observation->imageLeft = image_of(frame.left, files.left);
       observation->imageRight = image_of(frame.right, files.right);
@@ -115,7 +115,7 @@ mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const 
       result = observation;
       break;
     }
-    case CameraKind::rgbd: {
+    case SimulatedCameraKind::rgbd: {
       auto observation = mrpt::obs::CObservation3DRangeScan::Create();
       observation->hasRangeImage = observation->hasIntensityImage = true;
       observation->range_is_depth = true;

@@ -72,7 +72,7 @@ class Rasteriser {
               [](const Prepared& a, const Prepared& b) { return a.nearest != b.nearest ? a.nearest > b.nearest : a.number < b.number; });
   }
 
-  void draw(View& view) const {
+  void draw(RenderedView& view) const {
     const int columns = camera_.stride() / kTileWidth, rows = camera_.padded_rows() / kTileHeight;
     for (int row = 0; row < rows; ++row) {
       for (int column = 0; column < columns; ++column)
@@ -125,7 +125,7 @@ class Rasteriser {
     return true;
   }
 
-  void draw_tile(int tile_row, int tile_column, const CameraModel::Bounds& tile, View& view) const {
+  void draw_tile(int tile_row, int tile_column, const CameraModel::Bounds& tile, RenderedView& view) const {
     alignas(64) float nearest[kTileHeight][kTileWidth] = {};
     alignas(64) std::int32_t shown[kTileHeight][kTileWidth];
     for (auto& row : shown) std::fill(std::begin(row), std::end(row), -1);
@@ -264,7 +264,7 @@ class Shader {
         pixel_x_(static_cast<float>(1.0 / camera.intrinsics().fx)),
         pixel_y_(static_cast<float>(1.0 / camera.intrinsics().fy)) {}
 
-  void shade(const CameraModel& camera, View& view) const {
+  void shade(const CameraModel& camera, RenderedView& view) const {
     for (int row = 0; row < view.height; ++row) {
       const float* x = camera.x(row);
       const float* y = camera.y(row);
@@ -289,7 +289,7 @@ class Shader {
   }
 
   // Four samples where a pixel's neighbours show something else.
-  void smooth_rims(const CameraModel& camera, View& view) const {
+  void smooth_rims(const CameraModel& camera, RenderedView& view) const {
     for (int row = 0; row < view.height; ++row) {
       const std::int32_t* here = view.surface.data() + view.at(row, 0);
       const std::int32_t* above = view.surface.data() + view.at(std::max(0, row - 1), 0);
@@ -368,7 +368,7 @@ class Shader {
 }  // namespace
 
 void render(const Scene& scene, const std::vector<Surface>& moving, const CameraModel& camera, const Pose3& world_from_camera,
-            Channels channels, View& view) {
+            Channels channels, RenderedView& view) {
   view.width = camera.intrinsics().width;
   view.height = camera.intrinsics().height;
   view.stride = camera.stride();

@@ -131,9 +131,11 @@ void cut_at(std::vector<Station>& stations, double length_m) {
 
 }  // namespace
 
-Trajectory::Trajectory(std::vector<Knot> knots) : knots_(std::move(knots)) { MAPWEAVE_EXPECT(!knots_.empty(), "a trajectory has a start"); }
+SimulatedTrajectory::SimulatedTrajectory(std::vector<Knot> knots) : knots_(std::move(knots)) {
+  MAPWEAVE_EXPECT(!knots_.empty(), "a trajectory has a start");
+}
 
-Pose2 Trajectory::at(double seconds) const {
+Pose2 SimulatedTrajectory::at(double seconds) const {
   const auto after =
       std::upper_bound(knots_.begin(), knots_.end(), seconds, [](double value, const Knot& knot) { return value < knot.seconds; });
   if (after == knots_.begin()) return knots_.front().world_from_robot;
@@ -148,7 +150,7 @@ Pose2 Trajectory::at(double seconds) const {
   return {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), wrap_angle(a.phi + t * wrap_angle(b.phi - a.phi))};
 }
 
-double Trajectory::length_m() const {
+double SimulatedTrajectory::length_m() const {
   double length = 0.0;
   for (std::size_t i = 1; i < knots_.size(); ++i) {
     const Pose2& a = knots_[i - 1].world_from_robot;
@@ -158,7 +160,7 @@ double Trajectory::length_m() const {
   return length;
 }
 
-Trajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, const MotionOptions& motion, double length_m) {
+SimulatedTrajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, const MotionOptions& motion, double length_m) {
   std::vector<Station> stations = Course(space, motion).follow(legs);
   if (length_m > 0.0) cut_at(stations, length_m);
 
@@ -172,7 +174,7 @@ Trajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, const Mot
   for (std::size_t i = 1; i < count; ++i) speeds[i] = std::min(speeds[i], limit(speeds[i - 1], i));
   for (std::size_t i = count - 1; i > 0; --i) speeds[i - 1] = std::min(speeds[i - 1], limit(speeds[i], i));
 
-  std::vector<Trajectory::Knot> knots{{0.0, stations[0].pose, 0.0}};
+  std::vector<SimulatedTrajectory::Knot> knots{{0.0, stations[0].pose, 0.0}};
   for (std::size_t i = 1; i < count; ++i) {
     const double way = stations[i].way_m - stations[i - 1].way_m;
     double seconds;
@@ -185,7 +187,7 @@ Trajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, const Mot
     }
     if (seconds > 0.0) knots.push_back({knots.back().seconds + seconds, stations[i].pose, speeds[i]});
   }
-  return Trajectory(std::move(knots));
+  return SimulatedTrajectory(std::move(knots));
 }
 
 }  // namespace mapweave::simulation

@@ -83,8 +83,8 @@ class Tour {
 };
 
 // Drives laps until they are done, or until length_m where that is positive.
-Trajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& plan, Point2 origin, const FreeSpace& space,
-                           const MotionOptions& motion, std::uint64_t seed) {
+SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& plan, Point2 origin, const FreeSpace& space,
+                                    const MotionOptions& motion, std::uint64_t seed) {
   const Tour tour(robot, plan, origin, seed);
   const RandomStream speeds(seed, "speed", robot.id);
   const auto reachable = [&](Point2 wanted) {
@@ -128,7 +128,7 @@ Trajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& plan, Poi
       }
       ++lap;
     } while (robot.length_m > 0.0 ? planned_m < wanted_m : lap < static_cast<std::uint64_t>(robot.laps));
-    Trajectory trajectory = drive(legs, space, motion, robot.length_m);
+    SimulatedTrajectory trajectory = drive(legs, space, motion, robot.length_m);
     if (trajectory.length_m() >= robot.length_m - 1e-6) return trajectory;
     wanted_m = planned_m * 1.1;
   }
@@ -188,12 +188,12 @@ struct World::State {
   };
   mutable std::deque<LazyScene> scenes;
   std::vector<std::uint64_t> plan_seeds;
-  std::vector<Trajectory> trajectories;         // of robots, from their own starts
-  std::vector<std::vector<Carry>> carries;      // of robots
-  std::vector<FloorWaves> floors;               // one per building
-  std::vector<std::int64_t> first_ticks;        // of robots: ticks of the world's clock before their starts
-  std::vector<std::vector<Trajectory>> people;  // per building, from the world's first moment
-  std::int64_t tick_ns = 0;                     // between odometry readings; whole microseconds, as trajectory files keep them
+  std::vector<SimulatedTrajectory> trajectories;         // of robots, from their own starts
+  std::vector<std::vector<Carry>> carries;               // of robots
+  std::vector<FloorWaves> floors;                        // one per building
+  std::vector<std::int64_t> first_ticks;                 // of robots: ticks of the world's clock before their starts
+  std::vector<std::vector<SimulatedTrajectory>> people;  // per building, from the world's first moment
+  std::int64_t tick_ns = 0;                              // between odometry readings; whole microseconds, as trajectory files keep them
 
   double seconds(std::int64_t ticks) const { return static_cast<double>(ticks * tick_ns) * 1e-9; }
 
@@ -206,7 +206,7 @@ struct World::State {
       bodies.push_back({trajectories[other].at(seconds_of_world - seconds(first_ticks[other])), options.robot_radius_m,
                         options.robot_height_m, static_cast<int>(other)});
     }
-    for (const Trajectory& person : people[static_cast<std::size_t>(building)]) {
+    for (const SimulatedTrajectory& person : people[static_cast<std::size_t>(building)]) {
       bodies.push_back({person.at(seconds_of_world), options.people.radius_m, options.people.height_m,
                         1000 + static_cast<int>(&person - people[static_cast<std::size_t>(building)].data())});
     }
@@ -286,7 +286,7 @@ const std::vector<FloorPlan>& World::buildings() const { return state_->building
 std::size_t World::robot_count() const { return state_->trajectories.size(); }
 RobotId World::robot_id(std::size_t robot) const { return RobotId{state_->options.robots.at(robot).id}; }
 std::size_t World::building_of(std::size_t robot) const { return static_cast<std::size_t>(state_->options.robots.at(robot).building); }
-const Trajectory& World::trajectory(std::size_t robot) const { return state_->trajectories.at(robot); }
+const SimulatedTrajectory& World::trajectory(std::size_t robot) const { return state_->trajectories.at(robot); }
 std::size_t World::step_count(std::size_t robot) const {
   return static_cast<std::size_t>(trajectory(robot).duration_s() * 1e9 / static_cast<double>(state_->tick_ns)) + 1;
 }
@@ -336,7 +336,7 @@ std::optional<SimulatedStep> Recording::next() {
     std::vector<Disc> moving;
     for (const Body& body : state.bodies_around(robot_, state.seconds(ticks)))
       moving.push_back({{body.world_from_body.x, body.world_from_body.y}, body.radius_m});
-    const Trajectory& trajectory = state.trajectories[robot_];
+    const SimulatedTrajectory& trajectory = state.trajectories[robot_];
     step.ranges = laser.options().sweep_s > 0.0
                       ? laser.swept_scan([&](double after_s) { return trajectory.at(seconds + after_s); }, moving, noise.at(step_))
                       : laser.scan(step.world_from_robot, moving, noise.at(step_));

@@ -23,10 +23,10 @@ Vector2 information_of(double readout, double inverse_depth) {
   return {readout > 0 ? 1.0 / (readout * readout) : 0.0, inverse_depth > 0 ? 1.0 / (inverse_depth * inverse_depth) : 0.0};
 }
 
-double cost_of(const Bundle& bundle, const SensorFlaws& flaws, const std::vector<View>& views, const std::vector<Eigen::Vector3d>& points,
-               const Pinhole& camera, const BundleOptions& options) {
+double cost_of(const WindowBundle& bundle, const SensorFlaws& flaws, const std::vector<View>& views,
+               const std::vector<Eigen::Vector3d>& points, const Pinhole& camera, const WindowBundleOptions& options) {
   double sum = 0;
-  for (const BundleObservation& o : bundle.observations) {
+  for (const WindowBundleObservation& o : bundle.observations) {
     if (!o.fits) continue;
     const Eigen::Vector3d p = views[static_cast<std::size_t>(o.view)] * points[static_cast<std::size_t>(o.point)];
     if (!(p.z() > 0.02)) {
@@ -43,7 +43,7 @@ double cost_of(const Bundle& bundle, const SensorFlaws& flaws, const std::vector
 }
 
 // Of free views that see a common point.
-std::vector<std::pair<int, int>> pairs_of(const Bundle& bundle, const std::vector<int>& column) {
+std::vector<std::pair<int, int>> pairs_of(const WindowBundle& bundle, const std::vector<int>& column) {
   std::vector<std::vector<int>> columns(bundle.views.size());
   for (std::size_t first = 0, last = 0; first < bundle.observations.size(); first = last) {
     while (last < bundle.observations.size() && bundle.observations[last].point == bundle.observations[first].point) ++last;
@@ -65,7 +65,7 @@ std::vector<std::pair<int, int>> pairs_of(const Bundle& bundle, const std::vecto
 
 }  // namespace
 
-void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options) {
+void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptions& options) {
   std::vector<int> column(bundle.views.size(), -1);
   int free_views = 0;
   for (std::size_t i = 0; i < bundle.views.size(); ++i)
@@ -116,7 +116,7 @@ void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options)
         first_link[point] = links.size();
         point_hessian[point].setZero(), point_gradient[point].setZero(), flaws_by_point[point].setZero();
         for (; o < bundle.observations.size() && bundle.observations[o].point == static_cast<int>(point); ++o) {
-          const BundleObservation& seen = bundle.observations[o];
+          const WindowBundleObservation& seen = bundle.observations[o];
           if (!seen.fits) continue;
           const View& view = bundle.views[static_cast<std::size_t>(seen.view)];
           if (!residual_of(seen.sighting, view * bundle.points[point], camera, bundle.flaws, r)) continue;
@@ -205,7 +205,7 @@ void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options)
       lambda *= 8.0;
     }
   }
-  for (BundleObservation& o : bundle.observations) {
+  for (WindowBundleObservation& o : bundle.observations) {
     const Eigen::Vector3d p = bundle.views[static_cast<std::size_t>(o.view)] * bundle.points[static_cast<std::size_t>(o.point)];
     o.fits = p.z() > 0.02 && (camera.project(p) - o.sighting.pixel + bundle.flaws.readout_s * o.sighting.row_flow).norm() <
                                  options.gate_sigmas * o.sighting.sigma_px;

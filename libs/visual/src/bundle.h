@@ -6,19 +6,19 @@
 
 namespace mapweave::visual {
 
-struct BundleObservation {
+struct WindowBundleObservation {
   int view = 0, point = 0;
   Sighting sighting;  // its point_in_map is not used
   bool fits = true;
 };
 
-struct Bundle {
+struct WindowBundle {
   SensorFlaws flaws;
   std::vector<View> views;
   std::vector<char> fixed;  // of each view
   std::vector<Eigen::Vector3d> points;
-  std::vector<char> fixed_points;               // of each point; empty: none is
-  std::vector<BundleObservation> observations;  // sorted by point
+  std::vector<char> fixed_points;                     // of each point; empty: none is
+  std::vector<WindowBundleObservation> observations;  // sorted by point
 };
 
 // How far the flaws may wander from what they were, and from none.
@@ -27,7 +27,7 @@ struct FlawPrior {
   double inverse_depth_step = 0.0, inverse_depth = 0.0;
 };
 
-struct BundleOptions {
+struct WindowBundleOptions {
   int most_steps = 6;
   double soft_sigmas = 2.0;
   double gate_sigmas = 4.0;
@@ -35,6 +35,6 @@ struct BundleOptions {
 };
 
 // In place. Observations farther off than the gate at the end do not fit.
-void adjust(Bundle& bundle, const Pinhole& camera, const BundleOptions& options);
+void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptions& options);
 
 }  // namespace mapweave::visual

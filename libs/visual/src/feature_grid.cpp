@@ -10,7 +10,7 @@ constexpr int kCell_px = 16;
 
 }  // namespace
 
-FeatureGrid::FeatureGrid(const FeatureFrame& frame, const Pinhole& camera)
+FrameFeatureGrid::FrameFeatureGrid(const FeatureFrame& frame, const Pinhole& camera)
     : level_factor_(frame.level_factor), columns_(camera.width / kCell_px + 1), rows_(camera.height / kCell_px + 1) {
   std::vector<int> cells;
   for (std::size_t i = 0; i < frame.features.points.size(); ++i) {
@@ -31,18 +31,18 @@ FeatureGrid::FeatureGrid(const FeatureFrame& frame, const Pinhole& camera)
     members_[static_cast<std::size_t>(next[static_cast<std::size_t>(cells[i])]++)] = static_cast<int>(i);
 }
 
-Eigen::Vector2d FeatureGrid::pixel(int feature) const {
+Eigen::Vector2d FrameFeatureGrid::pixel(int feature) const {
   const matching::FeaturePoint& point = features_.points[static_cast<std::size_t>(feature)];
   return {static_cast<double>(point.u_px), static_cast<double>(point.v_px)};
 }
 
-int FeatureGrid::level(int feature) const {
+int FrameFeatureGrid::level(int feature) const {
   const double octaves = features_.points[static_cast<std::size_t>(feature)].level * std::log2(level_factor_);
   return std::clamp(static_cast<int>(std::lround(octaves)), 0, 4);
 }
 
-int FeatureGrid::find(const matching::OrbDescriptor& descriptor, const Eigen::Vector2d& at, double radius,
-                      const std::vector<char>& taken) const {
+int FrameFeatureGrid::find(const matching::OrbDescriptor& descriptor, const Eigen::Vector2d& at, double radius,
+                           const std::vector<char>& taken) const {
   const auto cell = [](double coordinate, int count) { return static_cast<int>(std::clamp(coordinate / kCell_px, 0.0, count - 1.0)); };
   const int left = cell(at.x() - radius, columns_), right = cell(at.x() + radius, columns_), top = cell(at.y() - radius, rows_),
             bottom = cell(at.y() + radius, rows_);

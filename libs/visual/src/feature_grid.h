@@ -8,10 +8,10 @@ namespace mapweave::visual {
 inline constexpr int kMostBits = 60;             // in which a landmark may differ from how it was seen
 inline constexpr double kClearlyNearest = 0.85;  // the next best may not differ in less than this share more
 
-class FeatureGrid {
+class FrameFeatureGrid {
  public:
   // Features outside the picture are left out.
-  FeatureGrid(const FeatureFrame& frame, const Pinhole& camera);
+  FrameFeatureGrid(const FeatureFrame& frame, const Pinhole& camera);
   const matching::OrbFeatures& features() const { return features_; }
   int size() const { return static_cast<int>(features_.points.size()); }
   Eigen::Vector2d pixel(int feature) const;

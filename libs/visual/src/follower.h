@@ -16,7 +16,7 @@ constexpr double kCarried_s = 0.5;  // in so long a camera may have come anywher
 
 struct Follower {
   ClientOptions options;
-  std::optional<LoopCloser> closer;
+  std::optional<VisualLoopCloser> closer;
   LandmarkMap map;
   LandmarkFinder finder;
 

@@ -142,7 +142,7 @@ void see_lent(LandmarkMap& map, int keyframe, const Pyramid& picture, const Matc
   if (!picture.features) keep_appearance(map, map.landmark(match.landmark), picture, match, view, keyframe);
 }
 
-int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FeatureGrid& features, const View& view,
+int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FrameFeatureGrid& features, const View& view,
                          std::vector<Match>& matches, const ClientOptions& options) {
   const auto sighting = [&](int feature) {
     Sighting seen;

@@ -14,7 +14,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
 void see_lent(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px);
 
 // As add_keyframe, of a frame that has features: those with a depth become landmarks.
-int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FeatureGrid& features, const View& view,
+int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FrameFeatureGrid& features, const View& view,
                          std::vector<Match>& matches, const ClientOptions& options);
 
 }  // namespace mapweave::visual

@@ -67,8 +67,8 @@ int LentLandmarks::receive(LandmarkMap& map, int session, const std::vector<matc
   return taken;
 }
 
-std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const FeatureGrid& features, const View& view, const Motion& motion,
-                                       const std::vector<Match>& matches, double radius_px, double sigma_px) {
+std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
+                                       const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px) {
   std::vector<char> matched(map.landmarks.size(), 0), taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) matched[static_cast<std::size_t>(match.landmark)] = 1;
   std::vector<Match> result;

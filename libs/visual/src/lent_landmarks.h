@@ -22,7 +22,7 @@ class LentLandmarks {
 
   // Those that `features`, seen from `view`, show within `radius_px` of where they should be, as landmarks of the map; without those in
   // `matches`. `sigma_px`: of a feature on its pyramid's first level.
-  std::vector<Match> look(LandmarkMap& map, int session, const FeatureGrid& features, const View& view, const Motion& motion,
+  std::vector<Match> look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view, const Motion& motion,
                           const std::vector<Match>& matches, double radius_px, double sigma_px);
 
   // Of matches just found, those that fit stay; landmarks of the others that no keyframe sees are none again.

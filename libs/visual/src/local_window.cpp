@@ -42,7 +42,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   for (const Shared& shared : most_first(covisible(map, newest)))
     if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared) chosen.push_back(shared.keyframe);
 
-  Bundle bundle;
+  WindowBundle bundle;
   std::vector<int> view_of_keyframe(map.keyframes.size(), kNoView);
   const auto add_view = [&](int number, bool fixed) {
     view_of_keyframe[static_cast<std::size_t>(number)] = static_cast<int>(bundle.views.size());
@@ -95,7 +95,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);
   }
   bundle.flaws = map.flaws;
-  BundleOptions bundle_options;
+  WindowBundleOptions bundle_options;
   bundle_options.most_steps = options.steps;
   bundle_options.prior = prior_of(map, options);
   adjust(bundle, map.camera, bundle_options);

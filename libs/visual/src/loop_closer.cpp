@@ -133,23 +133,23 @@ std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmark
 
 View correction_of(const LandmarkMap& map, const FoundLoop& loop) { return loop.view.inverse() * map.keyframe(loop.newest).view; }
 
-LoopCloser::LoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
+VisualLoopCloser::VisualLoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
     : vocabulary_(vocabulary), options_(options), index_(vocabulary.words()) {}
 
-void LoopCloser::add(const LandmarkMap& map, int keyframe) {
+void VisualLoopCloser::add(const LandmarkMap& map, int keyframe) {
   index_.add(id_of(keyframe), vocabulary_.describe_picture(map.keyframe(keyframe).features.descriptors).bag);
 }
-void LoopCloser::remove(int keyframe) { index_.remove(id_of(keyframe)); }
+void VisualLoopCloser::remove(int keyframe) { index_.remove(id_of(keyframe)); }
 
-std::vector<int> LoopCloser::alike(const matching::OrbFeatures& features, std::size_t most) const {
+std::vector<int> VisualLoopCloser::alike(const matching::OrbFeatures& features, std::size_t most) const {
   std::vector<int> result;
   for (const matching::SimilarPlace& place : index_.query(vocabulary_.describe_picture(features.descriptors).bag, most))
     result.push_back(static_cast<int>(place.id.index));
   return result;
 }
 
-std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
-                                          const Motion& motion) {
+std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
+                                                const Motion& motion) {
   if (!options_.loops.enabled) return std::nullopt;
   const Keyframe& keyframe = map.keyframe(newest);
   const std::uint32_t now = keyframe.serial;
@@ -196,7 +196,7 @@ std::optional<FoundLoop> LoopCloser::look(LandmarkMap& map, LandmarkFinder& find
   return std::nullopt;
 }
 
-LoopCloser::Witnesses LoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
+VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
   Witnesses result;
   std::vector<double> rivals_m;
   std::optional<std::uint32_t> last;  // a keyframe speaks once
@@ -220,8 +220,8 @@ LoopCloser::Witnesses LoopCloser::witnesses_of(const Claim& claim, std::uint32_t
   return result;
 }
 
-std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
-                                             const Motion& motion) const {
+std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier,
+                                                   const Pyramid& picture, const Motion& motion) const {
   std::vector<int> among = with_companions(map, earlier, kCompanions), here = with_companions(map, newest, 2);
   const Place a(map, among), b(map, here);
   matching::VisualJudgeOptions judge;
@@ -252,7 +252,7 @@ std::optional<FoundLoop> LoopCloser::compare(LandmarkMap& map, LandmarkFinder& f
   return loop;
 }
 
-Departure LoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
+Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
   constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const double drift = options_.loops.drift;

@@ -147,7 +147,7 @@ void MapCorrection::run() {
 
   const std::vector<View> before = bundle_.views;
   for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i] = view_of(poses[i]);
-  for (BundleObservation& o : bundle_.observations) {
+  for (WindowBundleObservation& o : bundle_.observations) {
     o.sighting.inverse_depth /= scales_[static_cast<std::size_t>(o.view)];
     o.sighting.inverse_depth_sigma /= scales_[static_cast<std::size_t>(o.view)];
   }
@@ -155,7 +155,7 @@ void MapCorrection::run() {
     const auto anchor = static_cast<std::size_t>(anchors_[i]);
     bundle_.points[i] = bundle_.views[anchor].inverse() * (scales_[anchor] * (before[anchor] * bundle_.points[i]));
   }
-  BundleOptions options;
+  WindowBundleOptions options;
   options.most_steps = 8;
   adjust(bundle_, camera_, options);
 }

@@ -29,7 +29,7 @@ class MapCorrection {
   std::vector<int> anchors_;                 // of the points: views
   std::vector<Tie> ties_;                    // of views
   std::size_t newest_ = 0, earlier_ = 0;     // views
-  Bundle bundle_;
+  WindowBundle bundle_;
   bool monocular_ = false;
   std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out
 };

@@ -15,10 +15,10 @@ constexpr double kShownShare = 0.6;  // of the landmarks found
 
 }  // namespace
 
-FeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
+FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
   FeatureFrame frame;
   frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
-  return FeatureGrid(frame, camera);
+  return FrameFeatureGrid(frame, camera);
 }
 
 std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
@@ -89,7 +89,7 @@ std::optional<UnplacedFrame> PlaceExchange::take(Stamp stamp) {
 
 std::optional<CheckedPlace> check_place(LandmarkMap& map, LentLandmarks& lent, int session, const UnplacedFrame& asked, const View& view,
                                         const TrackingOptions& options) {
-  const FeatureGrid grid = grid_of(asked.features, map.camera);
+  const FrameFeatureGrid grid = grid_of(asked.features, map.camera);
   CheckedPlace place{view, {}};
   const auto drop_all = [&] { lent.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
   for (const double reach : {kFar, kClose}) {

@@ -46,6 +46,6 @@ std::optional<CheckedPlace> check_place(LandmarkMap& map, LentLandmarks& lent, i
                                         const TrackingOptions& options);
 
 // Features of a picture, as what a landmark's descriptor is looked for in.
-FeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);
+FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);
 
 }  // namespace mapweave::visual

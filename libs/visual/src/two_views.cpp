@@ -130,7 +130,7 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
                  const TwoViewOptions& options) {
   TwoViews result;
   for (double wider : {4.0, 1.5}) {
-    Bundle bundle;
+    WindowBundle bundle;
     bundle.views = {View(), motion}, bundle.fixed = {1, 0};
     std::vector<std::size_t> pair_of_point;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -139,7 +139,7 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
       const int number = static_cast<int>(bundle.points.size());
       const std::array<Eigen::Vector2d, 2> pixels{pairs[i].first, pairs[i].second};
       for (int side = 0; side < 2; ++side) {
-        BundleObservation seen;
+        WindowBundleObservation seen;
         seen.view = side, seen.point = number;
         seen.sighting.pixel = pixels[static_cast<std::size_t>(side)], seen.sighting.sigma_px = pairs[i].sigma_px;
         bundle.observations.push_back(seen);
@@ -147,7 +147,7 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
       bundle.points.push_back(*point);
       pair_of_point.push_back(i);
     }
-    BundleOptions adjusting;
+    WindowBundleOptions adjusting;
     adjusting.most_steps = 10, adjusting.gate_sigmas = options.gate_sigmas;
     adjust(bundle, camera, adjusting);
     const double length = bundle.views[1].translation.norm();

@@ -249,7 +249,7 @@ struct VisualClient::State : Follower {
     Frame bare;
     bare.stamp = frame.stamp, bare.odometry_from_camera = frame.odometry_from_camera;
     Pyramid picture;
-    picture.features = std::make_shared<const FeatureGrid>(frame, map.camera);
+    picture.features = std::make_shared<const FrameFeatureGrid>(frame, map.camera);
     return add(bare, std::move(picture));
   }
 

@@ -49,7 +49,7 @@ class ExternalMapper : public LaserMapper {
   void start(const std::string& program);
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
-  void take(const protocol::Frame&);
+  void take(const protocol::MapperFrame&);
   int reap(int* status, int options);  // as waitpid(2); counts the processor time
   [[noreturn]] void fail();            // the helper ended early: reaps it and says how
   void end_helper();

@@ -69,7 +69,7 @@ struct FrontEndOptions {
   }
 };
 
-struct LoopOptions {
+struct LaserLoopOptions {
   double drift_per_m = kPathDrift_per_m;
   double drift_yaw_per_submap_rad = kSubmapTurn_rad;
   double max_radius_m = 15.0;
@@ -125,7 +125,7 @@ struct SweepOptions {
 struct GraphMapperOptions {
   FrontEndOptions front_end;
   SweepOptions sweep;
-  LoopOptions loops;
+  LaserLoopOptions loops;
   matching::JudgeOptions judge;
   matching::RematchOptions rematch;
   graph::SolveOptions solve;

@@ -61,7 +61,7 @@ struct ScanPose {
   bool by_wheels = false;    // measured by odometry, not by matching scans
 };
 
-struct Frame {
+struct MapperFrame {
   Kind kind{};
   std::string body;
 };
@@ -139,7 +139,7 @@ class FrameParser {
     buffer_.erase(0, used_).append(bytes);
     used_ = 0;
   }
-  std::optional<Frame> next() {
+  std::optional<MapperFrame> next() {
     const auto waiting = std::string_view(buffer_).substr(used_);
     if (waiting.size() < 4) return std::nullopt;
     const auto length = Reader(waiting).integer<std::uint32_t>();
@@ -147,7 +147,7 @@ class FrameParser {
       fail("a frame of " + std::to_string(length) + " bytes; 1 to " + std::to_string(kMaxFrameBytes) + " are possible");
     if (waiting.size() < 4 + std::size_t{length}) return std::nullopt;
     used_ += 4 + std::size_t{length};
-    return Frame{static_cast<Kind>(waiting[4]), std::string(waiting.substr(5, length - 1))};
+    return MapperFrame{static_cast<Kind>(waiting[4]), std::string(waiting.substr(5, length - 1))};
   }
 
  private:

@@ -47,7 +47,7 @@ struct SessionSummary {
   std::uint64_t nodes = 0;
 };
 
-struct MapSummary {
+struct StoredMapSummary {
   MapId id;
   std::uint64_t nodes = 0, contents = 0;       // contents: nodes that hold a scan, grid or keyframe
   std::uint64_t keyframes = 0, landmarks = 0;  // keyframes: nodes that hold one
@@ -60,12 +60,12 @@ struct MapSummary {
 };
 
 // Of a map that is in no store: all but bytes and stored_bytes.
-MapSummary summary_of(const Map&);
+StoredMapSummary summary_of(const Map&);
 
 struct StoreSummary {
   int schema = 0;
   std::uint64_t file_bytes = 0;
-  std::vector<MapSummary> maps;
+  std::vector<StoredMapSummary> maps;
   std::uint64_t judgements = 0, verdicts = 0, members = 0;
   std::map<std::string, std::string> metadata;
   Hash identity;  // of the StoredMaps

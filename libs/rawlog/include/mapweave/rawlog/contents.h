@@ -19,7 +19,7 @@ struct LaserGeometry {
 };
 
 // Of a camera, a stereo pair (its left one) or a depth camera (its colour one), as its last frame has it.
-struct CameraGeometry {
+struct RecordedCameraGeometry {
   std::uint32_t width = 0, height = 0;  // of the picture; 0 where it cannot be looked at
   bool calibrated = false, distorted = false;
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;               // pixels
@@ -35,7 +35,7 @@ struct SensorContents {
   double rate_hz = 0.0;  // (count - 1) / (last - first); 0 for a single instant
   double longest_gap_s = 0.0;
   std::vector<LaserGeometry> geometries;  // of lasers: most frequent first
-  std::optional<CameraGeometry> camera;
+  std::optional<RecordedCameraGeometry> camera;
 };
 
 struct LogContents {

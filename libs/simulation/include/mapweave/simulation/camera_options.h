@@ -7,7 +7,7 @@
 
 namespace mapweave::simulation {
 
-enum class CameraKind { mono, stereo, rgbd };
+enum class SimulatedCameraKind { mono, stereo, rgbd };
 
 struct ImageNoiseOptions {
   double exposure_ms = 10.0;
@@ -51,7 +51,7 @@ struct DepthNoiseOptions {
 
 struct CameraOptions {
   std::string id = "camera";
-  CameraKind kind = CameraKind::rgbd;
+  SimulatedCameraKind kind = SimulatedCameraKind::rgbd;
   int width = 640;
   int height = 480;
   double fx = 525.0;
@@ -69,7 +69,8 @@ struct CameraOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("id", id, "the camera's name: the label of its observations");
-    v.choice("kind", kind, {{"mono", CameraKind::mono}, {"stereo", CameraKind::stereo}, {"rgbd", CameraKind::rgbd}},
+    v.choice("kind", kind,
+             {{"mono", SimulatedCameraKind::mono}, {"stereo", SimulatedCameraKind::stereo}, {"rgbd", SimulatedCameraKind::rgbd}},
              "one picture, a left and a right one, or one with its depths (registered)");
     v.integer("width", width, 16, 4096, "pixels");
     v.integer("height", height, 16, 4096, "pixels");

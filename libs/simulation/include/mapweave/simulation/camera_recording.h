@@ -28,7 +28,7 @@ class CameraRecording {
  public:
   // Memory that frames share when they are made one after the other.
   struct Workspace {
-    View view, depth_view;
+    RenderedView view, depth_view;
     std::vector<float> blurred;
   };
   // Contract: the world has this robot, and the robot this camera.

@@ -41,26 +41,26 @@ struct FeatureOptions {
   }
 };
 
-struct Landmark {
+struct SimulatedLandmark {
   Eigen::Vector3d point_in_world, normal;
   double size_m;
   std::uint64_t look;  // the same for landmarks that look the same (rooms that repeat): decides the descriptor
 };
-Descriptor descriptor_of(const Landmark&);  // without noise
+Descriptor descriptor_of(const SimulatedLandmark&);  // without noise
 
 // The landmarks of one building. Immutable; may be used by many threads.
 class LandmarkField {
  public:
   LandmarkField(const Scene&, const FloorPlan&, const FeatureOptions&);
-  const std::vector<Landmark>& landmarks() const { return landmarks_; }
+  const std::vector<SimulatedLandmark>& landmarks() const { return landmarks_; }
   // Neither walls nor furniture between them; nothing is hidden by itself.
-  bool is_in_sight(const Eigen::Vector3d& eye, const Landmark&) const;
+  bool is_in_sight(const Eigen::Vector3d& eye, const SimulatedLandmark&) const;
   // Calls visit(number) for landmarks in cells of 1 m that touch the box, in order of number within a cell.
   template <class Visit>
   void for_each_in(const Box& box, Visit&& visit) const;
 
  private:
-  std::vector<Landmark> landmarks_;
+  std::vector<SimulatedLandmark> landmarks_;
   RayCaster walls_;
   double low_x_ = 0.0, low_y_ = 0.0;
   int columns_ = 0, rows_ = 0;
@@ -78,7 +78,7 @@ struct Feature {
   std::uint32_t landmark;  // the truth; kNoLandmark for a stray one
 };
 
-struct FeatureFrame {
+struct SimulatedFeatureFrame {
   Stamp stamp;
   Pose3 world_from_camera;  // the truth
   std::vector<Feature> features;
@@ -89,7 +89,7 @@ class FeatureRecording {
  public:
   FeatureRecording(const World&, const LandmarkField& of_its_building, const FeatureOptions&, std::size_t robot, std::size_t camera);
   std::size_t frame_count() const { return frame_count_; }
-  FeatureFrame frame(std::size_t frame) const;
+  SimulatedFeatureFrame frame(std::size_t frame) const;
   const CameraModel& model() const { return model_; }
 
  private:

@@ -18,7 +18,7 @@ namespace mapweave::simulation {
 
 mrpt::obs::CObservationOdometry::Ptr odometry_observation(const SimulatedStep&);
 // Contract: the step has a scan of options.rays ranges.
-mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep&, const LaserOptions& options);
+mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep&, const SimulatedLaserOptions& options);
 mrpt::obs::CObservationIMU::Ptr imu_observation(const ImuReading&);
 
 // Pictures are embedded, but for those whose file is given: then only its name is kept.

@@ -14,7 +14,7 @@ namespace mapweave::simulation {
 enum class Channels { none, grey, colour };
 
 // A picture before anything was lost. Rows are padded to the camera's stride.
-struct View {
+struct RenderedView {
   int width = 0, height = 0, stride = 0;
   std::vector<float> inverse_depth;   // 1/z, 1/metres; 0: nothing there
   std::vector<std::int32_t> surface;  // of each pixel, into `surfaces`; -1: nothing
@@ -36,6 +36,7 @@ struct View {
 };
 
 // A pure function; `view` is filled anew and lends its memory. `moving` comes on top of the scene.
-void render(const Scene&, const std::vector<Surface>& moving, const CameraModel&, const Pose3& world_from_camera, Channels, View& view);
+void render(const Scene&, const std::vector<Surface>& moving, const CameraModel&, const Pose3& world_from_camera, Channels,
+            RenderedView& view);
 
 }  // namespace mapweave::simulation

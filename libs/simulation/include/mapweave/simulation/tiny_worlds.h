@@ -13,7 +13,7 @@ struct TeamOptions {
   bool return_to_start = true;
   double length_m = 0.0;  // of each robot's drive; 0: its tour, once
   std::int64_t seed = 7;
-  LaserOptions laser;
+  SimulatedLaserOptions laser;
   WheelOdometryOptions odometry;
   MotionOptions motion;
   PeopleOptions people;
@@ -28,7 +28,7 @@ struct SimulatedRobot {
 
 struct SimulatedTeam {
   std::vector<FloorPlan> buildings;  // one, but for strangers; in the world's frame
-  LaserOptions laser;
+  SimulatedLaserOptions laser;
   std::vector<SimulatedRobot> robots;
 };
 

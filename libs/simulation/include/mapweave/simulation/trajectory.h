@@ -54,15 +54,15 @@ class FreeSpace {
 };
 
 // A motion along a path, as poses of the robot at seconds since its start. Immutable.
-class Trajectory {
+class SimulatedTrajectory {
  public:
   struct Knot {
     double seconds;
     Pose2 world_from_robot;
     double speed_m_per_s = 0.0;  // it changes evenly to the next knot's
   };
-  explicit Trajectory(std::vector<Knot> knots);  // at least one, seconds rising
-  Pose2 at(double seconds) const;                // before the start and after the end it stands still
+  explicit SimulatedTrajectory(std::vector<Knot> knots);  // at least one, seconds rising
+  Pose2 at(double seconds) const;                         // before the start and after the end it stands still
   double duration_s() const { return knots_.back().seconds; }
   double length_m() const;
   const std::vector<Knot>& knots() const { return knots_; }  // straight pieces between them, at most 10 cm long
@@ -78,6 +78,6 @@ struct Leg {
 
 // Drives the legs one after the other, each starting where the last one ended: corners are rounded as far as the free space allows, and
 // turned on the spot where it does not. Stops after `length_m` where that is positive. Starts heading along the first leg.
-Trajectory drive(const std::vector<Leg>& legs, const FreeSpace&, const MotionOptions&, double length_m);
+SimulatedTrajectory drive(const std::vector<Leg>& legs, const FreeSpace&, const MotionOptions&, double length_m);
 
 }  // namespace mapweave::simulation

@@ -35,7 +35,7 @@ class World {
   std::size_t robot_count() const;
   RobotId robot_id(std::size_t robot) const;
   std::size_t building_of(std::size_t robot) const;
-  const Trajectory& trajectory(std::size_t robot) const;  // seconds since the robot's own start
+  const SimulatedTrajectory& trajectory(std::size_t robot) const;  // seconds since the robot's own start
   std::size_t step_count(std::size_t robot) const;
   std::size_t scan_count(std::size_t robot) const;
 

@@ -160,7 +160,7 @@ struct WorldOptions {
   std::vector<CameraOptions> cameras;
   ImuOptions imu;
   LogOptions logs;
-  LaserOptions laser;
+  SimulatedLaserOptions laser;
   WheelOdometryOptions odometry;
   MotionOptions motion;
   template <class Visitor>

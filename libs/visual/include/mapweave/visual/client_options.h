@@ -119,7 +119,7 @@ struct MemoryOptions {
   }
 };
 
-struct LoopOptions {
+struct VisualLoopOptions {
   bool enabled = true;
   int witnesses = 3;
   double least_probability = 0.7;
@@ -179,7 +179,7 @@ struct ClientOptions {
   DepthOptions depth;
   WindowOptions window;
   MemoryOptions memory;
-  LoopOptions loops;
+  VisualLoopOptions loops;
   SessionOptions session;
   std::uint64_t seed = 1;  // of random choices: the run's
   template <class Visitor>

@@ -69,8 +69,8 @@ class VisualClient {
   // The same map from features alone (a camera gives frames of one kind): they are their landmarks' looks, and begin with depth.
   Tracked add(const FeatureFrame& frame);
 
-  // The map's straightening after a loop, until it is applied (LoopOptions::delay_s); null: nothing is to be done. add() does it itself
-  // where nobody did: the results are the same.
+  // The correction of the map after a loop, until it is applied (VisualLoopOptions::delay_s); null: nothing is to be done. add() does it
+  // itself where nobody did: the results are the same.
   std::shared_ptr<BackgroundWork> pending() const;
   // No more frames come: what is pending is done and applied.
   void finish();
