@@ -79,8 +79,8 @@ TEST(WindowBundle, learns_how_long_rows_are_read) {
   WindowBundleOptions options{40, 2.0, 4.0, {}};
   options.prior.readout_step_s = 0.05, options.prior.readout_s = 1.0;
   adjust(bundle, camera, options);
-  EXPECT_NEAR(bundle.flaws.readout_s, kReadout, 2e-4);
-  EXPECT_NEAR(bundle.flaws.inverse_depth_offset, 0.0, 1e-20);  // was not to be learnt
+  EXPECT_NEAR(bundle.calibration.readout_s, kReadout, 2e-4);
+  EXPECT_NEAR(bundle.calibration.inverse_depth_offset, 0.0, 1e-20);  // was not to be learnt
 }
 
 TEST(WindowBundle, learns_a_constant_error_of_disparities) {
@@ -90,7 +90,7 @@ TEST(WindowBundle, learns_a_constant_error_of_disparities) {
   WindowBundleOptions options{60, 2.0, 4.0, {}};
   options.prior.inverse_depth_step = 0.1, options.prior.inverse_depth = 1.0;
   adjust(bundle, camera, options);
-  EXPECT_NEAR(bundle.flaws.inverse_depth_offset, 0.01, 1e-3);
+  EXPECT_NEAR(bundle.calibration.inverse_depth_offset, 0.01, 1e-3);
 }
 
 TEST(WindowBundle, leaves_fixed_views_alone) {

@@ -59,7 +59,7 @@ TEST(DepthPicture, of_a_camera_with_a_learnt_offset_has_it_taken_out) {
   for (std::uint16_t& unit : frame.depth.image.pixels) unit = static_cast<std::uint16_t>(std::lround(1000.0 / (1000.0 / unit + 0.02)));
   DepthPictureOptions options;
   EXPECT_LT(agreement(depth_picture_of(frame, rig_of(0.0), options), pose, 0.005).right, 0.01);
-  options.flaws.inverse_depth_offset = 0.02;
+  options.calibration.inverse_depth_offset = 0.02;
   EXPECT_GT(agreement(depth_picture_of(frame, rig_of(0.0), options), pose, 0.005).right, 0.99);
 }
 

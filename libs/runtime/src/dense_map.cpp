@@ -42,7 +42,7 @@ class Revisit {
   Revisit(const DepthWay& way, const RunConfiguration& configuration)
       : way_(way), dense_(configuration.output.dense), packer_({way.chosen.label, way.chosen.kind}) {
     const visual::ClientOptions& client = configuration.visual.client;
-    options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, way.flaws};
+    options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, way.calibration};
   }
 
   // What a picture that is wanted shows, in the map, and where its camera stood.
@@ -72,7 +72,7 @@ class Revisit {
     Seen result{map_from_camera.t, {}};
     for (int y = dense_.step_px / 2; y < depths.height; y += dense_.step_px) {
       // Rows are exposed one after the other, the middle one at the frame's stamp.
-      const double later_s = (y - 0.5 * depths.height) / depths.height * way_.flaws.readout_s;
+      const double later_s = (y - 0.5 * depths.height) / depths.height * way_.calibration.readout_s;
       const Pose3 map_from_row = compose(pose_or(way_.frames, placed, later_s), robot_from_camera);
       for (int x = dense_.step_px / 2; x < depths.width; x += dense_.step_px) {
         const float depth_m = depths.row(y)[x];

@@ -10,7 +10,7 @@ namespace mapweave::runtime {
 struct DepthWay {
   PlannedRobot robot;
   ChosenCamera chosen;
-  visual::SensorFlaws flaws;
+  visual::SensorCalibration calibration;
   std::vector<StampedPose> frames;
   std::vector<Stamp> keyframes;  // sorted
 };

@@ -13,7 +13,7 @@ struct WindowBundleObservation {
 };
 
 struct WindowBundle {
-  SensorFlaws flaws;
+  SensorCalibration calibration;
   std::vector<View> views;
   std::vector<char> fixed;  // of each view
   std::vector<Eigen::Vector3d> points;
@@ -21,8 +21,8 @@ struct WindowBundle {
   std::vector<WindowBundleObservation> observations;  // sorted by point
 };
 
-// How far the flaws may wander from what they were, and from none.
-struct FlawPrior {
+// How far the calibration may change from what it was, and from none.
+struct CalibrationPrior {
   double readout_step_s = 0.0, readout_s = 0.02;  // a step of 0: not learnt
   double inverse_depth_step = 0.0, inverse_depth = 0.0;
 };
@@ -31,7 +31,7 @@ struct WindowBundleOptions {
   int most_steps = 6;
   double soft_sigmas = 2.0;
   double gate_sigmas = 4.0;
-  FlawPrior prior;
+  CalibrationPrior prior;
 };
 
 // In place. Observations farther off than the gate at the end do not fit.

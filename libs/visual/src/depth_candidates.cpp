@@ -81,7 +81,7 @@ enum class Look { hidden, missed, found };
 Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& picture, const View& view, const TrackingOptions& options) {
   const Pinhole& camera = map.camera;
   const View new_from_old = view * map.keyframe(candidate.keyframe).view.inverse();
-  const Eigen::Vector3d ray = camera.ray(candidate.pixel - map.flaws.readout_s * candidate.row_flow);
+  const Eigen::Vector3d ray = camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow);
   const Line line{new_from_old.rotation * ray, new_from_old.translation};
   const double low = std::max(1e-4, candidate.inverse_depth - kSigmas * candidate.sigma),
                high = candidate.inverse_depth + kSigmas * candidate.sigma;
@@ -121,7 +121,7 @@ void tell(LandmarkMap& map, const DepthCandidate& candidate) {
   sighting.inverse_depth = candidate.inverse_depth, sighting.inverse_depth_sigma = kCaution * candidate.sigma;
   if (landmark.seen.size() == 1)
     landmark.point = map.keyframe(candidate.keyframe).view.inverse() *
-                     (map.camera.ray(candidate.pixel - map.flaws.readout_s * candidate.row_flow) / candidate.inverse_depth);
+                     (map.camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow) / candidate.inverse_depth);
 }
 
 void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& motion, const View& view, std::vector<Match>& matches,

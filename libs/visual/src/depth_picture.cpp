@@ -108,7 +108,7 @@ Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const De
     for (std::size_t x = 1; x + 1 < width; ++x) {
       const std::size_t at = y * width + x;
       if (steps[at] || steps[at - 1] || steps[at + 1] || steps[at - width] || steps[at + width]) continue;
-      const double truth = static_cast<double>(inverse.pixels[at]) - options.flaws.inverse_depth_offset;
+      const double truth = static_cast<double>(inverse.pixels[at]) - options.calibration.inverse_depth_offset;
       if (truth * most_m < 1.0 || truth * options.depth.min_depth_m > 1.0) continue;
       result.pixels[at] = static_cast<float>(1.0 / truth);
     }

@@ -18,11 +18,11 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
   if (!map.monocular && known.size() >= kEnough) leading = &known;
   if (!map.monocular && known.size() < kEnough && !lent.empty()) leading = &own;
   if (leading != nullptr && leading->size() >= kEnough) {
-    const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.flaws, options.gate_sigmas);
+    const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.calibration, options.gate_sigmas);
     if (first.count >= static_cast<int>(kEnough))
-      return pose_from_points(all, map.camera, first.view, map.flaws, options.gate_sigmas, options.gate_sigmas);
+      return pose_from_points(all, map.camera, first.view, map.calibration, options.gate_sigmas, options.gate_sigmas);
   }
-  return pose_from_points(all, map.camera, start, map.flaws, options.gate_sigmas);
+  return pose_from_points(all, map.camera, start, map.calibration, options.gate_sigmas);
 }
 
 bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, const TrackingOptions& options) {

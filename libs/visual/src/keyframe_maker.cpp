@@ -118,11 +118,11 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     }
     const auto depth = meter.at(corner.pixel, corner.level);
     if (!depth || depth->at_edge) continue;
-    const double inverse_depth = depth->inverse_depth - map.flaws.inverse_depth_offset;
+    const double inverse_depth = depth->inverse_depth - map.calibration.inverse_depth_offset;
     if (inverse_depth < 1e-3) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, corner.pixel, 1.0 / inverse_depth);
     Landmark landmark;
-    landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.flaws.readout_s * flow) / inverse_depth);
+    landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.calibration.readout_s * flow) / inverse_depth);
     landmark.appearances.push_back({*patch, corner.pixel, number, View()});
     landmark.colour = colour_at(frame, map.camera, corner.pixel);
     const int id = map.add(std::move(landmark));
@@ -175,7 +175,7 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Frame
   }
   const View map_from_camera = view.inverse();
   for (int feature = 0; feature < features.size(); ++feature) {
-    const double inverse_depth = features.inverse_depth(feature) - map.flaws.inverse_depth_offset;
+    const double inverse_depth = features.inverse_depth(feature) - map.calibration.inverse_depth_offset;
     if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3)) continue;
     Landmark landmark;
     landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);

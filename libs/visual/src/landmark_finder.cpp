@@ -147,7 +147,8 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       const auto warped = expected_look(map, landmark, guess);
       if (!warped) continue;
       ++landmark.tried;
-      const Eigen::Vector2d start = candidate.pixel + map.flaws.readout_s * row_flow(camera, motion, candidate.pixel, candidate.depth);
+      const Eigen::Vector2d start = candidate.pixel + map.calibration.readout_s * row_flow(camera, motion, candidate.pixel,
+                                                                                           candidate.depth);
       const auto match = align_patch(*warped, picture[warped->level], start, static_cast<float>(options.reach_px));
       if (!match || static_cast<double>(match->correlation) < options.min_correlation) continue;
       result.push_back({candidate.landmark, match->pixel, row_flow(camera, motion, match->pixel, candidate.depth), warped->level});

@@ -107,7 +107,7 @@ struct LandmarkMap {
   double baseline_m = 0.0;   // to the right camera; 0 without one
   bool monocular = false;    // nothing measures depth: scale is what each session's first keyframes made it
   std::vector<int> adopted;  // sessions whose frame is that of the landmarks of others, not of their first keyframe
-  SensorFlaws flaws;
+  SensorCalibration calibration;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
   std::vector<int> free_keyframes, free_landmarks;

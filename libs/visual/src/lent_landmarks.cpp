@@ -79,7 +79,7 @@ std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const Fram
     const auto at = expected(entry.known, map.camera, view);
     if (!at) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, at->pixel, (view * entry.known.point_in_map).z());
-    const int feature = features.find(entry.known.descriptor, at->feature + map.flaws.readout_s * flow, radius_px, taken);
+    const int feature = features.find(entry.known.descriptor, at->feature + map.calibration.readout_s * flow, radius_px, taken);
     if (feature < 0) continue;
     taken[static_cast<std::size_t>(feature)] = 1;
     if (!held) {

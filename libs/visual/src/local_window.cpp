@@ -10,8 +10,8 @@ namespace {
 constexpr int kLeastShared = 15;  // landmarks, of a keyframe in the window
 constexpr int kLeastLent = 20;    // landmarks, that hold a window
 
-FlawPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
-  FlawPrior prior;
+CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
+  CalibrationPrior prior;
   if (options.learn_readout) prior.readout_step_s = 0.002, prior.readout_s = 0.02;
   if (options.learn_depth_offset && !map.monocular) {
     constexpr double kBaselineOfDepthCameras_m = 0.075;
@@ -94,14 +94,14 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     }
     bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);
   }
-  bundle.flaws = map.flaws;
+  bundle.calibration = map.calibration;
   WindowBundleOptions bundle_options;
   bundle_options.most_steps = options.steps;
   bundle_options.prior = prior_of(map, options);
   adjust(bundle, map.camera, bundle_options);
 
-  map.flaws = bundle.flaws;
-  map.flaws.readout_s = std::max(0.0, map.flaws.readout_s);  // rows are read downwards
+  map.calibration = bundle.calibration;
+  map.calibration.readout_s = std::max(0.0, map.calibration.readout_s);  // rows are read downwards
   for (std::size_t i = 0; i < chosen.size(); ++i) map.keyframe(chosen[i]).view = bundle.views[i];
   for (std::size_t i = 0; i < ids.size(); ++i) map.landmark(ids[i]).point = bundle.points[i];
   for (std::size_t i = 0; i < bundle.observations.size(); ++i)

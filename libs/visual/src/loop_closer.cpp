@@ -243,7 +243,7 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   found.erase(std::remove_if(found.begin(), found.end(), tells_little), found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
-  const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.flaws, options_.tracking.gate_sigmas);
+  const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.calibration, options_.tracking.gate_sigmas);
   if (pose.count < options_.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size())) return std::nullopt;
   loop.view = pose.view;
   loop.serial = map.keyframe(newest).serial;

@@ -49,7 +49,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     if (match != nullptr && !sees(landmark, loop_.newest))
       bundle_.observations.push_back({static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px), true});
   }
-  bundle_.flaws = map.flaws;
+  bundle_.calibration = map.calibration;
   monocular_ = map.monocular;
   stretches_ = stretches_of(map);
   scales_.assign(bundle_.views.size(), 1.0);

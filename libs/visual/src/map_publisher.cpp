@@ -101,12 +101,12 @@ std::shared_ptr<const Payload> MapPublisher::payload_of(const LandmarkMap& map, 
 
 LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observation& observation) const {
   const Sighting& sighting = observation.sighting;
-  const Eigen::Vector2d pixel = sighting.pixel - map.flaws.readout_s * sighting.row_flow;
+  const Eigen::Vector2d pixel = sighting.pixel - map.calibration.readout_s * sighting.row_flow;
   LandmarkSighting result;
   result.node = node_id(map.keyframe(observation.keyframe).serial);
   result.u = pixel_units(std::clamp(pixel.x(), 0.0, map.camera.width - 1.0));
   result.v = pixel_units(std::clamp(pixel.y(), 0.0, map.camera.height - 1.0));
-  const double inverse_depth = sighting.inverse_depth - map.flaws.inverse_depth_offset;
+  const double inverse_depth = sighting.inverse_depth - map.calibration.inverse_depth_offset;
   // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: nobody else is told.
   const bool is_sure = !map.monocular && (map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_);
   if (sighting.inverse_depth_sigma > 0.0 && is_sure && inverse_depth > 0.0) result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);

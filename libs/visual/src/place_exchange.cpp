@@ -34,7 +34,7 @@ PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.sigma_px, &view));
   if (found.size() >= kLeastTogether) {
-    PoseFromPoints pose = pose_from_points(sightings, map.camera, view, map.flaws, options.gate_sigmas);
+    PoseFromPoints pose = pose_from_points(sightings, map.camera, view, map.calibration, options.gate_sigmas);
     const View apart = pose.view * view.inverse();
     if (2 * pose.count > static_cast<int>(found.size()) && apart.translation.norm() < kNear_m &&
         Eigen::AngleAxisd(apart.rotation).angle() < kNear_rad)
@@ -44,7 +44,7 @@ PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found
   here.view = view;
   Residual r;
   for (const Sighting& sighting : sightings) {
-    here.fits.push_back(residual_of(sighting, view * sighting.point_in_map, map.camera, map.flaws, r) &&
+    here.fits.push_back(residual_of(sighting, view * sighting.point_in_map, map.camera, map.calibration, r) &&
                         r.value.head<2>().norm() < options.gate_sigmas);
     here.count += here.fits.back();
   }

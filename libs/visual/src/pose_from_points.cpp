@@ -5,10 +5,11 @@
 
 namespace mapweave::visual {
 
-bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera, const SensorFlaws& flaws, Residual& out) {
+bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera, const SensorCalibration& calibration,
+                 Residual& out) {
   if (!(p.z() > 0.02)) return false;
   const double z = 1.0 / p.z(), z2 = z * z, weight = 1.0 / sighting.sigma_px;
-  out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + flaws.readout_s * sighting.row_flow);
+  out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + calibration.readout_s * sighting.row_flow);
   out.by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z2, 0, weight * camera.fy * z, -weight * camera.fy * p.y() * z2,
       0, 0, 0;
   const double slack = sighting.slack_px.squaredNorm();
@@ -20,7 +21,7 @@ bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinho
   }
   out.value.z() = 0;
   if (sighting.inverse_depth_sigma > 0) {
-    out.value.z() = (z + flaws.inverse_depth_offset - sighting.inverse_depth) / sighting.inverse_depth_sigma;
+    out.value.z() = (z + calibration.inverse_depth_offset - sighting.inverse_depth) / sighting.inverse_depth_sigma;
     out.by_point(2, 2) = -z2 / sighting.inverse_depth_sigma;
   }
   Eigen::Matrix3d cross;
@@ -31,7 +32,7 @@ bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinho
 }
 
 PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pinhole& camera, const View& guess,
-                                const SensorFlaws& flaws, double gate, double first_gate) {
+                                const SensorCalibration& calibration, double gate, double first_gate) {
   PoseFromPoints result;
   result.view = guess;
   Residual r;
@@ -39,7 +40,7 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
   if (first_gate < std::numeric_limits<double>::infinity())
     for (std::size_t i = 0; i < sightings.size(); ++i)
       result.fits[i] =
-          residual_of(sightings[i], guess * sightings[i].point_in_map, camera, flaws, r) && r.value.head<2>().norm() < first_gate;
+          residual_of(sightings[i], guess * sightings[i].point_in_map, camera, calibration, r) && r.value.head<2>().norm() < first_gate;
   for (int round = 0; round < 2; ++round) {
     const double soft = round == 0 ? 2.0 : 1.5;
     for (int step = 0; step < 10; ++step) {
@@ -48,7 +49,7 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
       int used = 0;
       for (std::size_t i = 0; i < sightings.size(); ++i) {
         if (!result.fits[i]) continue;
-        if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, flaws, r)) continue;
+        if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, calibration, r)) continue;
         ++used;
         const double size = r.value.head<2>().norm(), depth = std::abs(r.value.z());
         Eigen::Vector3d weights(1, 1, 1);
@@ -68,7 +69,7 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
     result.count = 0;
     double sum = 0;
     for (std::size_t i = 0; i < sightings.size(); ++i) {
-      if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, flaws, r)) continue;
+      if (!residual_of(sightings[i], result.view * sightings[i].point_in_map, camera, calibration, r)) continue;
       const double square = r.value.head<2>().squaredNorm();
       if (square > gate * gate) continue;
       result.fits[i] = 1, ++result.count, sum += square;

@@ -31,7 +31,8 @@ struct PoseFromPoints {
 // Gauss-Newton from `guess`, robustly; sightings farther off than `gate` sigmas at the end do not fit. Those farther off than `first_gate`
 // from the guess have no say at first.
 PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pinhole& camera, const View& guess,
-                                const SensorFlaws& flaws, double gate, double first_gate = std::numeric_limits<double>::infinity());
+                                const SensorCalibration& calibration, double gate,
+                                double first_gate = std::numeric_limits<double>::infinity());
 
 // Residuals of one sighting and their derivative by a small motion of the camera (translation, rotation; from the left). Third row: inverse
 // depth.
@@ -40,7 +41,7 @@ struct Residual {
   Eigen::Matrix<double, 3, 6> by_motion;
   Eigen::Matrix3d by_point;  // of the point in the camera's frame
 };
-bool residual_of(const Sighting& sighting, const Eigen::Vector3d& point_in_camera, const Pinhole& camera, const SensorFlaws& flaws,
-                 Residual& out);
+bool residual_of(const Sighting& sighting, const Eigen::Vector3d& point_in_camera, const Pinhole& camera,
+                 const SensorCalibration& calibration, Residual& out);
 
 }  // namespace mapweave::visual

@@ -429,7 +429,7 @@ std::vector<PlacedFrame> VisualClient::keyframes() const { return keyframes_of(s
 std::vector<MappedLandmark> VisualClient::landmarks() const { return landmarks_of(state_->map); }
 std::vector<int> VisualClient::sessions() const { return sessions_of(state_->map); }
 std::vector<ClosedLoop> VisualClient::loops() const { return state_->loops; }
-SensorFlaws VisualClient::sensor() const { return state_->map.flaws; }
+SensorCalibration VisualClient::sensor() const { return state_->map.calibration; }
 std::vector<std::string> VisualClient::notes() const { return state_->notes; }
 
 }  // namespace mapweave::visual

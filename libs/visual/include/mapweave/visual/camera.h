@@ -16,8 +16,8 @@ struct Distortion {
   }
 };
 
-// What is not known of a sensor beforehand, and learnt from what it sees.
-struct SensorFlaws {
+// Systematic errors of a sensor: unknown beforehand, estimated with the map.
+struct SensorCalibration {
   double readout_s = 0.0;             // from the first row to the last (rolling shutter)
   double inverse_depth_offset = 0.0;  // measured less true, 1/m
 };

@@ -12,7 +12,7 @@ struct DepthPictureOptions {
   DepthOptions depth;
   double disparity_sigma_px = 0.5;  // of a stereo pair
   double most_error_m = 0.1;        // farther readings, whose deviation is larger, are left out
-  SensorFlaws flaws;                // the offset is taken out
+  SensorCalibration calibration;    // the offset is taken out
 };
 
 // Along z, in metres, of each pixel of the rectified picture; 0: not known. A depth camera's own, moved to where the picture was taken,

@@ -117,7 +117,7 @@ class VisualClient {
   std::vector<MappedLandmark> landmarks() const;
   std::vector<int> sessions() const;       // that are apart; the lowest number of those that became one stands for all
   std::vector<ClosedLoop> loops() const;   // by stamp; one that is not applied yet is not among them
-  SensorFlaws sensor() const;              // as learnt so far
+  SensorCalibration sensor() const;        // as learnt so far
   std::vector<std::string> notes() const;  // what seems wrong with the pictures, and what to do about it
 
  private:
