@@ -226,7 +226,7 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   EXPECT_GT(moved, 0U) << "beside what is new";
 }
 
-// What keyframes of b would tell of landmarks that a lent them: where they saw their own landmarks at those places.
+// What keyframes of b would report of landmarks that a shared with them: where they saw their own landmarks at those places.
 std::vector<LandmarkChange> told_of(const Map& a, const Map& b, const Pose3& a_from_b) {
   std::map<LandmarkId, LandmarkChange> changes;
   for (const auto& [id_b, own] : b.landmarks) {

@@ -28,7 +28,8 @@ std::set<SessionId> sessions() {
 
 std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
 
-// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it wants to be lent.
+// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it asks for shared
+// landmarks.
 class Client {
  public:
   Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
@@ -113,9 +114,9 @@ TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
 TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
   LiveServerOptions options;
   options.handlers = 1, options.queue_kb = 512;
-  tiers::ServerOptions lending;
-  lending.share = tiers::Sharing::view, lending.fuse_after = 5;
-  LiveMapServer server(TierId("edge"), lending, {}, options, std::nullopt);
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
+  LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   std::atomic<bool> ends{false};
   std::atomic<int> put_off{0};
   std::vector<std::thread> hostile;
@@ -156,12 +157,12 @@ ClientView view_of(const Map& map, std::uint32_t number) {
   return {map.id, node.stamp, node.map_from_node, number};
 }
 
-TEST(LiveMapServer, joins_aside_and_lends_tells_places_and_bounds_what_waits_to_be_heard) {
-  tiers::ServerOptions lending;
-  lending.share = tiers::Sharing::view, lending.fuse_after = 5;
+TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what_waits_to_be_received) {
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
   LiveServerOptions options;
   options.answers_kb = 64;
-  LiveMapServer server(TierId("edge"), lending, {}, options, std::nullopt);
+  LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
   for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
@@ -234,11 +235,11 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   options.journal_kb = GetParam();
   ASSERT_GT(heard().size(), 8U);
   std::mt19937 random(5);
-  tiers::ServerOptions lending;
-  lending.share = tiers::Sharing::full, lending.fuse_after = 5;
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::full, sharing.fuse_after = 5;
   for (int kill = 0; kill < 20; ++kill) {
     const auto serve = [&](int out) {
-      LiveMapServer server(TierId("edge"), lending, {}, options, path);
+      LiveMapServer server(TierId("edge"), sharing, {}, options, path);
       std::vector<std::thread> clients;
       for (const SessionId& session : sessions())
         clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
@@ -249,7 +250,7 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
     test::killed(serve, most, static_cast<unsigned>(random() % 30000));
   }
   {
-    LiveMapServer server(TierId("edge"), lending, {}, options, path);
+    LiveMapServer server(TierId("edge"), sharing, {}, options, path);
     tell_all(server);
   }
   std::size_t entries = 0;

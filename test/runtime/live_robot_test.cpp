@@ -125,11 +125,11 @@ TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
 }
 
 TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
-  tiers::ServerOptions lending;
-  lending.share = tiers::Sharing::view, lending.fuse_after = 5;
+  tiers::ServerOptions sharing;
+  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
   LiveServerOptions narrow;
   narrow.answers_kb = 1;
-  LiveMapServer server(TierId("edge"), lending, {}, narrow, std::nullopt);
+  LiveMapServer server(TierId("edge"), sharing, {}, narrow, std::nullopt);
   for (const auto& [session, updates] : told_well()) tell(server, session, updates, 20ms);
   await_joining(server);
   const auto& [session, updates] = *told_well().begin();
@@ -148,7 +148,7 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   }
   const auto shares = counts_of(server, session).shares - before.shares;
   EXPECT_GT(shares, 0U);
-  EXPECT_LT(shares, views) << "it is lent nothing more";
+  EXPECT_LT(shares, views) << "nothing more is shared with it";
 }
 
 TEST(LiveRobot, is_told_once_why_its_cameras_are_not_tied) {

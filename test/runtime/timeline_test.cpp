@@ -83,11 +83,11 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
 
 TEST(Timeline, lends_maps_once_all_are_there_to_edges_that_have_fused_their_own) {
   Work work = two_robots();
-  work.edges[0].lent_bytes = 500'000, work.edges[0].judging_s = 2.0, work.edges[0].judged_bytes = 50'000;
+  work.edges[0].sent_bytes = 500'000, work.edges[0].judging_s = 2.0, work.edges[0].judged_bytes = 50'000;
   work.planning_s = 1.5;
-  const double all_there_s = 2.0 + 2.0 + 20.0 + 0.8, lent_s = all_there_s + 1.5 + 1.0;
+  const double all_there_s = 2.0 + 2.0 + 20.0 + 0.8, sent_s = all_there_s + 1.5 + 1.0;
   Timeline line = timeline(with(Mode::offload, wires()), work);
-  EXPECT_NEAR(line.edges[0].judged_s, lent_s + 2.0 + 0.1, 1e-6);
+  EXPECT_NEAR(line.edges[0].judged_s, sent_s + 2.0 + 0.1, 1e-6);
   EXPECT_NEAR(line.edges[1].arrived_s, 24.0 + 4.0 + 0.2, 1e-6) << "fused while the other judged";
   EXPECT_EQ(line.edges[1].judged_s, 0.0);
   EXPECT_NEAR(line.total_s, line.edges[0].judged_s + 5.0 - 1.5, 1e-6);

@@ -139,13 +139,13 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   ASSERT_NE(own, maps.end());
   const auto& [id, node] = *(own->nodes.begin() + static_cast<std::ptrdiff_t>(own->nodes.size() / 2));
   const ClientView here{name, node.stamp, node.map_from_node, 0};
-  const auto corrected = server.share(*other, here), lent = server.share(*other, here);
-  ASSERT_TRUE(corrected && lent);
+  const auto corrected = server.share(*other, here), shared = server.share(*other, here);
+  ASSERT_TRUE(corrected && shared);
   EXPECT_NEAR(corrected->scale, 1.0 / kScale, 0.03 / kScale);
   ASSERT_GT(corrected->corrected.size(), 20U);
   const Map& team = server.joined().components.front().map;
-  ASSERT_GT(lent->landmarks.size(), 10U);
-  for (const DescribedLandmark& landmark : lent->landmarks) {
+  ASSERT_GT(shared->landmarks.size(), 10U);
+  for (const DescribedLandmark& landmark : shared->landmarks) {
     const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
     const Landmark* known = team.landmarks.find(landmark.id);
     ASSERT_NE(known, nullptr);

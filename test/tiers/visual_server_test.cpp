@@ -1,7 +1,7 @@
 #include <mapweave/core/error.h>
 #include <support/heard_updates.h>
 
-#include <support/lending.h>
+#include <support/landmark_sharing.h>
 
 #include <gmock/gmock.h>
 
@@ -31,7 +31,7 @@ std::string sealed_bytes(const fusion::FusionResult& sealed) {
   return bytes;
 }
 
-TEST(VisualServer, joins_what_its_clients_tell_and_lends_it_to_them) {
+TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   FeatureTeam& team = apartment();
   ASSERT_EQ(team.server.joined().components.size(), 1U);
   for (const auto& robot : team.robots) {
@@ -228,7 +228,7 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
   std::map<Sharing, double> error_m;
   for (const Sharing share : {Sharing::none, Sharing::full}) {
     ServerOptions options = sharing(share);
-    options.correct_m = 0.03, options.retrieval.most = 1;  // what is lent helps too: not here
+    options.correct_m = 0.03, options.retrieval.most = 1;  // shared landmarks help too: not here
     FeatureTeam team(options);
     StarryCorridor good(1, true), poor(2, true);
     const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m, double pixels, double inverse_depth,
@@ -326,7 +326,7 @@ TEST(VisualServer, joins_a_robot_that_comes_back_another_day) {
   EXPECT_EQ(maps[1].id.str(), "alpha.camera-2");
 }
 
-TEST(VisualServer, keeps_within_a_clients_wire_by_lending_less) {
+TEST(VisualServer, keeps_within_a_clients_wire_by_sharing_less) {
   auto options = two_in_an_apartment();
   for (auto& robot : options.robots) robot.length_m = 15.0;
   std::map<double, std::uint64_t> heard;

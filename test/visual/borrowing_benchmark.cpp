@@ -1,4 +1,4 @@
-// What it is worth to a camera client that a server lends it landmarks of a map made before (CVS III-C), and tells it where it is.
+// What it is worth to a camera client that a server shares landmarks of a map with it made before (CVS III-C), and tells it where it is.
 // borrowing_benchmark FOLDER [FIRST]: a TUM folder with groundtruth.txt. The frames before number FIRST (416) make the map, the others
 // borrow from it: with their depth, and as a camera alone. borrowing_benchmark [METRES [SEED]]: in a simulated building, by features.
 
@@ -96,9 +96,9 @@ std::optional<Pose3> first_place(Server& server, const Drive& drive, const Pose3
   return probe.trajectory().front().map_from_camera;
 }
 
-void borrow(Server& server, const Drive& drive, const Pose3& first, const char* what, bool alone, bool lends) {
+void borrow(Server& server, const Drive& drive, const Pose3& first, const char* what, bool alone, bool shares) {
   ClientOptions options;
-  options.session.await_place = alone && lends;
+  options.session.await_place = alone && shares;
   VisualClient client(drive.camera, 0.0, options);
   int lost = 0, told = 0;
   double spent_ms = 0.0;
@@ -106,16 +106,16 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
     const double before = now_ms();
     const Tracked tracked = drive.add(client, i, alone);
     lost += tracked.state == TrackState::lost;
-    if (lends && alone && tracked.state == TrackState::waiting && i == 0) {
+    if (shares && alone && tracked.state == TrackState::waiting && i == 0) {
       const auto request = client.place_request(kBeta);
       if (request) client.place(kBeta, {request->stamp, MapId("alpha"), first, server.under(drive.camera, first)});
     }
-    if (lends && tracked.keyframe && tracked.session == 0) {
+    if (shares && tracked.keyframe && tracked.session == 0) {
       // A session that began with the answer is in the server's frame, others in that of their first camera.
       const Pose3 server_from_map = alone ? Pose3{} : first;
       auto found = server.under(drive.camera, compose(server_from_map, tracked.map_from_camera));
       for (auto& one : found) one = matching::transformed(one, {inverse(server_from_map), 1.0});
-      client.lend(kBeta, 0, found);
+      client.borrow(kBeta, 0, found);
     }
     if (tracked.keyframe)
       for (const MapUpdate& update : client.take_updates(kBeta, PublishedDetail::light))
@@ -126,7 +126,7 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
   const auto laid = matching::align_points(pairs, matching::Freedom::rigid),
              similar = matching::align_points(pairs, matching::Freedom::similarity);
   if (!laid || !similar) return;
-  const Sim3 kept = alone && !lends ? *similar : *laid;
+  const Sim3 kept = alone && !shares ? *similar : *laid;
   double square = 0;
   for (const auto& pair : pairs) square += (kept.scale * (kept.pose.q * pair.in_b) + kept.pose.t - pair.in_a).squaredNorm();
   std::printf("%-28s error %.4f m, scale %.4f; %zu frames placed, %d lost; %.2f ms a frame; %d sightings of borrowed ones\n", what,
@@ -158,7 +158,7 @@ void compare(const Drive& mapping, const Drive& borrowing, bool has_pictures) {
     std::printf("the first frame is not known there\n");
     return;
   }
-  borrow(server, borrowing, *first, "depth, nothing lent", false, false);
+  borrow(server, borrowing, *first, "depth, nothing shared", false, false);
   borrow(server, borrowing, *first, "depth, borrowing", false, true);
   if (has_pictures) {
     borrow(server, borrowing, *first, "alone (scale given to it)", true, false);

@@ -1,6 +1,6 @@
 #include <mapweave/core/error.h>
 
-#include <support/lending.h>
+#include <support/landmark_sharing.h>
 
 #include <gmock/gmock.h>
 
@@ -11,7 +11,7 @@ namespace {
 
 using test::at;
 using test::error_of;
-using test::LendingServer;
+using test::SharingServer;
 using test::place_of;
 using test::StarryCorridor;
 
@@ -23,12 +23,12 @@ constexpr double kStep_m = 0.06;
 constexpr int kFrames = 400;
 
 // A good camera's map of the corridor.
-const LendingServer& server() {
-  static const LendingServer server = [] {
+const SharingServer& server() {
+  static const SharingServer server = [] {
     StarryCorridor corridor(1);
     VisualClient client(corridor.camera, 0.0, {});
     for (int i = 0; i < kFrames + 40; ++i) client.add(corridor.frame(at(i), along(kStep_m * i), 0.1, 0.0002));
-    LendingServer result;
+    SharingServer result;
     result.learn(client, place_of("alpha"), along(0.0));
     return result;
   }();
@@ -44,9 +44,9 @@ struct Drive {
   explicit Drive(ClientOptions options = {}) : client(corridor.camera, 0.0, options) {}
 
   Pose3 world_from_map() const { return compose(truth.front(), inverse(test::kRobotFromCamera)); }
-  // A poor camera: `lend` is called after each keyframe with where the client thinks that its camera is in the world.
-  template <class Lend>
-  void run(int frames, const Lend& lend) {
+  // A poor camera: `share` is called after each keyframe with where the client thinks that its camera is in the world.
+  template <class Share>
+  void run(int frames, const Share& share) {
     for (int i = static_cast<int>(truth.size()); i < frames; ++i) {
       truth.push_back(along(kStep_m * i));
       const Tracked tracked = client.add(corridor.frame(at(i), truth.back(), 0.7, 0.01, 0.004));
@@ -60,7 +60,7 @@ struct Drive {
           borrowed_seen += change.seen.size();
         }
       }
-      lend(compose(truth.front(), tracked.map_from_camera));
+      share(compose(truth.front(), tracked.map_from_camera));
     }
   }
 };
@@ -71,11 +71,11 @@ TEST(Borrowing, keeps_a_client_from_drifting) {
   Drive alone(options), helped(options);
   alone.run(kFrames, [](const Pose3&) {});
   helped.run(kFrames, [&](const Pose3& world_from_camera) {
-    helped.client.lend(place_of("beta"), 0,
-                       LendingServer::in_map(server().under(helped.corridor.camera, world_from_camera), helped.world_from_map()));
+    helped.client.borrow(place_of("beta"), 0,
+                  SharingServer::in_map(server().under(helped.corridor.camera, world_from_camera), helped.world_from_map()));
   });
   const double without = error_of(alone.client, alone.truth), with = error_of(helped.client, helped.truth);
-  std::printf("error %.3f m alone, %.3f m with landmarks lent\n", without, with);
+  std::printf("error %.3f m alone, %.3f m with shared landmarks\n", without, with);
   EXPECT_LT(with, 0.4 * without);
   EXPECT_LT(with, 0.06);
   EXPECT_GT(helped.borrowed_seen, 1000U);
@@ -85,8 +85,8 @@ TEST(Borrowing, keeps_a_client_from_drifting) {
 TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
   Drive drive;
   drive.run(60, [&](const Pose3& world_from_camera) {
-    drive.client.lend(place_of("beta"), 0,
-                      LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map()));
+    drive.client.borrow(place_of("beta"), 0,
+                 SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map()));
   });
   EXPECT_GT(drive.client.borrowed_seen(), 30U);
   EXPECT_GT(drive.borrowed_seen, 100U);
@@ -110,10 +110,10 @@ TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
     std::mt19937_64 random(3);
     const auto noise = [&] { return static_cast<double>(random() >> 11) * 0x1.0p-53 - 0.5; };
     drive.run(200, [&](const Pose3& world_from_camera) {
-      auto lent = LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
-      for (DescribedLandmark& one : lent)
+      auto borrowed = SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      for (DescribedLandmark& one : borrowed)
         one.point_in_map += together ? Eigen::Vector3d(0.0, 0.25, 0.1) : Eigen::Vector3d(noise(), noise(), noise());
-      drive.client.lend(place_of("beta"), 0, lent);
+      drive.client.borrow(place_of("beta"), 0, borrowed);
     });
     const double with = error_of(drive.client, drive.truth);
     std::printf("error %.3f m alone, %.3f m with lies; %zu of %zu seen\n", without, with, drive.client.borrowed_seen(),
@@ -125,22 +125,22 @@ TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
 TEST(Borrowing, refuses_what_is_no_landmark_and_sessions_that_are_not) {
   Drive drive;
   const DescribedLandmark good = server().under(drive.corridor.camera, along(0.0)).front();
-  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, {good}), 0) << "it has not begun";
+  EXPECT_EQ(drive.client.borrow(place_of("beta"), 0, {good}), 0) << "it has not begun";
   drive.run(20, [](const Pose3&) {});
-  EXPECT_EQ(drive.client.lend(place_of("beta"), 1, {good}), 0);
-  EXPECT_EQ(drive.client.lend(place_of("beta"), -1, {good}), 0);
+  EXPECT_EQ(drive.client.borrow(place_of("beta"), 1, {good}), 0);
+  EXPECT_EQ(drive.client.borrow(place_of("beta"), -1, {good}), 0);
   std::vector<DescribedLandmark> bad(5, good);
   bad[0].point_in_map.x() = std::numeric_limits<double>::quiet_NaN();
   bad[1].point_in_map.y() = 1e300;
   bad[2].direction = {3, 4, 5};
   bad[3].sigma_m = -1.0;
   bad[4].feature_from_point.z() = std::numeric_limits<double>::infinity();
-  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 0);
+  EXPECT_EQ(drive.client.borrow(place_of("beta"), 0, bad), 0);
   EXPECT_EQ(drive.client.borrowed(), 0U);
   bad.push_back(good);
   bad.push_back(good);
   bad.back().id.session = {place_of("beta").client, at(0).ns};  // its own
-  EXPECT_EQ(drive.client.lend(place_of("beta"), 0, bad), 1);
+  EXPECT_EQ(drive.client.borrow(place_of("beta"), 0, bad), 1);
   EXPECT_EQ(drive.client.borrowed(), 1U);
   drive.run(60, [](const Pose3&) {});
 }
@@ -150,7 +150,7 @@ TEST(Borrowing, holds_no_more_than_it_needs) {
   drive.run(20, [](const Pose3&) {});
   std::vector<DescribedLandmark> flood(20000, server().under(drive.corridor.camera, along(0.0)).front());
   for (std::uint32_t i = 0; i < flood.size(); ++i) flood[i].id.index = i, flood[i].point_in_map.x() = -500.0 - i;
-  drive.client.lend(place_of("beta"), 0, flood);
+  drive.client.borrow(place_of("beta"), 0, flood);
   EXPECT_LE(drive.client.borrowed(), 3000U);
   drive.run(320, [](const Pose3&) {});
   EXPECT_EQ(drive.client.borrowed(), 0U) << "out of the way for long";
@@ -160,8 +160,8 @@ TEST(Borrowing, gives_the_same_numbers_every_time) {
   const auto run = [] {
     Drive drive;
     drive.run(80, [&](const Pose3& world_from_camera) {
-      auto lent = LendingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
-      drive.client.lend(place_of("beta"), 0, lent);
+      auto borrowed = SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      drive.client.borrow(place_of("beta"), 0, borrowed);
     });
     std::vector<double> numbers;
     for (const PlacedFrame& frame : drive.client.trajectory())
@@ -180,7 +180,7 @@ Pose3 walk(double frame) {
 }
 
 struct RoomMap {
-  LendingServer server;
+  SharingServer server;
   double error_m = 0.0;
 };
 const RoomMap& room_map() {
@@ -228,8 +228,8 @@ Walked walk_about(const Measuring& measuring, bool is_helped, std::uint64_t seed
     const auto first = std::lround((client.keyframes().front().stamp.seconds() - 100.0) * 15.0);
     const Pose3 start = truth[static_cast<std::size_t>(first)];
     const Pose3 world_from_map = compose(start, inverse(test::kRobotFromCamera));
-    client.lend(place_of("beta"), 0,
-                LendingServer::in_map(room_map().server.under(room.camera, compose(start, tracked.map_from_camera)), world_from_map));
+    client.borrow(place_of("beta"), 0,
+           SharingServer::in_map(room_map().server.under(room.camera, compose(start, tracked.map_from_camera)), world_from_map));
   }
   EXPECT_GT(client.trajectory().size(), 80U);
   return {error_of(client, truth), client.borrowed_seen()};
@@ -238,7 +238,7 @@ Walked walk_about(const Measuring& measuring, bool is_helped, std::uint64_t seed
 void compare(const Measuring& measuring, const std::function<void(double with, double without)>& expect) {
   for (const std::uint64_t seed : {1U, 2U}) {
     const Walked with = walk_about(measuring, true, seed), without = walk_about(measuring, false, seed);
-    std::printf("camera %d: error %.4f m alone, %.4f m with landmarks lent, of which %zu are seen\n", static_cast<int>(measuring.camera),
+    std::printf("camera %d: error %.4f m alone, %.4f m with shared landmarks, of which %zu are seen\n", static_cast<int>(measuring.camera),
                 without.error_m, with.error_m, with.borrowed_seen);
     expect(with.error_m, without.error_m);
     EXPECT_GT(with.borrowed_seen, 60U);

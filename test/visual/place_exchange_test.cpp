@@ -1,7 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/matching/visual_judge.h>
 
-#include <support/lending.h>
+#include <support/landmark_sharing.h>
 
 #include <gmock/gmock.h>
 
@@ -10,7 +10,7 @@ namespace {
 
 using test::at;
 using test::error_of;
-using test::LendingServer;
+using test::SharingServer;
 using test::place_of;
 
 const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89.5}};
@@ -27,11 +27,11 @@ Frame picture(int frame, const Pose3& pose) {
 }
 
 // A depth camera's map of the room; it began in a corner of it.
-const LendingServer& server() {
-  static const LendingServer server = [] {
+const SharingServer& server() {
+  static const SharingServer server = [] {
     VisualClient client(room.camera, 0.0, {});
     for (int i = -15; i < 40; ++i) client.add(room.frame(at(i + 15), walk(i)));
-    LendingServer result;
+    SharingServer result;
     result.learn(client, place_of("alpha"), walk(-15));
     return result;
   }();
@@ -44,7 +44,7 @@ PlaceAnswer answer_to(const PlaceRequest& request, const Pose3& world_from_camer
   answer.stamp = request.stamp, answer.map = MapId("team");
   const Pose3 there = compose(world_from_camera, error);
   answer.map_from_robot = compose(compose(inverse(server().world_from_map), there), inverse(test::kRobotFromCamera));
-  answer.landmarks = LendingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map);
+  answer.landmarks = SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map);
   return answer;
 }
 
@@ -76,7 +76,7 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
       tracked_frames += tracked.state == TrackState::tracked;
       const Pose3 world_from_camera = compose(compose(server().world_from_map, test::kRobotFromCamera), tracked.map_from_camera);
       if (tracked.keyframe && i < 50)
-        client.lend(place_of("beta"), 0, LendingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map));
+        client.borrow(place_of("beta"), 0, SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map));
       for (const MapUpdate& update : client.take_updates(place_of("beta"), PublishedDetail::light))
         told = updated(std::move(told), decode_map_update(encode(update), "test"));
     }
@@ -152,7 +152,7 @@ TEST(PlaceExchange, brings_a_lost_client_back_into_its_map) {
   const Pose3 world_from_own = compose(walk(0), inverse(test::kRobotFromCamera));
   answer.map = map_of(place_of("beta").client, 0);
   answer.map_from_robot = compose(compose(inverse(world_from_own), there(12)), inverse(test::kRobotFromCamera));
-  answer.landmarks = LendingServer::in_map(server().under(room.camera, there(12)), world_from_own);
+  answer.landmarks = SharingServer::in_map(server().under(room.camera, there(12)), world_from_own);
   ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
   for (int i = 13; i < 25; ++i) {
     const Tracked tracked = client.add(room.frame(at(i), there(i)));
@@ -169,7 +169,7 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
   const auto way = [](int i) { return test::standing(0.3 * std::sin(0.1 * i), 0.05 * i, 0.0); };
   VisualClient mapper(corridor.camera, 0.0, {}), client(corridor.camera, 0.0, waiting());
   for (int i = 0; i < 80; ++i) mapper.add(corridor.frame(at(i), way(i), 0.1, 0.0002));
-  LendingServer known;
+  SharingServer known;
   known.learn(mapper, place_of("alpha"), way(0));
   std::vector<Pose3> truth;
   for (int i = 0; i < 70; ++i) {
@@ -178,17 +178,18 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
     std::fill(frame.inverse_depths.begin(), frame.inverse_depths.end(), 0.0F);
     const Tracked tracked = client.add(frame);
     EXPECT_EQ(tracked.state, i == 0 ? TrackState::waiting : TrackState::tracked) << i;
-    const auto lend_at = [&](const Pose3& world_from_camera) {
-      return LendingServer::in_map(known.under(corridor.camera, world_from_camera), known.world_from_map);
+    const auto shared_at = [&](const Pose3& world_from_camera) {
+      return SharingServer::in_map(known.under(corridor.camera, world_from_camera), known.world_from_map);
     };
     if (i == 0) {
       const auto request = client.place_request(place_of("beta"));
       ASSERT_TRUE(request);
       PlaceAnswer answer{request->stamp, MapId("team"),
-                         compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)), lend_at(way(0))};
+                         compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)), shared_at(way(0))};
       ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
     } else if (tracked.keyframe) {
-      client.lend(place_of("beta"), 0, lend_at(compose(compose(known.world_from_map, test::kRobotFromCamera), tracked.map_from_camera)));
+      client.borrow(place_of("beta"), 0,
+                    shared_at(compose(compose(known.world_from_map, test::kRobotFromCamera), tracked.map_from_camera)));
     }
   }
   EXPECT_LT(error_of(client, truth), 0.03);

@@ -94,7 +94,7 @@ template <class Repeated>
 std::vector<DescribedLandmark> landmarks_of(const Repeated& forms, const FormReader& reader) {
   std::vector<DescribedLandmark> landmarks;
   landmarks.reserve(static_cast<std::size_t>(forms.size()));
-  for (const auto& form : forms) landmarks.push_back(reader.lent(form));
+  for (const auto& form : forms) landmarks.push_back(reader.shared_landmark(form));
   return landmarks;
 }
 
@@ -113,9 +113,9 @@ form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable
   return form;
 }
 
-DescribedLandmark FormReader::lent(const form::LentLandmark& form) const {
+DescribedLandmark FormReader::shared_landmark(const form::LentLandmark& form) const {
   if (form.point_size() != 3 || form.feature_size() != 3 || form.descriptor().size() != kDescriptorBytes)
-    corrupt("a landmark that is lent has " + std::to_string(form.point_size()) + " and " + std::to_string(form.feature_size()) +
+    corrupt("a shared landmark has " + std::to_string(form.point_size()) + " and " + std::to_string(form.feature_size()) +
             " coordinates and a descriptor of " + std::to_string(form.descriptor().size()) + " bytes; 3, 3 and " +
             std::to_string(kDescriptorBytes) + " are expected");
   DescribedLandmark landmark;

@@ -92,7 +92,7 @@ class FormReader {
   Verdict verdict(const form::Verdict&) const;
   Landmark landmark(const form::Landmark&) const;
   LandmarkChange landmark_change(const form::LandmarkChange&) const;
-  DescribedLandmark lent(const form::LentLandmark&) const;
+  DescribedLandmark shared_landmark(const form::LentLandmark&) const;
   Pose3 pose(const form::Pose&) const;
   Hash hash(const std::string& bytes) const;
   SessionId session(std::uint32_t place) const;

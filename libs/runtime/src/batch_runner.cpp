@@ -202,7 +202,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       const auto errand = errands.find(edges[i].id());
       if (errand == errands.end()) continue;
       EdgeWork& work = report.work.edges[i];
-      for (const std::string& update : errand->second.updates) work.lent_bytes += update.size();
+      for (const std::string& update : errand->second.updates) work.sent_bytes += update.size();
       before_s = process_cpu_seconds();
       const auto effects = edges[i].step(errand->second, pool, progress);
       const double told_s = process_cpu_seconds();

@@ -110,10 +110,10 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   for (std::size_t i = 0; i < work.edges.size(); ++i) {
     const EdgeWork& edge = work.edges[i];
     Timeline::Edge& line = result.edges[i];
-    if (edge.judging_s == 0.0 && edge.lent_bytes == 0) continue;
+    if (edge.judging_s == 0.0 && edge.sent_bytes == 0) continue;
     const bool is_here = edge.id.str() == cloud;
-    const double lent_s = is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.lent_bytes);
-    const double done_s = std::max(line.fused_s, lent_s) + edge.judging_s / speed_of(edge.id);
+    const double sent_s = is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.sent_bytes);
+    const double done_s = std::max(line.fused_s, sent_s) + edge.judging_s / speed_of(edge.id);
     line.judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
     judged_s = std::max(judged_s, line.judged_s);
   }
@@ -156,7 +156,7 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
                      {"ready_seconds", line.ready_s},
                      {"fused_seconds", line.fused_s},
                      {"arrived_seconds", line.arrived_s},
-                     {"lent_bytes", work.edges.at(i).lent_bytes},
+                     {"lent_bytes", work.edges.at(i).sent_bytes},
                      {"judging_cpu_seconds", work.edges.at(i).judging_s},
                      {"judged_bytes", work.edges.at(i).judged_bytes},
                      {"judged_seconds", line.judged_s}});

@@ -143,7 +143,7 @@ void CameraAgent::hear_share(visual::VisualClient& client, std::string_view byte
   const auto session = visual::session_of(place_.client, share.map);
   if (!session) return;
   if (!share.corrected.empty()) client.correct(place_, *session, share.corrected, share.scale);
-  client.lend(place_, *session, share.landmarks);
+  client.borrow(place_, *session, share.landmarks);
 }
 
 visual::PlaceVerdict CameraAgent::hear_place(visual::VisualClient& client, std::string_view bytes) {

@@ -67,25 +67,25 @@ std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges, Wor
     work.push_back({std::uint64_t{of_a.map().nodes.size()} * of_b.map().nodes.size(), std::move(pair), at_a, at_b});
   }
   std::stable_sort(work.begin(), work.end(), [](const Work& one, const Work& other) { return one.size > other.size; });
-  struct Lent {
+  struct SentMap {
     TierId owner;
     bool is_whole = false;
     std::set<SubmapId> submaps;
   };
   std::map<TierId, Errand> errands;
   std::map<TierId, std::uint64_t> load;
-  std::map<TierId, std::map<MapId, Lent>> lent;
+  std::map<TierId, std::map<MapId, SentMap>> sent;
   for (Work& one : work) {
     const bool first = load[one.at_a] <= load[one.at_b];
     const TierId& judge = first ? one.at_a : one.at_b;
     load[judge] += one.size;
-    Lent& other = lent[judge][first ? one.pair.b : one.pair.a];
+    SentMap& other = sent[judge][first ? one.pair.b : one.pair.a];
     other.owner = first ? one.at_b : one.at_a;
     other.is_whole = other.is_whole || one.pair.have_cameras;
     for (const fusion::SubmapPair& submaps : one.pair.submaps) other.submaps.insert(first ? submaps.b : submaps.a);
     errands[judge].pairs.push_back(std::move(one.pair));
   }
-  for (const auto& [judge, maps] : lent)
+  for (const auto& [judge, maps] : sent)
     for (const auto& [id, what] : maps) {
       const Map& map = inboxes_.at(id).map();
       errands[judge].updates.push_back(first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));

@@ -77,7 +77,7 @@ EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Pro
   for (const MapId& id : needed)
     if (const Map* map = maps_.find(id)) input.maps.push_back(*map);
   for (const std::string& bytes : errand.updates) {
-    const MapUpdate update = decode_map_update(bytes, "a map lent to edge " + edge_.str());
+    const MapUpdate update = decode_map_update(bytes, "a map sent to edge " + edge_.str());
     Map map;
     map.id = update.origin.map;
     if (needed.count(map.id) != 0 && !maps_.contains(map.id)) input.maps.push_back(updated(map, update));

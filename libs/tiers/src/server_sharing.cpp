@@ -13,7 +13,7 @@ namespace {
 constexpr std::uint32_t kHeldFor = 20;    // shares out of view: clients forget after 30 keyframes
 constexpr std::uint32_t kSweepEvery = 4;  // shares
 constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
-constexpr std::uint64_t kNobody = 0;      // lends
+constexpr std::uint64_t kNobody = 0;      // shares
 constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
 constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the joining began knows better
 constexpr double kLandmarkBytes = 70.0;   // on the wire, about
@@ -63,32 +63,32 @@ bool VisualServer::State::has_lengths_of_others(const Client& client) const {
 }
 
 void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
-  if (std::exchange(part.lenders_by, views) == views) return;
-  std::set<SessionId> not_lent{to};
+  if (std::exchange(part.owners_by, views) == views) return;
+  std::set<SessionId> not_shared{to};
   // A camera that measures lengths would come to rest on those that a sibling has from itself.
   for (const Entry* sibling : siblings(to.client))
-    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_lent.insert(sibling->first);
-  part.lender_of_session.clear();
+    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_shared.insert(sibling->first);
+  part.owner_of_session.clear();
   for (const SessionId& session : member.component->landmarks().sessions())
-    part.lender_of_session.push_back(
-        not_lent.count(session) != 0 ? kNobody : part.lenders.try_emplace(session, part.lenders.size() + 1).first->second);
+    part.owner_of_session.push_back(
+        not_shared.count(session) != 0 ? kNobody : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
 }
 
-void VisualServer::State::lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
-                               const Node& near, std::size_t most, Share& share) const {
+void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
+                                          const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
   note_lenders(part, to, member);
-  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.lender_of_session[seen.session] << 32 | seen.index; };
+  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.owner_of_session[seen.session] << 32 | seen.index; };
   const matching::Frustum seen_from = frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told
   const auto all = landmarks.look(seen_from, options.retrieval, to.client);
-  for (const matching::LandmarkIndex::Seen& seen : all) part.lent.expect(key_of(seen));
+  for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
   for (const matching::LandmarkIndex::Seen& seen : all) {
-    if (part.lender_of_session[seen.session] == kNobody) continue;
-    if (LentTable::Lent* const held = part.lent.find(key_of(seen))) {
+    if (part.owner_of_session[seen.session] == kNobody) continue;
+    if (SharedLandmarkTable::Shared* const held = part.shared.find(key_of(seen))) {
       held->wanted = part.shares;
       if ((held->point_in_map - transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))
         continue;
@@ -99,11 +99,11 @@ void VisualServer::State::lend(Client::Part& part, const SessionId& to, const Cl
   share.landmarks = thinned(std::move(share.landmarks), most), keys = thinned(std::move(keys), most);
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const DescribedLandmark& here = share.landmarks[i];
-    part.lent.set({keys[i], here.point_in_map, static_cast<float>(std::max(kResent_m, here.sigma_m)), part.shares});
+    part.shared.set({keys[i], here.point_in_map, static_cast<float>(std::max(kResent_m, here.sigma_m)), part.shares});
   }
-  if (part.shares % kSweepEvery != 0 && part.lent.size() <= kMostHeld) return;
-  for (std::uint32_t patience = kHeldFor; patience == kHeldFor || part.lent.size() > kMostHeld; patience /= 2) {
-    part.lent.keep([&](const LentTable::Lent& lent) { return lent.wanted + patience >= part.shares; });
+  if (part.shares % kSweepEvery != 0 && part.shared.size() <= kMostHeld) return;
+  for (std::uint32_t patience = kHeldFor; patience == kHeldFor || part.shared.size() > kMostHeld; patience /= 2) {
+    part.shared.keep([&](const SharedLandmarkTable::Shared& shared) { return shared.wanted + patience >= part.shares; });
     if (patience == 0) break;
   }
 }
@@ -145,7 +145,7 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   const auto known = client.parts.find(told.map);
   if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
   Client::Part& part = known->second;
-  if (part.forgotten != told.forgotten) part.lent.clear(), part.forgotten = told.forgotten;
+  if (part.forgotten != told.forgotten) part.shared.clear(), part.forgotten = told.forgotten;
   const TeamView::Member* member = state.view->member(part.name);
   if (member == nullptr || member->component->content().members.size() < 2) return std::nullopt;
   const Node* near = State::nearest(part, *member, told.map_from_robot.t, State::Frame::map);
@@ -155,10 +155,10 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   const bool is_bound = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
   if (state.options.share == Sharing::full && (!is_bound || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
-  // What is lent is lent for the map as it is: after a correction the client forgets it.
+  // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
-    state.lend(part, to, told, *member, *near, is_bound ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(),
-               share);
+    state.share_landmarks(part, to, told, *member, *near,
+                          is_bound ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(), share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
   if (is_bound) client.downlink.spend(encode(share).size());
   return share;

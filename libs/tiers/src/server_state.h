@@ -1,7 +1,7 @@
 #pragma once
 // What a map server keeps, of each client and of all.
 
-#include "lent_table.h"
+#include "shared_landmark_table.h"
 #include "team_joining.h"
 
 #include <mapweave/core/error.h>
@@ -41,10 +41,10 @@ struct VisualServer::Client {
   struct Part {  // one of its maps
     MapId name;  // here; the client says `told`
     UpdateInbox inbox;
-    LentTable lent = {};
-    std::map<SessionId, std::uint64_t> lenders = {};    // numbered from 1, for its keys
-    std::vector<std::uint64_t> lender_of_session = {};  // by the view's numbers of sessions; 0: is not to lend to it
-    std::uint64_t lenders_by = 0;                       // the view
+    SharedLandmarkTable shared = {};
+    std::map<SessionId, std::uint64_t> owners = {};    // numbered from 1, for its keys
+    std::vector<std::uint64_t> owner_of_session = {};  // by the view's numbers of sessions; 0: nothing of it is shared with this client
+    std::uint64_t owners_by = 0;                       // the view
     std::uint32_t forgotten = 0;
     std::uint32_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
@@ -154,8 +154,8 @@ struct VisualServer::State {
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
-  void lend(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
-            std::size_t most, Share& share) const;
+  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
+                       std::size_t most, Share& share) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
   void correct(Client::Part& part, const TeamView::Member& member, Share& share) const;
 };

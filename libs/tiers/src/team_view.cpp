@@ -31,7 +31,7 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, c
     : result_(std::move(result)) {
   for (const fusion::Component& component : result_.components) {
     components_.emplace_back(component, index, description, pictures);
-    if (component.members.size() > 1) components_.back().make_landmarks(pool);  // lent all the time
+    if (component.members.size() > 1) components_.back().make_landmarks(pool);  // shared all the time
     for (const Map& map : input) {
       if (!component.team_from_map.contains(map.id)) continue;
       Member& member = members_[map.id];

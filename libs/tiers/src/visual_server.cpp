@@ -154,7 +154,7 @@ void VisualServer::leave(const SessionId& session) {
   auto& parts = client->second.parts;
   for (auto one = parts.begin(); one != parts.end();) {
     auto& [told, part] = *one;
-    part.lent.clear(), part.inbox.drop_waiting();
+    part.shared.clear(), part.inbox.drop_waiting();
     if (part.inbox.receipt().stored > 0) {
       ++one;
       continue;

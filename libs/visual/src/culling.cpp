@@ -60,7 +60,7 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
   };
   int best = -1;
   double least = 1.0 - options.redundant_share;
-  for (const Shared& shared : covisible(map, newest)) {
+  for (const CovisibleKeyframe& shared : covisible(map, newest)) {
     if (!may_go(shared.keyframe)) continue;
     const auto [own, all] = own_landmarks(map, shared.keyframe, options.redundant_views);
     if (own <= least * all && (best < 0 || own < least * all)) best = shared.keyframe, least = static_cast<double>(own) / std::max(1, all);
@@ -122,7 +122,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
   };
   for (const Match& match : matches) {
     known[static_cast<std::size_t>(match.landmark)] = 1;
-    if (map.landmark(match.landmark).lent) continue;
+    if (map.landmark(match.landmark).borrowed) continue;
     if (match.pixel.x() >= 0 && match.pixel.y() >= 0 && match.pixel.x() < map.camera.width && match.pixel.y() < map.camera.height)
       shown[cell_of(match.pixel)] = &match;
   }
@@ -133,7 +133,7 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
       known[static_cast<std::size_t>(id)] = 1;
       const Landmark& landmark = map.landmark(id);
       const Eigen::Vector3d p = view * landmark.point;
-      if (p.z() < 0.1 || landmark.lent) continue;
+      if (p.z() < 0.1 || landmark.borrowed) continue;
       const Eigen::Vector2d pixel = map.camera.project(p);
       if (!(pixel.x() >= kCell && pixel.y() >= kCell && pixel.x() < map.camera.width - kCell && pixel.y() < map.camera.height - kCell))
         continue;

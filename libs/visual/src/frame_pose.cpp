@@ -6,17 +6,17 @@ namespace mapweave::visual {
 
 PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Match>& found, const View& start,
                        const TrackingOptions& options) {
-  std::vector<Sighting> all, own, known, lent;
+  std::vector<Sighting> all, own, known, borrowed;
   for (const Match& match : found) {
     all.push_back(map.sighting_of(match, options.sigma_px, &start));
     const Landmark& landmark = map.landmark(match.landmark);
-    (landmark.lent ? lent : own).push_back(all.back());
-    if (!landmark.lent && landmark.seen.size() > 2) known.push_back(all.back());
+    (landmark.borrowed ? borrowed : own).push_back(all.back());
+    if (!landmark.borrowed && landmark.seen.size() > 2) known.push_back(all.back());
   }
   const std::vector<Sighting>* leading = nullptr;
-  if (map.monocular && !lent.empty()) leading = map.is_adopted(session) ? &lent : &own;
+  if (map.monocular && !borrowed.empty()) leading = map.is_adopted(session) ? &borrowed : &own;
   if (!map.monocular && known.size() >= kEnough) leading = &known;
-  if (!map.monocular && known.size() < kEnough && !lent.empty()) leading = &own;
+  if (!map.monocular && known.size() < kEnough && !borrowed.empty()) leading = &own;
   if (leading != nullptr && leading->size() >= kEnough) {
     const PoseFromPoints first = pose_from_points(*leading, map.camera, start, map.calibration, options.gate_sigmas);
     if (first.count >= static_cast<int>(kEnough))
@@ -28,7 +28,7 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
 bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, const TrackingOptions& options) {
   const int least = followed ? options.least_landmarks / 2 : options.least_landmarks;
   int found = 0;  // what others say of a place does not speak against it
-  for (std::size_t i = 0; i < attempt.found.size(); ++i) found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).lent;
+  for (std::size_t i = 0; i < attempt.found.size(); ++i) found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).borrowed;
   return attempt.pose.count >= least && 2 * attempt.pose.count >= found;
 }
 

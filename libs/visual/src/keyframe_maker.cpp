@@ -90,7 +90,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     Landmark& landmark = map.landmark(match.landmark);
     const auto depth = meter.at(match.pixel, match.level, (view * landmark.point).z());
     Sighting sighting = sighting_of(match.pixel, match.row_flow, match.level, depth, sigma_px);
-    if (landmark.lent)
+    if (landmark.borrowed)
       map.widen(sighting, landmark, (view * landmark.point).z());
     else
       occupied.push_back(match.pixel);
@@ -136,7 +136,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   return number;
 }
 
-void see_lent(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px) {
+void see_borrowed(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px) {
   const View& view = map.keyframe(keyframe).view;
   map.see(match.landmark, {keyframe, map.sighting_of(match, sigma_px, &view)});
   if (!picture.features) keep_appearance(map, map.landmark(match.landmark), picture, match, view, keyframe);
@@ -167,7 +167,7 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Frame
   for (const Match& match : matches) {
     const Landmark& landmark = map.landmark(match.landmark);
     Sighting seen = sighting(match.feature);
-    if (landmark.lent)
+    if (landmark.borrowed)
       map.widen(seen, landmark, (view * landmark.point).z());
     else
       taken[static_cast<std::size_t>(match.feature)] = 1;

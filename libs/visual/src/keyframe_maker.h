@@ -10,8 +10,8 @@ namespace mapweave::visual {
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
                  const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options);
 
-// The keyframe, taken at its view of `picture`, sees a landmark that is lent.
-void see_lent(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px);
+// The keyframe, taken at its view of `picture`, sees a borrowed landmark.
+void see_borrowed(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px);
 
 // As add_keyframe, of a frame that has features: those with a depth become landmarks.
 int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FrameFeatureGrid& features, const View& view,

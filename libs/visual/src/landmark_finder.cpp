@@ -106,7 +106,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
   const Pinhole& camera = map.camera;
   const int columns = (camera.width + options.cell_px - 1) / options.cell_px,
             rows = (camera.height + options.cell_px - 1) / options.cell_px;
-  // Lent ones in cells of their own: they take nobody's place.
+  // Borrowed ones in cells of their own: they take nobody's place.
   std::vector<std::vector<Candidate>> cells(static_cast<std::size_t>(2 * columns * rows));
   for (int k : keyframes)
     for (int id : map.keyframe(k).landmarks) {
@@ -120,13 +120,13 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder && pixel.y() < camera.height - kBorder))
         continue;
       const double merit = static_cast<double>(landmark.seen.size()) + 3.0 * landmark.found / (landmark.tried + 1.0);
-      const int first = landmark.lent ? columns * rows : 0;
+      const int first = landmark.borrowed ? columns * rows : 0;
       const int cell = first + static_cast<int>(pixel.y()) / options.cell_px * columns + static_cast<int>(pixel.x()) / options.cell_px;
       cells[static_cast<std::size_t>(cell)].push_back({merit, id, pixel, p.z()});
     }
   std::vector<Match> result;
   std::vector<char> taken_by_own(picture.features ? static_cast<std::size_t>(picture.features->size()) : 0, 0),
-      taken_by_lent = taken_by_own;
+      taken_by_borrowed = taken_by_own;
   for (auto& cell : cells) {
     std::sort(cell.begin(), cell.end(),
               [](const Candidate& a, const Candidate& b) { return a.merit != b.merit ? a.merit > b.merit : a.landmark < b.landmark; });
@@ -136,7 +136,7 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       Landmark& landmark = map.landmark(candidate.landmark);
       if (picture.features) {
         ++landmark.tried;
-        std::vector<char>& taken = landmark.lent ? taken_by_lent : taken_by_own;
+        std::vector<char>& taken = landmark.borrowed ? taken_by_borrowed : taken_by_own;
         const int feature = picture.features->find(landmark.descriptor, candidate.pixel, options.reach_px, taken);
         if (feature < 0) continue;
         taken[static_cast<std::size_t>(feature)] = 1;

@@ -29,7 +29,7 @@ Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int
 
 class LandmarkFinder {
  public:
-  // One landmark for each cell of the picture, and one lent one. Counts tries in the map's landmarks.
+  // One landmark for each cell of the picture, and one borrowed one. Counts tries in the map's landmarks.
   std::vector<Match> find(LandmarkMap& map, const std::vector<int>& keyframes, const Pyramid& picture, const View& guess,
                           const Motion& motion, const TrackingOptions& options);
 

@@ -52,9 +52,10 @@ Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) co
 }
 
 void LandmarkMap::widen(Sighting& sighting, const Landmark& seen, double depth_m) const {
-  const double depth = std::max(depth_m, 0.1), away = seen.lent->sigma_m / depth;
+  const double depth = std::max(depth_m, 0.1), away = seen.borrowed->sigma_m / depth;
   sighting.sigma_px =
-      std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.lent->sigma_px * seen.lent->sigma_px + camera.fx * camera.fx * away * away);
+      std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.borrowed->sigma_px * seen.borrowed->sigma_px +
+                camera.fx * camera.fx * away * away);
   if (sighting.inverse_depth_sigma > 0.0) sighting.inverse_depth_sigma = std::hypot(sighting.inverse_depth_sigma, away / depth);
 }
 
@@ -78,7 +79,7 @@ void LandmarkMap::forget(int id, int number) {
   seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
   give_back_room(seen);
   strike(keyframe(number).landmarks, id);
-  if (seen.empty() || (seen.size() == 1 && monocular && !landmark(id).lent && seen.front().sighting.inverse_depth_sigma <= 0.0))
+  if (seen.empty() || (seen.size() == 1 && monocular && !landmark(id).borrowed && seen.front().sighting.inverse_depth_sigma <= 0.0))
     remove_landmark(id);
 }
 
@@ -131,19 +132,19 @@ void LandmarkMap::discard(int number) {
   free_keyframes.push_back(number);
 }
 
-std::vector<Shared> covisible(const LandmarkMap& map, int keyframe) {
+std::vector<CovisibleKeyframe> covisible(const LandmarkMap& map, int keyframe) {
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : map.keyframe(keyframe).landmarks)
     for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
   counts[static_cast<std::size_t>(keyframe)] = 0;
-  std::vector<Shared> result;
+  std::vector<CovisibleKeyframe> result;
   for (std::size_t i = 0; i < counts.size(); ++i)
     if (counts[i] > 0) result.push_back({static_cast<int>(i), counts[i]});
   return result;
 }
 
-std::vector<Shared> most_first(std::vector<Shared> shared) {
-  std::sort(shared.begin(), shared.end(), [](const Shared& a, const Shared& b) {
+std::vector<CovisibleKeyframe> most_first(std::vector<CovisibleKeyframe> shared) {
+  std::sort(shared.begin(), shared.end(), [](const CovisibleKeyframe& a, const CovisibleKeyframe& b) {
     return a.landmarks != b.landmarks ? a.landmarks > b.landmarks : a.keyframe > b.keyframe;
   });
   return shared;

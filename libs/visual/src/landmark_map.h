@@ -34,7 +34,7 @@ struct Appearance {
 };
 
 // Of a landmark that others made: its point is theirs to say.
-struct Lent {
+struct BorrowedLandmark {
   LandmarkId id;
   double sigma_m = 0.0;   // of its point
   double sigma_px = 0.0;  // of how it was found by its descriptor, which its patches inherit
@@ -50,7 +50,7 @@ struct Landmark {
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
   double share_unknown = 0.0;  // sigma of its distance from the keyframe that saw it first, as a share; 0 where it was measured
-  std::optional<Lent> lent;
+  std::optional<BorrowedLandmark> borrowed;
 };
 
 inline constexpr std::size_t kSettled = 3;  // keyframes that see a landmark whose depth was learnt tell it better than that
@@ -129,32 +129,32 @@ struct LandmarkMap {
     if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled) sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
     sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
-    if (view != nullptr && seen.lent) widen(sighting, seen, (*view * seen.point).z());
+    if (view != nullptr && seen.borrowed) widen(sighting, seen, (*view * seen.point).z());
     return sighting;
   }
 
   Eigen::Vector2d slack_of(const Landmark& landmark, const View& view) const;
-  void widen(Sighting& sighting, const Landmark& lent, double depth_m) const;  // by what is not known of the landmark
-  int add(Keyframe keyframe);                                                  // its serial number is set here
+  void widen(Sighting& sighting, const Landmark& borrowed, double depth_m) const;  // by what is not known of the landmark
+  int add(Keyframe keyframe);                                                      // its serial number is set here
   int add(Landmark landmark);
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);
   // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session. Landmarks that only one other sees go too.
   void remove_keyframe(int keyframe, int heir);
-  // `other` is the same as `kept`, and is gone. Neither is lent.
+  // `other` is the same as `kept`, and is gone. Neither is borrowed.
   void fuse(int kept, int other);
   // A keyframe that nothing depends on yet, with the landmarks that only it sees.
   void discard(int keyframe);
 };
 
 // How many landmarks each other keyframe shares with this one.
-struct Shared {
+struct CovisibleKeyframe {
   int keyframe = 0, landmarks = 0;
 };
-std::vector<Shared> covisible(const LandmarkMap& map, int keyframe);  // by keyframe
-std::vector<Shared> most_first(std::vector<Shared> shared);           // of equals, the one in the later slot
-int first_of(const LandmarkMap& map, int session);                    // the earliest keyframe; -1 without any
+std::vector<CovisibleKeyframe> covisible(const LandmarkMap& map, int keyframe);    // by keyframe
+std::vector<CovisibleKeyframe> most_first(std::vector<CovisibleKeyframe> shared);  // of equals, the one in the later slot
+int first_of(const LandmarkMap& map, int session);                                 // the earliest keyframe; -1 without any
 int newest_of(const LandmarkMap& map, int session);
 
 inline constexpr std::size_t kMostAppearances = 4;

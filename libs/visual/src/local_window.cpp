@@ -7,8 +7,8 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kLeastShared = 15;  // landmarks, of a keyframe in the window
-constexpr int kLeastLent = 20;    // landmarks, that hold a window
+constexpr int kLeastShared = 15;    // landmarks, of a keyframe in the window
+constexpr int kLeastBorrowed = 20;  // landmarks, that hold a window
 
 CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
   CalibrationPrior prior;
@@ -25,7 +25,7 @@ constexpr int kNoView = -1;
 
 // Whether the window's views tell where the landmark is.
 bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
-  if (landmark.lent) return true;
+  if (landmark.borrowed) return true;
   int views = 0;
   for (const Observation& o : landmark.seen) {
     if (view_of_keyframe[static_cast<std::size_t>(o.keyframe)] == kNoView) continue;
@@ -39,7 +39,7 @@ bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe,
 
 void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   std::vector<int> chosen{newest};
-  for (const Shared& shared : most_first(covisible(map, newest)))
+  for (const CovisibleKeyframe& shared : most_first(covisible(map, newest)))
     if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared) chosen.push_back(shared.keyframe);
 
   WindowBundle bundle;
@@ -53,26 +53,27 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   for (int number : chosen) ids.insert(ids.end(), map.keyframe(number).landmarks.begin(), map.keyframe(number).landmarks.end());
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  const bool held_by_lent = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).lent; }) >= kLeastLent;
+  const bool held_by_borrowed = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).borrowed; }) >= kLeastBorrowed;
 
   const int session = map.keyframe(newest).session, first = first_of(map, session);
   const bool is_adopted = map.is_adopted(session);
   // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others tell.
-  const bool knows_depth = !(map.monocular && is_adopted && held_by_lent);
-  for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_lent));
+  const bool knows_depth = !(map.monocular && is_adopted && held_by_borrowed);
+  for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_borrowed));
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : ids)
     for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];
-  std::vector<Shared> others;
+  std::vector<CovisibleKeyframe> others;
   for (std::size_t i = 0; i < counts.size(); ++i)
     if (counts[i] > 0 && view_of_keyframe[i] == kNoView) others.push_back({static_cast<int>(i), counts[i]});
   int held = 0;
-  for (const Shared& other : most_first(std::move(others)))
+  for (const CovisibleKeyframe& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
-  if (!held_by_lent && std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
+  if (!held_by_borrowed && std::find(bundle.fixed.begin(), bundle.fixed.end(),
+                                     1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
 
   // Where nothing measures depth, two views hold the scale.
-  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && !held_by_lent && fixed < 2; ++fixed) {
+  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && !held_by_borrowed && fixed < 2; ++fixed) {
     std::size_t oldest = chosen.size();
     for (std::size_t i = 0; i < chosen.size(); ++i)
       if (!bundle.fixed[i] && (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial)) oldest = i;
@@ -92,7 +93,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
       if (!knows_depth) bundle.observations.back().sighting.inverse_depth_sigma = 0.0;
       origin.emplace_back(id, seen.keyframe);
     }
-    bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.lent ? 1 : 0);
+    bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.borrowed ? 1 : 0);
   }
   bundle.calibration = map.calibration;
   WindowBundleOptions bundle_options;

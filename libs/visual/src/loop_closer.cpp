@@ -24,7 +24,7 @@ constexpr int kTied = 15;
 
 std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t most) {
   std::vector<int> result{number};
-  for (const Shared& shared : most_first(covisible(map, number)))
+  for (const CovisibleKeyframe& shared : most_first(covisible(map, number)))
     if (result.size() <= most) result.push_back(shared.keyframe);
   return result;
 }
@@ -121,7 +121,7 @@ std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmark
   std::vector<Tie> ties;
   for (std::size_t i = 1; i < order.size(); ++i) {
     bool to_the_last = false;
-    for (const Shared& shared : covisible(map, order[i])) {
+    for (const CovisibleKeyframe& shared : covisible(map, order[i])) {
       if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks) continue;
       ties.push_back({shared.keyframe, order[i], shared.landmarks});
       to_the_last = to_the_last || shared.keyframe == order[i - 1];
@@ -155,7 +155,7 @@ std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder
   const std::uint32_t now = keyframe.serial;
   while (!claims_.empty() && claims_.front().serial + kRemembered < now) claims_.pop_front();
   std::vector<char> near(map.keyframes.size(), 0);
-  for (const Shared& shared : covisible(map, newest)) near[static_cast<std::size_t>(shared.keyframe)] = 1;
+  for (const CovisibleKeyframe& shared : covisible(map, newest)) near[static_cast<std::size_t>(shared.keyframe)] = 1;
   const auto is_no_loop = [&](const NodeId& id) {
     const Keyframe& other = map.keyframe(static_cast<int>(id.index));
     return near[id.index] != 0 || (other.session == keyframe.session && other.serial + kLatest > now);
@@ -166,7 +166,7 @@ std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder
   last_bag_ = bag;
   const auto groups = matching::best_of_groups(index_.query(bag, kLookedUp, is_no_loop, std::max(1, least_score)), [&](const NodeId& id) {
     std::vector<NodeId> result;
-    for (const Shared& shared : covisible(map, static_cast<int>(id.index))) result.push_back(id_of(shared.keyframe));
+    for (const CovisibleKeyframe& shared : covisible(map, static_cast<int>(id.index))) result.push_back(id_of(shared.keyframe));
     return result;
   });
   for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
@@ -238,7 +238,7 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
   const auto tells_little = [&](const Match& match) {
-    return map.landmark(match.landmark).lent.has_value() || !is_known(map.landmark(match.landmark));
+    return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));
   };
   found.erase(std::remove_if(found.begin(), found.end(), tells_little), found.end());
   std::vector<Sighting> sightings;

@@ -39,7 +39,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
   for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
     const Landmark& landmark = map.landmark(id);
-    if (landmark.gone || landmark.lent || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0) continue;
+    if (landmark.gone || landmark.borrowed || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0) continue;
     const auto point = static_cast<int>(landmarks_.size());
     landmarks_.push_back({id, landmark.serial});
     bundle_.points.push_back(landmark.point);
@@ -213,7 +213,7 @@ std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vec
     map.keyframes[here].view = stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
   }
   for (Landmark& landmark : map.landmarks) {
-    if (landmark.gone || landmark.lent || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
+    if (landmark.gone || landmark.borrowed || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
     const auto anchor = static_cast<std::size_t>(landmark.seen.front().keyframe);
     landmark.point = map.keyframes[anchor].view.inverse() * (scales[anchor] * (before[anchor] * landmark.point));
   }
@@ -260,7 +260,7 @@ void join_sessions(LandmarkMap& map, FoundLoop& loop) {
   const View from = moved == here ? newest : loop.view, to = moved == here ? loop.view : newest;
   const double scale = moved == here ? loop.scale : 1.0 / loop.scale;
   for (Landmark& landmark : map.landmarks)
-    if (!landmark.gone && !landmark.lent && map.keyframe(landmark.seen.front().keyframe).session == moved)
+    if (!landmark.gone && !landmark.borrowed && map.keyframe(landmark.seen.front().keyframe).session == moved)
       landmark.point = to.inverse() * (scale * (from * landmark.point));
   std::vector<double> scales(map.keyframes.size(), 1.0);
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) {

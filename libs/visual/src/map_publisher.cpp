@@ -13,7 +13,8 @@ constexpr double kLandmarkMoved = 0.003;  // of its distance
 constexpr double kLevelScale = 1.2;       // of the features' pyramid
 
 // What is told of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form on a wire is short where
-// all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: what is lent is found by them.
+// all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: borrowed landmarks are found by
+// them.
 constexpr std::uint16_t kDepthSteps = 4, kAngleSteps = 4;
 
 std::uint16_t coarse(std::uint16_t units, std::uint16_t steps) {
@@ -146,7 +147,7 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
-    const bool told = !landmark.gone && !landmark.lent && landmark.seen.size() >= least_seen;
+    const bool told = !landmark.gone && !landmark.borrowed && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
     const Observation* anchor = nullptr;
     seen.clear(), now.clear();
@@ -193,14 +194,14 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
 }
 
 // Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not told unless all is.
-void MapPublisher::publish_lent(const LandmarkMap& map, PublishedDetail detail) {
+void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail detail) {
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;
-  lent_.resize(std::max(lent_.size(), map.landmarks.size()));
+  borrowed_.resize(std::max(borrowed_.size(), map.landmarks.size()));
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
-    SentLandmark& sent = lent_[slot];
-    if (landmark.gone || !landmark.lent) sent = {};
-    if (landmark.gone || !landmark.lent || landmark.seen.size() < least_seen) continue;
+    SentLandmark& sent = borrowed_[slot];
+    if (landmark.gone || !landmark.borrowed) sent = {};
+    if (landmark.gone || !landmark.borrowed || landmark.seen.size() < least_seen) continue;
     if (sent.part < 0 || sent.serial != landmark.serial) sent = {landmark.serial, 0, 0, Eigen::Vector3i::Zero(), {}};
     std::vector<std::uint32_t> now;
     std::map<int, LandmarkChange> told;  // by part
@@ -209,7 +210,7 @@ void MapPublisher::publish_lent(const LandmarkMap& map, PublishedDetail detail) 
       now.push_back(keyframe.serial);
       if (std::binary_search(sent.seen.begin(), sent.seen.end(), keyframe.serial)) continue;
       LandmarkChange& change = told[keyframe.session];
-      change.id = landmark.lent->id;
+      change.id = landmark.borrowed->id;
       change.seen.push_back(sighting_of(map, o));
     }
     std::sort(now.begin(), now.end());
@@ -226,7 +227,7 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
   while (!forgotten_.empty()) update_of(*forgotten_.begin());  // though nothing be left of it
   publish_keyframes(map, detail);
   publish_landmarks(map, detail);
-  publish_lent(map, detail);
+  publish_borrowed(map, detail);
   std::vector<MapUpdate> result;
   for (auto& [part, update] : updates_) {
     sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks), sort_by_id(update.changed_landmarks);
@@ -245,7 +246,7 @@ void MapPublisher::forget(int part) {
   for (SentLandmark& sent : landmarks_)
     if (sent.part == part) sent = {};
   std::sort(serials.begin(), serials.end());
-  for (SentLandmark& sent : lent_)
+  for (SentLandmark& sent : borrowed_)
     sent.seen.erase(std::remove_if(sent.seen.begin(), sent.seen.end(),
                                    [&](std::uint32_t serial) { return std::binary_search(serials.begin(), serials.end(), serial); }),
                     sent.seen.end());

@@ -46,7 +46,7 @@ class MapPublisher {
   LandmarkSighting sighting_of(const LandmarkMap& map, const Observation& observation) const;
   void publish_keyframes(const LandmarkMap& map, PublishedDetail detail);
   void publish_landmarks(const LandmarkMap& map, PublishedDetail detail);
-  void publish_lent(const LandmarkMap& map, PublishedDetail detail);
+  void publish_borrowed(const LandmarkMap& map, PublishedDetail detail);
 
   ClientPlace place_;
   SessionId session_;
@@ -55,7 +55,7 @@ class MapPublisher {
   std::shared_ptr<const CameraGeometry> geometry_;
   std::vector<SentKeyframe> keyframes_;  // by slot
   std::vector<SentLandmark> landmarks_;
-  std::vector<SentLandmark> lent_;         // by slot; sightings alone
+  std::vector<SentLandmark> borrowed_;     // by slot; sightings alone
   std::map<int, std::uint64_t> sequence_;  // by part
   std::set<int> forgotten_;                // parts
   std::map<int, MapUpdate> updates_;       // of this call

@@ -30,14 +30,14 @@ std::vector<PlacedFrame> keyframes_of(const LandmarkMap& map) {
 std::vector<MappedLandmark> landmarks_of(const LandmarkMap& map) {
   std::vector<MappedLandmark> result;
   for (const Landmark& landmark : map.landmarks)
-    if (!landmark.gone && !landmark.lent)
+    if (!landmark.gone && !landmark.borrowed)
       result.push_back({landmark.point, static_cast<int>(landmark.seen.size()), map.keyframe(landmark.seen.front().keyframe).session});
   return result;
 }
 
-std::size_t lent_of(const LandmarkMap& map) {
-  const auto is_lent = [](const Landmark& landmark) { return !landmark.gone && landmark.lent; };
-  return static_cast<std::size_t>(std::count_if(map.landmarks.begin(), map.landmarks.end(), is_lent));
+std::size_t borrowed_of(const LandmarkMap& map) {
+  const auto is_borrowed = [](const Landmark& landmark) { return !landmark.gone && landmark.borrowed; };
+  return static_cast<std::size_t>(std::count_if(map.landmarks.begin(), map.landmarks.end(), is_borrowed));
 }
 
 std::vector<int> sessions_of(const LandmarkMap& map) {

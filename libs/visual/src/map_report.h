@@ -10,7 +10,7 @@ namespace mapweave::visual {
 std::vector<PlacedFrame> frames_of(const LandmarkMap& map);        // as their keyframes stand now; by stamp
 std::vector<PlacedFrame> keyframes_of(const LandmarkMap& map);     // that are kept; by stamp
 std::vector<MappedLandmark> landmarks_of(const LandmarkMap& map);  // its own
-std::size_t lent_of(const LandmarkMap& map);                       // landmarks that keyframes see
+std::size_t borrowed_of(const LandmarkMap& map);                   // landmarks that keyframes see
 std::vector<int> sessions_of(const LandmarkMap& map);              // ascending
 
 }  // namespace mapweave::visual

@@ -87,21 +87,21 @@ std::optional<UnplacedFrame> PlaceExchange::take(Stamp stamp) {
   return std::nullopt;
 }
 
-std::optional<CheckedPlace> check_place(LandmarkMap& map, LentLandmarks& lent, int session, const UnplacedFrame& asked, const View& view,
-                                        const TrackingOptions& options) {
+std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session, const UnplacedFrame& asked,
+                                        const View& view, const TrackingOptions& options) {
   const FrameFeatureGrid grid = grid_of(asked.features, map.camera);
   CheckedPlace place{view, {}};
-  const auto drop_all = [&] { lent.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
+  const auto drop_all = [&] { borrowed.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
   for (const double reach : {kFar, kClose}) {
     drop_all();
     place.matches =
-        lent.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width, asked.picture.features ? 0.0 : kFeature_px);
+        borrowed.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width, asked.picture.features ? 0.0 : kFeature_px);
     const PoseFromPoints pose = agreement(map, place.matches, place.view, options);
     if (pose.count < kLeastShown || pose.count < kShownShare * static_cast<double>(place.matches.size())) {
       drop_all();
       return std::nullopt;
     }
-    lent.keep(map, place.matches, pose.fits);
+    borrowed.keep(map, place.matches, pose.fits);
     place.view = pose.view;
   }
   return place;

@@ -1,7 +1,7 @@
 #pragma once
 // Frames whose place is not known, and the server's answers about them (CVS III-B: monocular clients start so).
 
-#include "lent_landmarks.h"
+#include "borrowed_landmarks.h"
 #include "map_publisher.h"
 
 #include <deque>
@@ -42,8 +42,8 @@ struct CheckedPlace {
   View view;
   std::vector<Match> matches;
 };
-std::optional<CheckedPlace> check_place(LandmarkMap& map, LentLandmarks& lent, int session, const UnplacedFrame& asked, const View& view,
-                                        const TrackingOptions& options);
+std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session, const UnplacedFrame& asked,
+                                        const View& view, const TrackingOptions& options);
 
 // Features of a picture, as what a landmark's descriptor is looked for in.
 FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);

@@ -22,9 +22,9 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kNotedAfter = 10;      // frames
-constexpr int kCulledAtOnce = 3;     // keyframes, of those that go because others show the same
-constexpr double kLentReach = 0.02;  // widths of the picture: how far landmarks of others are looked for
+constexpr int kNotedAfter = 10;          // frames
+constexpr int kCulledAtOnce = 3;         // keyframes, of those that go because others show the same
+constexpr double kBorrowedReach = 0.02;  // widths of the picture: how far landmarks of others are looked for
 
 // The straightening of a map, computed aside.
 struct Straightening {
@@ -47,7 +47,7 @@ struct VisualClient::State : Follower {
   Stamp lost_stamp;  // the last frame that was lost
   std::optional<Straightening> straightening;
   std::optional<MapPublisher> publisher;
-  LentLandmarks lent;
+  BorrowedLandmarks borrowed;
   std::uint32_t forgotten = 0;  // times
   PlaceExchange exchange;
   std::vector<AdoptedFrame> adopted;
@@ -85,13 +85,13 @@ struct VisualClient::State : Follower {
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
     reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
     map.keyframe(reference).way = way;
-    borrow(picture, speed);
+    look_for_borrowed(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
     fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
                     picture, map.keyframe(reference).view);
     cull_landmarks(map, reference, options.memory);
-    lent.tidy(map, session, map.keyframe(reference).view);
+    borrowed.tidy(map, session, map.keyframe(reference).view);
     drop_what_is_gone();
     cull_keyframes();
     look_for_loop(frame.stamp, picture, speed);
@@ -99,16 +99,16 @@ struct VisualClient::State : Follower {
   }
 
   // Landmarks of others that the newest keyframe shows: frames follow them by how it does.
-  void borrow(const Pyramid& picture, const Motion& speed) {
-    if (lent.size() == 0) return;
+  void look_for_borrowed(const Pyramid& picture, const Motion& speed) {
+    if (borrowed.size() == 0) return;
     const Keyframe& keyframe = map.keyframe(reference);
     const View here = keyframe.view;
-    const double reach_px = std::max(8.0, kLentReach * map.camera.width);
+    const double reach_px = std::max(8.0, kBorrowedReach * map.camera.width);
     auto found = picture.features
-                     ? lent.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
-                     : lent.look(map, session, grid_of(keyframe.features, map.camera), here, speed, matches, reach_px, kFeature_px);
-    lent.keep(map, found, agreement(map, found, here, options.tracking).fits);
-    for (const Match& match : found) see_lent(map, reference, picture, match, options.tracking.sigma_px);
+                     ? borrowed.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
+                     : borrowed.look(map, session, grid_of(keyframe.features, map.camera), here, speed, matches, reach_px, kFeature_px);
+    borrowed.keep(map, found, agreement(map, found, here, options.tracking).fits);
+    for (const Match& match : found) see_borrowed(map, reference, picture, match, options.tracking.sigma_px);
     matches.insert(matches.end(), found.begin(), found.end());
   }
 
@@ -130,7 +130,7 @@ struct VisualClient::State : Follower {
     auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
     if (const int other = map.keyframe(loop->earlier).session; other != session) {
-      for (int one : {session, other}) forget_lent(one);
+      for (int one : {session, other}) forget_borrowed(one);
       const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
       adopted.erase(std::remove_if(adopted.begin(), adopted.end(), moves), adopted.end());
       map.adopted.erase(std::remove(map.adopted.begin(), map.adopted.end(), std::max(session, other)), map.adopted.end());
@@ -143,9 +143,9 @@ struct VisualClient::State : Follower {
         Straightening{stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
-  void forget_lent(int number) {
-    if (lent.size() > 0) ++forgotten;
-    lent.forget(map, number);
+  void forget_borrowed(int number) {
+    if (borrowed.size() > 0) ++forgotten;
+    borrowed.forget(map, number);
     drop_what_is_gone();
   }
 
@@ -160,7 +160,7 @@ struct VisualClient::State : Follower {
 
   void straighten(Stamp now) {
     straightening->work->run();
-    forget_lent(session);  // its map changes under them
+    forget_borrowed(session);  // its map changes under them
     carry_view([&] { return straightening->correction->apply(map); });
     see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
     loops.push_back({straightening->found, now});
@@ -171,7 +171,7 @@ struct VisualClient::State : Follower {
     if (!has_session(number) || straightening || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
     const auto motions = motions_to(map, number, {place.client, begun->ns}, corrected, place.robot_from_camera, scale);
     if (motions.empty()) return false;
-    forget_lent(number);
+    forget_borrowed(number);
     if (number == session)
       carry_view([&] { return move_keyframes(map, number, motions); });
     else
@@ -277,7 +277,7 @@ struct VisualClient::State : Follower {
     matches.clear(), strays.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
       if (!attempt.pose.fits[i]) {
-        if (!map.landmark(attempt.found[i].landmark).lent) strays.push_back(attempt.found[i].pixel);
+        if (!map.landmark(attempt.found[i].landmark).borrowed) strays.push_back(attempt.found[i].pixel);
         continue;
       }
       matches.push_back(attempt.found[i]);
@@ -305,7 +305,7 @@ struct VisualClient::State : Follower {
 
   int receive(const ClientPlace& place, int number, const std::vector<DescribedLandmark>& landmarks) {
     const SessionId own{place.client, begun ? begun->ns : 0};
-    const int taken = lent.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
+    const int taken = borrowed.receive(map, number, of_others(landmarks, own, place.robot_from_camera));
     drop_what_is_gone();
     return taken;
   }
@@ -324,9 +324,9 @@ struct VisualClient::State : Follower {
       return PlaceVerdict::unsound;
     const Pose3 map_from_camera = compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
     receive(place, number, answer.landmarks);
-    auto checked = check_place(map, lent, number, *asked, view_of(map_from_camera), options.tracking);
+    auto checked = check_place(map, borrowed, number, *asked, view_of(map_from_camera), options.tracking);
     if (!checked) {
-      if (begins) lent.forget(map, number);
+      if (begins) borrowed.forget(map, number);
       return PlaceVerdict::disagrees;
     }
     const Stamp newest = lost_stamp;
@@ -397,7 +397,7 @@ std::vector<Map> VisualClient::maps(const ClientPlace& place) const {
   return result;
 }
 
-int VisualClient::lend(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {
+int VisualClient::borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {
   return state_->has_session(session) ? state_->receive(place, session, landmarks) : 0;
 }
 bool VisualClient::correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale) {
@@ -408,8 +408,8 @@ std::optional<ClientView> VisualClient::view(const ClientPlace& place) const {
   const Pose3 map_from_robot = compose(compose(place.robot_from_camera, pose_of(state_->view)), inverse(place.robot_from_camera));
   return ClientView{map_of(place.client, state_->session), state_->last_stamp, map_from_robot, state_->forgotten};
 }
-std::size_t VisualClient::borrowed() const { return state_->lent.size(); }
-std::size_t VisualClient::borrowed_seen() const { return lent_of(state_->map); }
+std::size_t VisualClient::borrowed() const { return state_->borrowed.size(); }
+std::size_t VisualClient::borrowed_seen() const { return borrowed_of(state_->map); }
 
 std::optional<PlaceRequest> VisualClient::place_request(const ClientPlace& place) {
   return state_->exchange.request(state_->map, place, state_->options);

@@ -38,7 +38,7 @@ struct ClientView {
   MapId map;  // of the session that it is in
   Stamp stamp;
   Pose3 map_from_robot;
-  std::uint32_t forgotten = 0;  // how often it forgot all that was lent to it
+  std::uint32_t forgotten = 0;  // how often it forgot all shared landmarks
 };
 
 // Client -> server: where was this taken? Of a client that has no place.

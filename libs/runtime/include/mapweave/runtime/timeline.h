@@ -105,8 +105,8 @@ struct EdgeWork {
   double fusing_s = 0.0;
   std::uint64_t bytes = 0;  // for the cloud: its robots' maps, and what it found of them
   double speed = 1.0;       // relative to ProcessorOptions::edge
-  // Maps of other edges, lent to be compared with its own; what it told of them.
-  std::uint64_t lent_bytes = 0, judged_bytes = 0;
+  // Maps of other edges, sent to be compared with its own; the judgements that it returned.
+  std::uint64_t sent_bytes = 0, judged_bytes = 0;
   double judging_s = 0.0;
 };
 struct PushWork {

@@ -35,7 +35,7 @@ struct RenderedView {
   }
 };
 
-// A pure function; `view` is filled anew and lends its memory. `moving` comes on top of the scene.
+// A pure function; `view` is filled anew; its memory is used again. `moving` comes on top of the scene.
 void render(const Scene&, const std::vector<Surface>& moving, const CameraModel&, const Pose3& world_from_camera, Channels,
             RenderedView& view);
 

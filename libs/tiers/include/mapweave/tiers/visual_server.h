@@ -95,8 +95,8 @@ class VisualServer {
   // where its vocabulary is another one, kBadInput where there are too many clients.
   std::vector<Receipt> greet(const Hello&);
 
-  // It has gone, perhaps to come back: its maps stay; what waits for a missing update, what it was lent, and a client that told nothing,
-  // are forgotten.
+  // It has gone, perhaps to come back: its maps stay; what waits for a missing update, what was shared with it, and a client that told
+  // nothing, are forgotten.
   void leave(const SessionId& session);
 
   struct Received {

@@ -1,4 +1,4 @@
-#include "lent_landmarks.h"
+#include "borrowed_landmarks.h"
 
 #include <mapweave/core/error.h>
 
@@ -11,9 +11,9 @@ namespace {
 const SessionId kAlpha{{RobotId("alpha"), SensorId("front")}, 7};
 
 // A camera that sees nine landmarks of others, and a keyframe for what is seen.
-class LentLandmarksTest : public testing::Test {
+class BorrowedLandmarksTest : public testing::Test {
  protected:
-  LentLandmarksTest() {
+  BorrowedLandmarksTest() {
     map.camera = {320, 240, 260.0, 260.0, 159.5, 119.5};
     map.add(Keyframe());
     std::mt19937_64 random(1);
@@ -30,26 +30,26 @@ class LentLandmarksTest : public testing::Test {
   std::vector<Match> look(const std::vector<Match>& matches = {}, double radius_px = 5.0) {
     FeatureFrame frame;
     frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
-    return lent.look(map, 0, FrameFeatureGrid(frame, map.camera), View(), Motion(), matches, radius_px, 0.0);
+    return borrowed.look(map, 0, FrameFeatureGrid(frame, map.camera), View(), Motion(), matches, radius_px, 0.0);
   }
   void see(const std::vector<Match>& matches) {
     for (const Match& match : matches) map.see(match.landmark, {0, map.sighting_of(match, 0.5)});
   }
   LandmarkMap map;
-  LentLandmarks lent;
+  BorrowedLandmarks borrowed;
   std::vector<matching::DescribedLandmark> landmarks;
   matching::OrbFeatures features;
 };
 
-TEST_F(LentLandmarksTest, become_landmarks_once_a_keyframe_shows_them) {
-  EXPECT_EQ(lent.receive(map, 0, landmarks), 9);
+TEST_F(BorrowedLandmarksTest, become_landmarks_once_a_keyframe_shows_them) {
+  EXPECT_EQ(borrowed.receive(map, 0, landmarks), 9);
   EXPECT_TRUE(map.landmarks.empty());
   const auto found = look();
   ASSERT_EQ(found.size(), 9U);
   for (const Match& match : found) {
     const Landmark& landmark = map.landmark(match.landmark);
-    ASSERT_TRUE(landmark.lent);
-    EXPECT_EQ(landmark.point, landmarks[landmark.lent->id.index].point_in_map);
+    ASSERT_TRUE(landmark.borrowed);
+    EXPECT_EQ(landmark.point, landmarks[landmark.borrowed->id.index].point_in_map);
     EXPECT_NEAR(match.pixel.x(), map.camera.project(landmark.point).x() + 1.0, 1e-4);
   }
   see(found);
@@ -58,84 +58,84 @@ TEST_F(LentLandmarksTest, become_landmarks_once_a_keyframe_shows_them) {
   EXPECT_EQ(map.landmarks.size(), 9U);
 }
 
-TEST_F(LentLandmarksTest, are_looked_for_where_their_feature_lies_and_matched_where_they_are_themselves) {
+TEST_F(BorrowedLandmarksTest, are_looked_for_where_their_feature_lies_and_matched_where_they_are_themselves) {
   for (auto& one : landmarks) one.feature_from_point.y() = 3.0 * 10.0 / map.camera.fy;  // ten pixels below
   for (auto& point : features.points) point.v_px += 10.0F;
-  lent.receive(map, 0, landmarks);
+  borrowed.receive(map, 0, landmarks);
   const auto found = look();
   ASSERT_EQ(found.size(), 9U);
   for (const Match& match : found) EXPECT_LT((match.pixel - map.camera.project(map.landmark(match.landmark).point)).norm(), 1.01);
 }
 
-TEST_F(LentLandmarksTest, are_not_looked_for_from_behind_or_far_away) {
+TEST_F(BorrowedLandmarksTest, are_not_looked_for_from_behind_or_far_away) {
   landmarks[0].direction = -Eigen::Vector3d::UnitZ();
   landmarks[1].nearest_m = landmarks[1].farthest_m = 0.5;
-  lent.receive(map, 0, landmarks);
+  borrowed.receive(map, 0, landmarks);
   EXPECT_EQ(look().size(), 7U);
 }
 
-TEST_F(LentLandmarksTest, take_their_new_place_when_they_are_lent_again) {
-  lent.receive(map, 0, landmarks);
+TEST_F(BorrowedLandmarksTest, take_their_new_place_when_they_are_shared_again) {
+  borrowed.receive(map, 0, landmarks);
   const auto found = look();
   see(found);
   for (auto& one : landmarks) one.point_in_map.z() += 0.5;
-  lent.receive(map, 0, landmarks);
-  EXPECT_EQ(lent.size(), 9U);
+  borrowed.receive(map, 0, landmarks);
+  EXPECT_EQ(borrowed.size(), 9U);
   for (const Match& match : found) EXPECT_EQ(map.landmark(match.landmark).point.z(), 3.5);
 }
 
-TEST_F(LentLandmarksTest, go_where_they_are_not_found_until_they_are_said_to_be_elsewhere) {
-  lent.receive(map, 0, landmarks);
+TEST_F(BorrowedLandmarksTest, go_where_they_are_not_found_until_they_are_said_to_be_elsewhere) {
+  borrowed.receive(map, 0, landmarks);
   const auto found = look();
   see(found);
   const int liar = found[4].landmark;
-  const std::uint32_t name = map.landmark(liar).lent->id.index;
+  const std::uint32_t name = map.landmark(liar).borrowed->id.index;
   for (const Match& match : found)
     map.landmark(match.landmark).tried = 12, map.landmark(match.landmark).found = match.landmark == liar ? 2 : 11;
-  lent.tidy(map, 0, View());
+  borrowed.tidy(map, 0, View());
   EXPECT_TRUE(map.landmark(liar).gone);
   EXPECT_EQ(look().size(), 8U);
   landmarks[name].point_in_map.y() += 0.01;
-  lent.receive(map, 0, {landmarks[name]});
+  borrowed.receive(map, 0, {landmarks[name]});
   EXPECT_EQ(look().size(), 8U) << "hardly moved";
   landmarks[name].point_in_map.y() -= 0.04;
-  lent.receive(map, 0, {landmarks[name]});
+  borrowed.receive(map, 0, {landmarks[name]});
   EXPECT_EQ(look().size(), 9U);
 }
 
-TEST_F(LentLandmarksTest, that_do_not_fit_are_landmarks_of_nobody) {
-  lent.receive(map, 0, landmarks);
+TEST_F(BorrowedLandmarksTest, that_do_not_fit_are_landmarks_of_nobody) {
+  borrowed.receive(map, 0, landmarks);
   auto found = look();
   std::vector<char> fits(found.size(), 1);
   fits[2] = fits[5] = 0;
-  lent.keep(map, found, fits);
+  borrowed.keep(map, found, fits);
   EXPECT_EQ(found.size(), 7U);
   EXPECT_EQ(std::count_if(map.landmarks.begin(), map.landmarks.end(), [](const Landmark& one) { return !one.gone; }), 7);
   see(found);
   EXPECT_EQ(look(found).size(), 2U) << "they are looked for again";
 }
 
-TEST_F(LentLandmarksTest, are_forgotten_out_of_view_and_with_their_session) {
-  lent.receive(map, 0, landmarks);
+TEST_F(BorrowedLandmarksTest, are_forgotten_out_of_view_and_with_their_session) {
+  borrowed.receive(map, 0, landmarks);
   see(look());
   View away;
   away.translation.z() = -10.0;
-  for (int i = 0; i < 25; ++i) lent.tidy(map, 0, away);
-  EXPECT_EQ(lent.size(), 9U);
-  for (int i = 0; i < 10; ++i) lent.tidy(map, 0, away);
-  EXPECT_EQ(lent.size(), 0U);
+  for (int i = 0; i < 25; ++i) borrowed.tidy(map, 0, away);
+  EXPECT_EQ(borrowed.size(), 9U);
+  for (int i = 0; i < 10; ++i) borrowed.tidy(map, 0, away);
+  EXPECT_EQ(borrowed.size(), 0U);
   EXPECT_TRUE(map.keyframe(0).landmarks.empty());
-  lent.receive(map, 0, landmarks);
+  borrowed.receive(map, 0, landmarks);
   see(look());
-  lent.forget(map, 1);
-  EXPECT_EQ(lent.size(), 9U);
-  lent.forget(map, 0);
-  EXPECT_EQ(lent.size(), 0U);
+  borrowed.forget(map, 1);
+  EXPECT_EQ(borrowed.size(), 9U);
+  borrowed.forget(map, 0);
+  EXPECT_EQ(borrowed.size(), 0U);
   EXPECT_TRUE(map.keyframe(0).landmarks.empty());
 }
 
-TEST_F(LentLandmarksTest, outlive_the_sighting_that_did_not_fit) {
-  lent.receive(map, 0, landmarks);
+TEST_F(BorrowedLandmarksTest, outlive_the_sighting_that_did_not_fit) {
+  borrowed.receive(map, 0, landmarks);
   const auto found = look();
   see(found);
   map.forget(found[0].landmark, 0);

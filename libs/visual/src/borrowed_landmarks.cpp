@@ -1,4 +1,4 @@
-#include "lent_landmarks.h"
+#include "borrowed_landmarks.h"
 
 #include <algorithm>
 #include <cmath>
@@ -36,7 +36,7 @@ std::optional<Expected> expected(const matching::DescribedLandmark& known, const
 
 }  // namespace
 
-bool LentLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
+bool BorrowedLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
   if (entry.slot < 0) return false;
   const Landmark& landmark = map.landmark(entry.slot);
   if (!landmark.gone && landmark.serial == entry.serial) return true;
@@ -44,12 +44,12 @@ bool LentLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
   return false;
 }
 
-void LentLandmarks::take_out(LandmarkMap& map, Entry& entry) const {
+void BorrowedLandmarks::take_out(LandmarkMap& map, Entry& entry) const {
   if (is_held(map, entry)) map.remove_landmark(entry.slot);
   entry.slot = -1;
 }
 
-int LentLandmarks::receive(LandmarkMap& map, int session, const std::vector<matching::DescribedLandmark>& landmarks) {
+int BorrowedLandmarks::receive(LandmarkMap& map, int session, const std::vector<matching::DescribedLandmark>& landmarks) {
   int taken = 0;
   for (const matching::DescribedLandmark& landmark : landmarks) {
     if (!matching::flaw(landmark).empty()) continue;
@@ -60,15 +60,15 @@ int LentLandmarks::receive(LandmarkMap& map, int session, const std::vector<matc
     entry.known = landmark, entry.session = session, entry.in_view = keyframes_;
     if (is_held(map, entry)) {
       Landmark& held = map.landmark(entry.slot);
-      held.point = landmark.point_in_map, held.lent->sigma_m = landmark.sigma_m;
+      held.point = landmark.point_in_map, held.borrowed->sigma_m = landmark.sigma_m;
     }
   }
   bound(map);
   return taken;
 }
 
-std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
-                                       const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px) {
+std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
+                                           const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px) {
   std::vector<char> matched(map.landmarks.size(), 0), taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) matched[static_cast<std::size_t>(match.landmark)] = 1;
   std::vector<Match> result;
@@ -85,7 +85,7 @@ std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const Fram
     if (!held) {
       Landmark landmark;
       landmark.point = entry.known.point_in_map, landmark.descriptor = entry.known.descriptor;
-      landmark.lent = Lent{id, entry.known.sigma_m, sigma_px * (1 << features.level(feature))};
+      landmark.borrowed = BorrowedLandmark{id, entry.known.sigma_m, sigma_px * (1 << features.level(feature))};
       entry.slot = map.add(std::move(landmark)), entry.serial = map.landmark(entry.slot).serial;
     }
     const Eigen::Vector2d pixel = features.pixel(feature) - (at->feature - at->pixel);
@@ -94,19 +94,19 @@ std::vector<Match> LentLandmarks::look(LandmarkMap& map, int session, const Fram
   return result;
 }
 
-void LentLandmarks::keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits) {
+void BorrowedLandmarks::keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits) {
   std::vector<Match> kept;
   for (std::size_t i = 0; i < matches.size(); ++i) {
     const Landmark& landmark = map.landmark(matches[i].landmark);
     if (fits[i])
       kept.push_back(matches[i]);
     else if (landmark.seen.empty())
-      take_out(map, entries_[landmark.lent->id]);
+      take_out(map, entries_[landmark.borrowed->id]);
   }
   matches = std::move(kept);
 }
 
-void LentLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
+void BorrowedLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
   ++keyframes_;
   for (auto entry = entries_.begin(); entry != entries_.end();) {
     Entry& one = entry->second;
@@ -125,7 +125,7 @@ void LentLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
 }
 
 // Those longest out of view go first.
-void LentLandmarks::bound(LandmarkMap& map) {
+void BorrowedLandmarks::bound(LandmarkMap& map) {
   if (entries_.size() <= kMost) return;
   std::vector<std::pair<std::uint32_t, LandmarkId>> order;
   for (const auto& [id, entry] : entries_) order.emplace_back(entry.in_view, id);
@@ -134,7 +134,7 @@ void LentLandmarks::bound(LandmarkMap& map) {
   for (const auto& [in_view, id] : order) take_out(map, entries_[id]), entries_.erase(id);
 }
 
-void LentLandmarks::forget(LandmarkMap& map, int session) {
+void BorrowedLandmarks::forget(LandmarkMap& map, int session) {
   for (auto entry = entries_.begin(); entry != entries_.end();) {
     if (entry->second.session != session) {
       ++entry;

@@ -1,5 +1,5 @@
 #pragma once
-// A world of points with descriptors, and what a server that knows a map lends of it.
+// A world of points with descriptors, and what a server that knows a map shares of it.
 
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/matching/rigid_from_points.h>
@@ -67,7 +67,7 @@ class StarryCorridor {
 };
 
 // Knows one client's map, and where that lies in the world.
-class LendingServer {
+class SharingServer {
  public:
   // world_from_camera: of the client's first keyframe.
   void learn(visual::VisualClient& client, const visual::ClientPlace& place, const Pose3& world_from_camera) {

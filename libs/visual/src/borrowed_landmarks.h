@@ -1,5 +1,5 @@
 #pragma once
-// Landmarks that others made and a server lends (CVS III-C, local map augmentation): until a keyframe shows them, and whether they are
+// Landmarks that others made and a server shares (CVS III-C, local map augmentation): until a keyframe shows them, and whether they are
 // where they are said to be.
 
 #include "feature_grid.h"
@@ -14,7 +14,7 @@ namespace mapweave::visual {
 
 inline constexpr double kFeature_px = 1.0;  // error of a picture's feature on its pyramid's first level
 
-class LentLandmarks {
+class BorrowedLandmarks {
  public:
   // In the frame of the session's map in memory (its first camera's). Known ones take their new place, in the map too. What is not sound is
   // left out; how many were not is answered.

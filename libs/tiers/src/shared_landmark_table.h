@@ -1,5 +1,6 @@
 #pragma once
-// What a client was lent, by number. Hundreds are looked up for each share, so that each lookup should touch one line of the cache.
+// The landmarks shared with a client, by number. Hundreds are looked up for each share, so that each lookup should touch one line of the
+// cache.
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -8,9 +9,9 @@
 
 namespace mapweave::tiers {
 
-class LentTable {
+class SharedLandmarkTable {
  public:
-  struct Lent {
+  struct Shared {
     std::uint64_t key = 0;  // not 0
     Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
     float resent_m = 0.0F;     // is told again once it lies farther off
@@ -18,20 +19,20 @@ class LentTable {
   };
 
   std::size_t size() const { return size_; }
-  Lent* find(std::uint64_t key) {
+  Shared* find(std::uint64_t key) {
     if (size_ == 0) return nullptr;
-    Lent& slot = slots_[place_of(key)];
+    Shared& slot = slots_[place_of(key)];
     return slot.key == key ? &slot : nullptr;
   }
   // That it will be looked up soon.
   void expect(std::uint64_t key) const {
     if (size_ > 0) __builtin_prefetch(&slots_[first_place_of(key)], 1);
   }
-  void set(const Lent& lent) {
-    if (2 * (size_ + 1) > slots_.size()) rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Lent&) { return true; });
-    Lent& slot = slots_[place_of(lent.key)];
+  void set(const Shared& shared) {
+    if (2 * (size_ + 1) > slots_.size()) rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Shared&) { return true; });
+    Shared& slot = slots_[place_of(shared.key)];
     size_ += slot.key == 0;
-    slot = lent;
+    slot = shared;
   }
   template <class Keeps>
   void keep(const Keeps& keeps) {
@@ -51,13 +52,13 @@ class LentTable {
   }
   template <class Keeps>
   void rebuild(std::size_t count, const Keeps& keeps) {
-    const std::vector<Lent> before = std::exchange(slots_, std::vector<Lent>(count));
+    const std::vector<Shared> before = std::exchange(slots_, std::vector<Shared>(count));
     size_ = 0;
-    for (const Lent& lent : before)
-      if (lent.key != 0 && keeps(lent)) slots_[place_of(lent.key)] = lent, ++size_;
+    for (const Shared& shared : before)
+      if (shared.key != 0 && keeps(shared)) slots_[place_of(shared.key)] = shared, ++size_;
   }
 
-  std::vector<Lent> slots_;
+  std::vector<Shared> slots_;
   std::size_t size_ = 0;
 };
 
