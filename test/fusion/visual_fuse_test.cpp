@@ -208,7 +208,7 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   const Pose3 apart = between(*warm.components[0].team_from_map.find(MapId("beta")), *cold.components[0].team_from_map.find(MapId("beta")));
   EXPECT_LT(apart.t.norm(), 0.005);
 
-  StandingTeam& team = grown.teams.emplace_back();
+  PreviousMerge& team = grown.teams.emplace_back();
   team.members = before.components[0].members;
   for (const auto& [id, node] : before.components[0].map.nodes) team.team_from_node.set(id, node.map_from_node);
   for (const Map* map : {&robots.a, &static_cast<const Map&>(younger)})

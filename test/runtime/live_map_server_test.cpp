@@ -86,8 +86,8 @@ void tell_all(LiveMapServer& server) {
 }
 
 // All that was told is joined, as far as it is to be.
-void await_joining(const LiveMapServer& server) {
-  while (server.counts().is_joining) std::this_thread::sleep_for(1ms);
+void await_merge(const LiveMapServer& server) {
+  while (server.counts().is_merging) std::this_thread::sleep_for(1ms);
 }
 
 std::string sealed_in_lockstep() {
@@ -166,12 +166,12 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
   for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
-  await_joining(server);
+  await_merge(server);
   const ServerCounts joined = server.counts();
-  ASSERT_GE(joined.joinings, 2);
-  std::printf("%d joinings, the longest %.3f s; maps held for %.4f s at most\n", joined.joinings, joined.longest_joining_s,
+  ASSERT_GE(joined.merges, 2);
+  std::printf("%d merges, the longest %.3f s; maps held for %.4f s at most\n", joined.merges, joined.longest_merge_s,
               joined.longest_hold_s);
-  EXPECT_LT(joined.longest_hold_s, joined.longest_joining_s);
+  EXPECT_LT(joined.longest_hold_s, joined.longest_merge_s);
 
   const Map map = lockstep.maps().back();
   Client beta(server, map.nodes.front().first.session);
@@ -271,9 +271,9 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
 // One session after the other; each joins what its journal holds. What its verdicts rest on, and into how many maps it joins.
 std::pair<std::set<Hash>, std::size_t> joined_from(const std::filesystem::path& path) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, path);
-  await_joining(server);
+  await_merge(server);
   std::set<Hash> witnesses;
-  const fusion::FusionResult& joined = server.finish().joined();
+  const fusion::FusionResult& joined = server.finish().merged();
   for (const Verdict& verdict : joined.verdicts) witnesses.insert(verdict.witnesses.begin(), verdict.witnesses.end());
   return {witnesses, joined.components.size()};
 }
@@ -307,8 +307,8 @@ TEST(LiveMapServer, keeps_apart_what_was_vetoed_though_it_is_killed) {
 
   LiveMapServer serving(TierId("edge"), {}, {}, {}, before);
   for (const Hash& witness : vetoed) serving.veto(witness);
-  await_joining(serving);
-  EXPECT_EQ(serving.finish().joined().components.size(), 2U) << "it parts them while it serves";
+  await_merge(serving);
+  EXPECT_EQ(x().components.size(), 2U) << "it parts them while it serves";
 }
 
 INSTANTIATE_TEST_SUITE_P(LongAndShortJournals, KilledServer, testing::Values(65536, 1));

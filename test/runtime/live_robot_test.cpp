@@ -74,8 +74,8 @@ void tell(LiveMapServer& server, const SessionId& session, const std::vector<std
   while (counts_of(server, session).views < views) std::this_thread::sleep_for(1ms);
 }
 
-void await_joining(const LiveMapServer& server) {
-  while (server.counts().is_joining) std::this_thread::sleep_for(1ms);
+void await_merge(const LiveMapServer& server) {
+  while (server.counts().is_merging) std::this_thread::sleep_for(1ms);
 }
 
 TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
@@ -103,13 +103,13 @@ TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
   for (const auto& [session, updates] : told_well())
     clients.emplace_back([&server, &session = session, &updates = updates] { tell(server, session, updates, 20ms); });
   for (std::thread& client : clients) client.join();
-  await_joining(server);
+  await_merge(server);
   ends = true;
   asker.join();
   const auto answer = server.robot(kAlpha);
   const tiers::VisualServer& ended = server.finish();
   ASSERT_TRUE(answer);
-  ASSERT_EQ(ended.joined().components.size(), 1U);
+  ASSERT_EQ(ended.merged().components.size(), 1U);
   EXPECT_EQ(answer->team, MapId("alpha.ahead"));
   const std::vector<Map> maps = ended.maps();
   ASSERT_EQ(maps.front().id, answer->team);
@@ -131,7 +131,7 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   narrow.answers_kb = 1;
   LiveMapServer server(TierId("edge"), sharing, {}, narrow, std::nullopt);
   for (const auto& [session, updates] : told_well()) tell(server, session, updates, 20ms);
-  await_joining(server);
+  await_merge(server);
   const auto& [session, updates] = *told_well().begin();
   const auto link = greeted(server, session);
   const ClientCounts before = counts_of(server, session);
@@ -163,7 +163,7 @@ TEST(LiveRobot, is_told_once_why_its_cameras_are_not_tied) {
       const auto half = updates.begin() + static_cast<std::ptrdiff_t>(updates.size() / 2);
       tell(server, session, later ? std::vector(half, updates.end()) : std::vector(updates.begin(), half), 20ms);
     }
-    await_joining(server);
+    await_merge(server);
     ASSERT_EQ(server.counts().notes.size(), 1U);
     notes.push_back(server.counts().notes.front());
     EXPECT_THAT(notes.back(), testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg farther to the right")));

@@ -1,7 +1,7 @@
 // What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand over features.
 // live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with its times
 // live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
-// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what joining them costs, whatever else runs
+// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merge them costs, whatever else runs
 // live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real time: dropped frames
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_camera.h>
@@ -183,9 +183,9 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
           {"sent_kB_per_client_s", 1e-3 * static_cast<double>(sum.sent_bytes) / (60.0 * minutes)},
           {"handling_s_per_client_minute", (sum.update_s + sum.retrieval_s + sum.sending_s + sum.place_s) / minutes},
           {"saving_s_per_client_minute", counts.saving_s / minutes},
-          {"joining_s_per_client_minute", counts.joining_s / minutes},
-          {"joinings", counts.joinings},
-          {"longest_joining_s", counts.longest_joining_s},
+          {"joining_s_per_client_minute", counts.merging_s / minutes},
+          {"joinings", counts.merges},
+          {"longest_joining_s", counts.longest_merge_s},
           {"trouble", counts.trouble}};
 }
 
@@ -193,7 +193,7 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
 bool has_done_all(const runtime::ServerCounts& counts, std::uint64_t updates) {
   runtime::ClientCounts sum;
   for (const runtime::ClientCounts& client : counts.clients) runtime::add(sum, client);
-  return sum.updates == updates && !counts.is_joining;
+  return sum.updates == updates && !counts.is_merging;
 }
 
 nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients) {
@@ -219,7 +219,7 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   nlohmann::ordered_json row{
       {"clients", clients}, {"seconds", seconds}, {"cpu_s_per_client_minute", cpu_s / minutes}, {"cores", cpu_s / seconds}};
   row.update(costs(server.counts(), clients, seconds));
-  const fusion::FusionResult& joined = server.finish().joined();
+  const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
   for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
   return row;
@@ -232,8 +232,8 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
   tiers::VisualServer server(TierId("edge"), options, {});
   std::map<std::string, double> stages_s;
   std::vector<std::optional<SessionId>> sessions(clients);
-  double joining_s = 0.0, longest_s = 0.0, retrieval_s = 0.0, seconds = 0.0;
-  int joinings = 0, views = 0;
+  double merging_s = 0.0, longest_s = 0.0, retrieval_s = 0.0, seconds = 0.0;
+  int merges = 0, views = 0;
   for (const Told& one : all) {
     if (one.client >= clients) continue;
     auto& session = sessions[one.client];
@@ -256,18 +256,18 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
       const double before_s = runtime::thread_cpu_seconds();
       work->run();
       const double spent_s = runtime::thread_cpu_seconds() - before_s;
-      ++joinings, joining_s += spent_s, longest_s = std::max(longest_s, spent_s);
+      ++merges, merging_s += spent_s, longest_s = std::max(longest_s, spent_s);
       server.advance(now, pool, false);
-      for (const fusion::StageTime& stage : server.joined().stages) stages_s[stage.name] += stage.seconds;
+      for (const fusion::StageTime& stage : server.merged().stages) stages_s[stage.name] += stage.seconds;
     }
   }
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   nlohmann::ordered_json row{{"clients", clients},
-                             {"joinings", joinings},
-                             {"joining_s_per_client_minute", joining_s / minutes},
+                             {"joinings", merges},
+                             {"joining_s_per_client_minute", merging_s / minutes},
                              {"longest_joining_s", longest_s},
                              {"retrieval_ms", 1e3 * retrieval_s / std::max(1, views)}};
-  const auto& joined = server.joined();
+  const auto& joined = server.merged();
   row["components"] = joined.components.size();
   if (!joined.components.empty()) {
     row["keyframes"] = joined.components.front().map.nodes.size();
@@ -329,7 +329,7 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
     dropped += camera.dropped();
   }
   row["dropped"] = dropped, row["borrowed_seen"] = borrowed;
-  const fusion::FusionResult& joined = server.finish().joined();
+  const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
   for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
   return row;

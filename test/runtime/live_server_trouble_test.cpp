@@ -126,14 +126,14 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   std::map<SessionId, std::shared_ptr<LiveMapServer::Link>> links;
   for (const Heard& one : heard())
     if (auto& link = links[one.from]; link == nullptr) link = server.connect(), link->send({Kind::hello, encode(hello_of(one.from))});
-  request_interrupt();  // joinings throw
+  request_interrupt();  // merges throw
   const std::size_t half = heard().size() / 2;
   for (std::size_t i = 0; i < half; ++i) links[heard()[i].from]->send({Kind::update, heard()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return !server.counts().trouble.empty(); }));
   clear_interrupt();
-  EXPECT_EQ(server.counts().joinings, 0);
+  EXPECT_EQ(server.counts().merges, 0);
   for (std::size_t i = half; i < heard().size(); ++i) links[heard()[i].from]->send({Kind::update, heard()[i].bytes});
-  EXPECT_TRUE(comes_true([&] { return server.counts().joinings > 0 && server.counts().trouble.empty(); }));
+  EXPECT_TRUE(comes_true([&] { return server.counts().merges > 0 && server.counts().trouble.empty(); }));
   for (auto& [session, link] : links) EXPECT_GT(stored_of(*link, 200ms), 0U);
   for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 0U);
 }

@@ -130,7 +130,7 @@ TEST(ServerRobots, knows_a_robot_by_all_of_its_cameras_whether_or_not_they_speak
   for (const std::size_t frames_between : {0, 1, 2}) {
     Replay replay;
     replay.join();
-    ASSERT_EQ(replay.server.joined().components.size(), 1U);
+    ASSERT_EQ(replay.server.merged().components.size(), 1U);
     const Heard heard(replay, said(frames_between));
     std::printf("%zu frames between cameras: %.3f m, %.3f rad off at most, %d of %zu answers late\n", frames_between, heard.farthest_m(),
                 heard.farthest_rad(), heard.late, heard.answers.size());
@@ -201,7 +201,7 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
     return true;
   });
   replay.join();
-  const auto& components = replay.server.joined().components;
+  const auto& components = replay.server.merged().components;
   ASSERT_THAT(components.front().members, testing::ElementsAre(MapId("alpha.ahead"), MapId("alpha.back")));
   const std::vector<Said> all = said(1);
   const Heard together(replay, without(all, [](const Said& one) { return one.seconds > 6.9; }));
@@ -297,8 +297,8 @@ TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_whose_lengths_are_its
     return camera != kAside;
   });
   replay.join();
-  ASSERT_EQ(replay.server.joined().components.size(), 1U);
-  ASSERT_NE(replay.server.joined().components.front().scales.find(MapId("alpha.back")), nullptr);
+  ASSERT_EQ(replay.server.merged().components.size(), 1U);
+  ASSERT_NE(replay.server.merged().components.front().scales.find(MapId("alpha.back")), nullptr);
   const Eigen::Vector3d back_m = three_cameras().robots[1].place.robot_from_camera.t;
   std::vector<Said> all = without(said(0), [](const Said& one) { return one.camera != kBack; });
   for (Said& one : all) one.view.map_from_robot = test::single(one.view.map_from_robot, back_m, kScale);

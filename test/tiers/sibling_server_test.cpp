@@ -75,7 +75,7 @@ TEST(SiblingServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
     return shot;
   };
   team.run();
-  const fusion::FusionResult &joined = team.server.joined(), sealed = sealed_again(team.server, {});
+  const fusion::FusionResult &joined = team.server.merged(), sealed = sealed_again(team.server, {});
   EXPECT_THAT(team.server.notes(), testing::IsEmpty());
   for (const fusion::FusionResult* result : {&joined, &sealed}) {
     ASSERT_EQ(result->components.size(), 1U);
@@ -98,7 +98,7 @@ TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
   EXPECT_EQ(bytes, bytes_of(sealed_again(back_to_back().server, {}, 2)));
   FeatureTeam again(two_cameras(180.0, 15.0), sharing(Sharing::view), {}, 2);
   again.run();
-  EXPECT_EQ(bytes_of(again.server.joined()), bytes_of(back_to_back().server.joined()));
+  EXPECT_EQ(bytes_of(again.server.merged()), bytes_of(back_to_back().server.merged()));
 }
 
 TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
@@ -119,7 +119,7 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   server.pending()->run();
   server.advance({}, pool);
   const MapId name("alpha.other");
-  for (const fusion::FusionResult& result : {server.joined(), server.seal(pool, *make_silent_progress())}) {
+  for (const fusion::FusionResult& result : {server.merged(), server.seal(pool, *make_silent_progress())}) {
     ASSERT_EQ(result.components.size(), 1U);
     const fusion::Component& both = result.components.front();
     EXPECT_EQ(both.scales.find(MapId("alpha.ahead")), nullptr);
@@ -143,7 +143,7 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   ASSERT_TRUE(corrected && shared);
   EXPECT_NEAR(corrected->scale, 1.0 / kScale, 0.03 / kScale);
   ASSERT_GT(corrected->corrected.size(), 20U);
-  const Map& team = server.joined().components.front().map;
+  const Map& team = server.merged().components.front().map;
   ASSERT_GT(shared->landmarks.size(), 10U);
   for (const DescribedLandmark& landmark : shared->landmarks) {
     const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
@@ -269,8 +269,8 @@ TEST(SiblingServer, has_a_camera_that_began_anew_in_the_same_map) {
   blind(team.robots[1], 15.0, 30.0);
   team.run();
   EXPECT_EQ(team.robots[1].client->sessions().size(), 2U);
-  ASSERT_EQ(team.server.joined().components.size(), 1U);
-  const fusion::Component& all = team.server.joined().components.front();
+  ASSERT_EQ(team.server.merged().components.size(), 1U);
+  const fusion::Component& all = team.server.merged().components.front();
   EXPECT_THAT(all.members, testing::ElementsAre(MapId("alpha.ahead"), MapId("alpha.other"), MapId("alpha.other.1")));
   EXPECT_LT(team.error_m(all), 0.03);
 }

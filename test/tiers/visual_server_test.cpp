@@ -33,7 +33,7 @@ std::string sealed_bytes(const fusion::FusionResult& sealed) {
 
 TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   FeatureTeam& team = apartment();
-  ASSERT_EQ(team.server.joined().components.size(), 1U);
+  ASSERT_EQ(team.server.merged().components.size(), 1U);
   for (const auto& robot : team.robots) {
     std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, heard %.1f kB in %.0f s\n",
                 robot.place.client.robot.str().c_str(), robot.error_m(), robot.borrowed_seen,
@@ -43,7 +43,7 @@ TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
     EXPECT_EQ(robot.agent->waiting_bytes(), 0U);
   }
   EXPECT_GT(team.robots[0].borrowed_seen + team.robots[1].borrowed_seen, 100U);
-  EXPECT_LT(team.error_m(team.server.joined().components.front()), 0.05);
+  EXPECT_LT(team.error_m(team.server.merged().components.front()), 0.05);
 }
 
 TEST(VisualServer, joins_step_by_step_about_as_it_seals) {
@@ -52,11 +52,11 @@ TEST(VisualServer, joins_step_by_step_about_as_it_seals) {
   const auto sealed = server.seal(pool, *make_silent_progress());
   ASSERT_EQ(sealed.components.size(), 1U);
   std::vector<matching::PointPair> pairs;
-  for (const auto& [id, node] : server.joined().components.front().map.nodes)
+  for (const auto& [id, node] : server.merged().components.front().map.nodes)
     if (const Node* other = sealed.components.front().map.nodes.find(id)) pairs.push_back({node.map_from_node.t, other->map_from_node.t});
   ASSERT_GT(pairs.size(), 50U);
   std::printf("steps end %.4f m from the seal; errors %.4f m, %.4f m\n", FeatureTeam::laid(pairs),
-              apartment().error_m(server.joined().components.front()), apartment().error_m(sealed.components.front()));
+              apartment().error_m(server.merged().components.front()), apartment().error_m(sealed.components.front()));
   EXPECT_LT(FeatureTeam::laid(pairs), 0.03);
   VisualServer at_once(TierId("edge"), {}, {});
   for (auto& [session, update] : server.snapshot()) at_once.greet(test::hello_of(session)), at_once.receive(session, update);
@@ -208,15 +208,15 @@ TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
   server.advance(heard().front().from.run == 0 ? Stamp{} : Stamp{heard().front().from.run}, pool);
   server.pending()->run();
   server.advance({std::numeric_limits<std::int64_t>::max()}, pool);
-  ASSERT_EQ(server.joined().components.size(), 1U);
-  for (int round = 0; round < 20 && server.joined().components.size() == 1; ++round) {
-    for (const Verdict& verdict : server.joined().verdicts)
+  ASSERT_EQ(server.merged().components.size(), 1U);
+  for (int round = 0; round < 20 && server.merged().components.size() == 1; ++round) {
+    for (const Verdict& verdict : server.merged().verdicts)
       for (const Hash& witness : verdict.witnesses) server.veto(witness);
     server.advance({std::numeric_limits<std::int64_t>::max() - 1000000000000}, pool);
     server.pending()->run();
     server.advance({std::numeric_limits<std::int64_t>::max()}, pool);
   }
-  EXPECT_EQ(server.joined().components.size(), 2U);
+  EXPECT_EQ(server.merged().components.size(), 2U);
 }
 
 // A corridor that closes on itself: alpha, who sees well, drives where beta begins and ends; beta drives around and stops before it sees
@@ -249,11 +249,11 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
     const auto& beta = team.robots[1];
     error_m[share] = beta.error_m();
     std::printf("beta: error %.3f m, %zu loops of its own, corrected %d times, %d frames lost; %zu components\n", beta.error_m(),
-                beta.client->loops().size(), beta.corrections, beta.lost, team.server.joined().components.size());
+                beta.client->loops().size(), beta.corrections, beta.lost, team.server.merged().components.size());
     EXPECT_TRUE(beta.client->loops().empty());
     EXPECT_EQ(beta.corrections > 0, share == Sharing::full);
     const fusion::FusionResult sealed = team.server.seal(team.pool, *make_silent_progress());
-    EXPECT_LT(team.error_m(team.server.joined().components.front()), 1.05 * team.error_m(sealed.components.front()));
+    EXPECT_LT(team.error_m(team.server.merged().components.front()), 1.05 * team.error_m(sealed.components.front()));
   }
   EXPECT_LT(error_m[Sharing::full], 0.87 * error_m[Sharing::none]);
 }

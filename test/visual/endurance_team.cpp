@@ -201,9 +201,9 @@ class Server {
   void print(double seconds) {
     std::size_t told = 0, joined = 0;
     for (const Map& map : server_.maps()) told += map.nodes.size();
-    for (const fusion::Component& component : server_.joined().components) joined += component.map.nodes.size();
+    for (const fusion::Component& component : server_.merged().components) joined += component.map.nodes.size();
     std::printf("%8.0f %8s %8s %8.1f %8.1f %10zu  of them joined %zu, in %zu maps; %.0f kB for each\n", seconds / 60.0, "server", "",
-                held_mb() - before_mb_, resident_mb(), told, joined, server_.joined().components.size(),
+                held_mb() - before_mb_, resident_mb(), told, joined, server_.merged().components.size(),
                 1e3 * (held_mb() - before_mb_) / static_cast<double>(std::max<std::size_t>(1, told)));
     std::fflush(stdout);
   }

@@ -10,13 +10,13 @@ constexpr std::size_t kOfTeamEach = 3;  // one new keyframe in so many is compar
 
 }  // namespace
 
-IncrementalCandidates::IncrementalCandidates(const std::vector<StandingTeam>& teams, const std::deque<VisualMap>& maps,
+IncrementalCandidates::IncrementalCandidates(const std::vector<PreviousMerge>& teams, const std::deque<VisualMap>& maps,
                                              const ClaimedSightings& claimed, const VisualFusionOptions& options, WorkerPool& pool)
     : maps_(maps), claimed_(claimed), options_(options), is_any_(!teams.empty()), team_of_(maps.size(), nullptr) {
   if (!is_any_) return;
   matching::PlaceIndex index(matching::shipped_vocabulary().words());
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    const auto team = std::find_if(teams.begin(), teams.end(), [&](const StandingTeam& one) {
+    const auto team = std::find_if(teams.begin(), teams.end(), [&](const PreviousMerge& one) {
       return std::binary_search(one.members.begin(), one.members.end(), maps[m].map().id);
     });
     if (team != teams.end()) team_of_[m] = &*team;

@@ -12,7 +12,7 @@ namespace mapweave::fusion {
 class IncrementalCandidates {
  public:
   // All outlive it but the pool.
-  IncrementalCandidates(const std::vector<StandingTeam>& teams, const std::deque<VisualMap>& maps, const ClaimedSightings& claimed,
+  IncrementalCandidates(const std::vector<PreviousMerge>& teams, const std::deque<VisualMap>& maps, const ClaimedSightings& claimed,
                         const VisualFusionOptions& options, WorkerPool& pool);
   // Of two maps by number, a < b; nullopt: nothing is known of before, they are not metric, or they are of two teams of which
   // one is adjusted anew. Then all there is may be asked.
@@ -30,7 +30,7 @@ class IncrementalCandidates {
   const ClaimedSightings& claimed_;
   const VisualFusionOptions& options_;
   bool is_any_;
-  std::vector<const StandingTeam*> team_of_;  // each map
+  std::vector<const PreviousMerge*> team_of_;  // each map
   std::map<std::pair<std::size_t, std::size_t>, std::vector<VisualQuestion>> questions_;
 };
 

@@ -74,7 +74,7 @@ class Team {
     for (const VisualMap* member : members) rigs_.push_back(rig_of(*member));
   }
 
-  VisualTeam run(const StandingTeam* before) {
+  VisualTeam run(const PreviousMerge* before) {
     const bool is_again = before != nullptr && before->is_adjusted_again;
     if (before != nullptr && (!is_again || keyframes_.size() > kAtOnce))
       if (const auto start = warm_start(*before, members_, joins_)) return is_again ? adjusted_again(*start) : extended(*start);
@@ -483,7 +483,7 @@ class Team {
 }  // namespace
 
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const StandingTeam* before) {
+                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const PreviousMerge* before) {
   return Team(members, joins, team_from_map, claimed, options).run(before);
 }
 

@@ -22,6 +22,6 @@ struct VisualTeam {
 // of a merge before, all of whose members are here: it stays for the most part, or all is adjusted again, a large team part by part.
 // null: cold.
 VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const StandingTeam* before = nullptr);
+                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
 
 }  // namespace mapweave::fusion

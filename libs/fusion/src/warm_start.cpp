@@ -12,10 +12,10 @@ constexpr std::size_t kAlong = 3;      // covisible keyframes that move with one
 
 }  // namespace
 
-const StandingTeam* largest_within(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members) {
+const PreviousMerge* largest_within(const std::vector<PreviousMerge>& teams, const std::vector<const VisualMap*>& members) {
   if (std::any_of(members.begin(), members.end(), [](const VisualMap* map) { return !map->is_metric(); })) return nullptr;
-  const StandingTeam* largest = nullptr;
-  for (const StandingTeam& team : teams) {
+  const PreviousMerge* largest = nullptr;
+  for (const PreviousMerge& team : teams) {
     const auto is_here = [&](const MapId& id) {
       return std::any_of(members.begin(), members.end(), [&](const VisualMap* map) { return map->map().id == id; });
     };
@@ -81,7 +81,7 @@ class Newcomers {
 
 }  // namespace
 
-std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vector<const VisualMap*>& members,
+std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vector<const VisualMap*>& members,
                                     const std::vector<VisualJoin>& joins) {
   WarmStart start;
   std::vector<std::size_t> first;  // of each member

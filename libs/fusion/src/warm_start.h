@@ -9,7 +9,7 @@
 namespace mapweave::fusion {
 
 // The largest one of which every member is among these, all of which are metric; null: none.
-const StandingTeam* largest_within(const std::vector<StandingTeam>& teams, const std::vector<const VisualMap*>& members);
+const PreviousMerge* largest_within(const std::vector<PreviousMerge>& teams, const std::vector<const VisualMap*>& members);
 
 struct WarmStart {
   std::vector<Pose3> team_from_node;   // of all members' keyframes in a row
@@ -18,7 +18,7 @@ struct WarmStart {
 };
 
 // nullopt where the team has to be adjusted as a whole: most of it moves, or its maps or what joins them say that it lies elsewhere.
-std::optional<WarmStart> warm_start(const StandingTeam& before, const std::vector<const VisualMap*>& members,
+std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vector<const VisualMap*>& members,
                                     const std::vector<VisualJoin>& joins);
 
 }  // namespace mapweave::fusion

@@ -23,7 +23,7 @@ constexpr std::size_t kMostGone = 1000;                      // clients that lef
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
 constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
 
-// But for those in names: what they count grows from joining to joining, while what a note tells is the same.
+// But for those in names: what they count grows from merge to merge, while what a note tells is the same.
 std::string without_numbers(const std::string& note) {
   std::string rest;
   bool is_quoted = false;
@@ -40,14 +40,14 @@ struct LiveMapServer::State {
   using Wire = Link::Wire;
   const LiveServerOptions options;
   WorkerPool alone{1};
-  std::optional<WorkerPool> joining_pool;
+  std::optional<WorkerPool> merge_pool;
 
   std::mutex maps_mutex;  // taken before `mutex` by who takes both
   std::condition_variable maps_changed;
   tiers::VisualServer maps;
   double longest_hold_s = 0.0;
-  std::set<std::string> noted;  // of the joining thread
-  bool joiner_is_busy = false;  // or rests
+  std::set<std::string> noted;  // of the merge thread
+  bool merger_is_busy = false;  // or rests
 
   std::mutex mutex;
   std::condition_variable has_work;
@@ -56,10 +56,10 @@ struct LiveMapServer::State {
   std::map<SessionId, ClientCounts> gone;
   std::vector<SessionId> left;  // whom the maps have not forgotten yet
   ServerCounts counts;
-  bool handling_ends = false, joining_ends = false;
+  bool handling_ends = false, merging_ends = false;
   std::optional<JournalSaver> saver;  // told under maps_mutex: what is in the journal has the order in which maps took it
   std::vector<std::thread> handlers;
-  std::thread joiner;
+  std::thread merger;
   std::once_flag finished;
 
   class Hold {
@@ -85,11 +85,11 @@ struct LiveMapServer::State {
                   });
     std::thread([this] {
       give_way();
-      joining_pool.emplace(options.joining_threads);
+      merge_pool.emplace(options.merge_threads);
     }).join();
     advance();
     try {
-      joiner = std::thread([this] { join_maps(); });
+      merger = std::thread([this] { merge_maps(); });
       for (int i = 0; i < options.handlers; ++i) handlers.emplace_back([this] { handle(); });
     } catch (...) {
       end();
@@ -277,21 +277,21 @@ struct LiveMapServer::State {
     return maps.answer(from, *search);
   }
 
-  // --- Joining. The maps are held only while a joining begins and while its result is taken over.
+  // --- Merging. The maps are held only while a merge begins and while its result is taken over.
   void advance() {
-    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *joining_pool,
-                 !joiner_is_busy);
+    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *merge_pool,
+                 !merger_is_busy);
     if (maps.pending()) maps_changed.notify_one();
   }
 
-  void join_maps() {
+  void merge_maps() {
     give_way();
     std::unique_lock lock(maps_mutex);
     while (true) {
-      maps_changed.wait(lock, [&] { return joining_ends || maps.pending(); });
-      if (joining_ends) return;
+      maps_changed.wait(lock, [&] { return merging_ends || maps.pending(); });
+      if (merging_ends) return;
       std::shared_ptr<BackgroundWork> work = maps.pending();
-      joiner_is_busy = true;
+      merger_is_busy = true;
       lock.unlock();
       const Clock::time_point begin = Clock::now();
       double spent_s = 0.0;
@@ -309,11 +309,11 @@ struct LiveMapServer::State {
           maps.abandon();
       });
       work.reset();  // with what is no longer known
-      note_joining(spent_s, lasted_s, trouble.empty() ? later : trouble, std::move(notes));
+      note_merge(spent_s, lasted_s, trouble.empty() ? later : trouble, std::move(notes));
       lock.lock();
-      maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.joining_share) - 1.0)),
-                            [&] { return joining_ends; });
-      joiner_is_busy = false;
+      maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.merge_share) - 1.0)),
+                            [&] { return merging_ends; });
+      merger_is_busy = false;
       if (const std::string last = trouble_of([&] { advance(); }); !last.empty()) maps.abandon();
     }
   }
@@ -330,14 +330,14 @@ struct LiveMapServer::State {
   }
 
   // What could not be joined now may be once there is more: clients go on, and what was joined before stays.
-  void note_joining(double spent_s, double lasted_s, const std::string& trouble, std::vector<std::string> notes) {
+  void note_merge(double spent_s, double lasted_s, const std::string& trouble, std::vector<std::string> notes) {
     if (!trouble.empty()) log(LogLevel::error, "the maps could not be joined: " + trouble);
     for (const std::string& note : notes)
       if (noted.insert(without_numbers(note)).second) log(LogLevel::warning, note);
     const std::lock_guard counting(mutex);
-    if (trouble.empty()) ++counts.joinings, counts.notes = std::move(notes);
-    counts.joining_s += spent_s, counts.trouble = trouble;
-    counts.longest_joining_s = std::max(counts.longest_joining_s, lasted_s);
+    if (trouble.empty()) ++counts.merges, counts.notes = std::move(notes);
+    counts.merging_s += spent_s, counts.trouble = trouble;
+    counts.longest_merge_s = std::max(counts.longest_merge_s, lasted_s);
   }
 
   // --- Links, under `mutex`.
@@ -389,10 +389,10 @@ struct LiveMapServer::State {
     saver->finish();
     {
       const std::lock_guard lock(maps_mutex);
-      joining_ends = true;
+      merging_ends = true;
       maps_changed.notify_all();
     }
-    if (joiner.joinable()) joiner.join();
+    if (merger.joinable()) merger.join();
     const std::lock_guard lock(mutex);
     for (const auto& wire : wires) close(*wire);
     prune();
@@ -427,11 +427,11 @@ std::optional<tiers::RobotInTeam> LiveMapServer::robot(const RobotId& robot) con
 
 ServerCounts LiveMapServer::counts() const {
   double longest_hold_s = 0.0;
-  bool is_joining = false;
+  bool is_merging = false;
   {
     const std::lock_guard lock(state_->maps_mutex);
     longest_hold_s = state_->longest_hold_s;
-    is_joining = state_->joiner_is_busy || state_->maps.pending() != nullptr;
+    is_merging = state_->merger_is_busy || state_->maps.pending() != nullptr;
   }
   const std::lock_guard lock(state_->mutex);
   std::map<SessionId, ClientCounts> clients = state_->gone;
@@ -441,7 +441,7 @@ ServerCounts LiveMapServer::counts() const {
     add(sum, wire->counts);
   }
   ServerCounts counts = state_->counts;
-  counts.longest_hold_s = longest_hold_s, counts.is_joining = is_joining, counts.saving_s = state_->saver->cpu_seconds();
+  counts.longest_hold_s = longest_hold_s, counts.is_merging = is_merging, counts.saving_s = state_->saver->cpu_seconds();
   if (counts.trouble.empty()) counts.trouble = state_->saver->trouble();
   for (const auto& [session, client] : clients) counts.clients.push_back(client);
   return counts;

@@ -15,7 +15,7 @@ constexpr std::uint32_t kSweepEvery = 4;  // shares
 constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
 constexpr std::uint64_t kNobody = 0;      // shares
 constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
-constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the joining began knows better
+constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the merge began knows better
 constexpr double kLandmarkBytes = 70.0;   // on the wire, about
 
 }  // namespace

@@ -2,7 +2,7 @@
 // What a map server keeps, of each client and of all.
 
 #include "shared_landmark_table.h"
-#include "team_joining.h"
+#include "map_merge.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/tiers/byte_allowance.h>
@@ -94,13 +94,13 @@ struct VisualServer::State {
   std::set<MapId> names;
   std::vector<std::pair<SessionId, MapId>> order;  // in which maps became known
   std::set<Hash> vetoed;
-  std::shared_ptr<TeamJoining> last;  // that was taken over
-  std::shared_ptr<TeamJoining> joining;
-  std::shared_ptr<BackgroundWork> work;  // of the joining
+  std::shared_ptr<MapMerge> last;  // that was taken over
+  std::shared_ptr<MapMerge> merge;
+  std::shared_ptr<BackgroundWork> work;  // of the merge
   std::shared_ptr<const TeamView> view;
   std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
   std::uint64_t views = 0;                          // counted
-  std::size_t keyframes = 0, joined_keyframes = 0;  // told; told when the maps were joined last
+  std::size_t keyframes = 0, merged_keyframes = 0;  // told; told when the maps were joined last
   std::size_t counted = 0;                          // of those told, at the last advance
   std::optional<Stamp> told_at;                     // any of them, at an advance
   std::set<SessionId> tell;                         // who told any of them since
@@ -118,19 +118,19 @@ struct VisualServer::State {
     return name;
   }
 
-  TeamJoining::Snapshots snapshots() const;
+  MapMerge::Snapshots snapshots() const;
   fusion::FusionInput input() const;
 
-  bool is_due(Stamp now);  // a joining
+  bool is_due(Stamp now);  // a merge
   void begin(Stamp now, WorkerPool& pool);
 
   // What is let go of is left to whoever holds the work.
-  void abandon() { joining.reset(), work.reset(); }
+  void abandon() { merge.reset(), work.reset(); }
   void take_over() {
     work->run();
-    view = joining->view, ++views;
-    last.swap(joining);
-    joining.reset(), work.reset();
+    view = merge->view, ++views;
+    last.swap(merge);
+    merge.reset(), work.reset();
   }
 
   // Runs of other cameras of its robot.

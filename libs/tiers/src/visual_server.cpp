@@ -13,8 +13,8 @@ constexpr std::size_t kMostMaps = 1000;      // of one client's run
 
 }  // namespace
 
-TeamJoining::Snapshots VisualServer::State::snapshots() const {
-  TeamJoining::Snapshots result;
+MapMerge::Snapshots VisualServer::State::snapshots() const {
+  MapMerge::Snapshots result;
   for (const auto& [session, client] : clients)
     for (const auto& [told, part] : client.parts)
       if (!part.inbox.map().empty()) result.emplace_back(part.name, part.inbox.snapshot());
@@ -34,23 +34,23 @@ bool VisualServer::State::is_due(Stamp now) {
   if (std::exchange(counted, keyframes) != keyframes) told_at = now;
   if (vetoed_since) return true;
   constexpr double kGrowth = 1.0;
-  const double joined = static_cast<double>(joined_keyframes), after = options.fuse_after;
+  const double joined = static_cast<double>(merged_keyframes), after = options.fuse_after;
   const double of_each = after * static_cast<double>(std::max<std::size_t>(1, tell.size()));
   const double due = std::max(options.fuse_share * joined, std::min(of_each, std::max(after, kGrowth * joined)));
-  const std::size_t fresh = keyframes - joined_keyframes;
+  const std::size_t fresh = keyframes - merged_keyframes;
   return static_cast<double>(fresh) >= due || (fresh > 0 && told_at && seconds_between(*told_at, now) >= options.fuse_idle_s);
 }
 
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
-  joining = std::make_shared<TeamJoining>();
-  joining->input = input(), joining->rig = rig;
-  if (last) joining->input.judged = last->standing;
-  if (!std::exchange(vetoed_since, false) && last) joining->input.teams = last->teams;
-  joining->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
-  joined_keyframes = keyframes, tell.clear();
-  work = std::make_shared<BackgroundWork>([joining = joining, last = last, maps = snapshots(), options = options,
+  merge = std::make_shared<MapMerge>();
+  merge->input = input(), merge->rig = rig;
+  if (last) merge->input.judged = last->kept_judgements;
+  if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
+  merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
+  merged_keyframes = keyframes, tell.clear();
+  work = std::make_shared<BackgroundWork>([merge = merge, last = last, maps = snapshots(), options = options,
                                            fusion_options = fusion_options,
-                                           &pool]() mutable { joining->run(last.get(), std::move(maps), options, fusion_options, pool); });
+                                           &pool]() mutable { merge->run(last.get(), std::move(maps), options, fusion_options, pool); });
 }
 
 VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig) : state_(new State) {
@@ -108,8 +108,8 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
 
 void VisualServer::advance(Stamp now, WorkerPool& pool, bool may_begin) {
   State& state = *state_;
-  if (state.joining && (state.options.wait ? !(now < state.joining->due) : state.work->is_done())) state.take_over();
-  if (state.joining || !may_begin) return;
+  if (state.merge && (state.options.wait ? !(now < state.merge->due) : state.work->is_done())) state.take_over();
+  if (state.merge || !may_begin) return;
   if (state.is_due(now)) state.begin(now, pool);
 }
 
@@ -167,9 +167,9 @@ void VisualServer::leave(const SessionId& session) {
   if (parts.empty()) state_->clients.erase(client);
 }
 
-std::vector<Map> VisualServer::maps() const { return TeamJoining::copies(state_->snapshots()); }
+std::vector<Map> VisualServer::maps() const { return MapMerge::copies(state_->snapshots()); }
 
-const fusion::FusionResult& VisualServer::joined() const {
+const fusion::FusionResult& VisualServer::merged() const {
   static const fusion::FusionResult nothing;
   return state_->view ? state_->view->result() : nothing;
 }

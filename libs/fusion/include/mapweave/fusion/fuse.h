@@ -21,8 +21,8 @@ class ModelCache;
 
 namespace mapweave::fusion {
 
-// Maps that a joining before this one found to belong together.
-struct StandingTeam {
+// Maps that a merge before this one found to belong together.
+struct PreviousMerge {
   std::vector<MapId> members;           // sorted
   Table<NodeId, Pose3> map_from_node;   // of their keyframes, as their own maps had them then
   Table<NodeId, Pose3> team_from_node;  // as they were adjusted
@@ -46,14 +46,14 @@ struct FusionInput {
   // For the same previews, of maps that know their lengths: only keyframes that are new are compared, each with the few of all other maps
   // that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new says that they lie
   // elsewhere.
-  std::vector<StandingTeam> teams = {};
+  std::vector<PreviousMerge> teams = {};
   // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged first, as all others
   // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.
   std::vector<LandmarkChange> borrowed = {};
-  std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next joining
+  std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next merge
   std::set<std::pair<MapId, MapId>> refused = {};  // never to be matched to each other, the lower id first; unknown ids say nothing
-  std::vector<MapPrior> priors = {};                               // for lasers; at most one of two maps counts. Unknown ids say nothing
-  std::shared_ptr<matching::ModelCache> models = {};               // to be kept for the next joining; speed, never content
+  std::vector<MapPrior> priors = {};                  // for lasers; at most one of two maps counts. Unknown ids say nothing
+  std::shared_ptr<matching::ModelCache> models = {};  // to be kept for the next merge; speed, never content
 };
 
 struct Component {

@@ -16,16 +16,16 @@ namespace mapweave::runtime {
 
 struct LiveServerOptions {
   int handlers = 2;
-  int joining_threads = 1;
-  double joining_share = 0.5;
+  int merge_threads = 1;
+  double merge_share = 0.5;
   int queue_kb = 4096;
   int answers_kb = 1024;
   int journal_kb = 65536;
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
-    v.integer("joining_threads", joining_threads, 1, 64, "that join maps, with less of a claim on the processors than the others");
-    v.fraction("joining_share", joining_share, "of the time that maps are joined at most: the next joining waits until then");
+    v.integer("joining_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
+    v.fraction("joining_share", merge_share, "largest share of the time that maps are merged: the next merge waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
     v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; it is lent nothing meanwhile");
     v.integer("journal_kb", journal_kb, 1, 1 << 30, "that the journal may grow by, and to twice its length, before it is written anew");
@@ -63,16 +63,16 @@ void add(ClientCounts& sum, const ClientCounts& more);
 
 struct ServerCounts {
   std::vector<ClientCounts> clients;  // by session
-  int joinings = 0;
-  double joining_s = 0.0, longest_joining_s = 0.0;  // processor time of the joining thread; longest: from begin to end
-  double saving_s = 0.0;                            // processor time
-  double longest_hold_s = 0.0;                      // of the maps by one who changed or read them
-  bool is_joining = false;                          // or rests from it, before what came since is joined, if that is enough
-  std::vector<std::string> notes;                   // of the last joining, for people: why cameras of one robot are not tied
-  std::string trouble;                              // why it saves or joins nothing any more; empty: it does
+  int merges = 0;
+  double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of the merge thread; longest: from begin to end
+  double saving_s = 0.0;                          // processor time
+  double longest_hold_s = 0.0;                    // of the maps by one who changed or read them
+  bool is_merging = false;                        // or rests from it, before what came since is joined, if that is enough
+  std::vector<std::string> notes;                 // of the last merge, for people: why cameras of one robot are not tied
+  std::string trouble;                            // why it saves or joins nothing any more; empty: it does
 };
 
-// All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a joining counts when
+// All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a merge counts when
 // it is done.
 class LiveMapServer {
  public:
@@ -88,7 +88,7 @@ class LiveMapServer {
   // Throws Error(kBadInput) where there are too many.
   std::shared_ptr<Link> connect();
 
-  // A judgement that is not to be believed from the next joining on, which begins soon; in the journal when it returns. Throws
+  // A judgement that is not to be believed from the next merge on, which begins soon; in the journal when it returns. Throws
   // Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room; kBadInput after finish().
   void veto(const Hash& judgement);
 

@@ -80,7 +80,7 @@ struct ServerOptions {
 // Where a robot is, by all of its cameras.
 struct RobotInTeam {
   Stamp stamp;            // of the newest word of where it was
-  Pose3 team_from_robot;  // of its base, as maps were joined last: joining them again may move it
+  Pose3 team_from_robot;  // of its base, as maps were joined last: merging them again may move it
   MapId team;             // the lowest of the maps that are joined there: the first member of its component
   int cameras = 0;        // that it rests on
 };
@@ -112,9 +112,9 @@ class VisualServer {
   // After what came at one moment: begins to join the maps where enough is new, and takes over what was begun long enough ago. The pool
   // outlives the server.
   void advance(Stamp now, WorkerPool& pool, bool may_begin = true);
-  // The joining under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
+  // The merge under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
   std::shared_ptr<BackgroundWork> pending() const;
-  // Of a joining that threw: what was joined before it stays, and the next one begins once there is enough new.
+  // Of a merge that threw: what was joined before it stays, and the next one begins once there is enough new.
   void abandon();
 
   // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
@@ -136,7 +136,7 @@ class VisualServer {
   // where it is, or no map that it is in is among those that were joined last.
   std::optional<RobotInTeam> robot(const RobotId& robot) const;
 
-  // A judgement that is not to be believed from the next joining on: what rested on it comes apart.
+  // A judgement that is not to be believed from the next merge on: what rested on it comes apart.
   void veto(const Hash& judgement);
   const std::set<Hash>& vetoed() const;
   // Every client's own maps, each as one update that says all: received by another server, in this order, they make it the same as this
@@ -147,10 +147,10 @@ class VisualServer {
   std::function<Snapshot()> snapshot_to_encode() const;
   // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
-  // Of the last joining, for people: why cameras of one robot are not tied.
+  // Of the last merge, for people: why cameras of one robot are not tied.
   std::vector<std::string> notes() const;
   // As joined last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
-  const fusion::FusionResult& joined() const;
+  const fusion::FusionResult& merged() const;
   // All joined now. Neither the order in which updates came nor threads change a byte.
   fusion::FusionResult seal(WorkerPool& pool, Progress& progress);
 

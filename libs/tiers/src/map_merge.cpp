@@ -1,4 +1,4 @@
-#include "team_joining.h"
+#include "map_merge.h"
 
 #include <algorithm>
 
@@ -12,14 +12,14 @@ constexpr std::size_t kSettled = 5;   // later keyframes of its camera: one's co
 
 }  // namespace
 
-std::vector<Map> TeamJoining::copies(const Snapshots& snapshots) {
+std::vector<Map> MapMerge::copies(const Snapshots& snapshots) {
   std::vector<Map> result;
   for (const auto& [name, map] : snapshots) result.push_back(*map), result.back().id = name;
   return result;
 }
 
-void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
-                      WorkerPool& pool) {
+void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
+                   WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
   maps.clear();  // while somebody holds them, updates copy them
   rig::RobotRigs rigs = rig::merge_rigs(own, rig, pool);
@@ -28,7 +28,7 @@ void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptio
   for (const Map& map : input.maps) keyframes += map.nodes.size();
   adjusted_keyframes = last != nullptr ? last->adjusted_keyframes : 0;
   if (static_cast<double>(keyframes) >= kAdjustAgain * static_cast<double>(adjusted_keyframes)) {
-    for (fusion::StandingTeam& team : input.teams) team.is_adjusted_again = true;
+    for (fusion::PreviousMerge& team : input.teams) team.is_adjusted_again = true;
     adjusted_keyframes = keyframes;
   }
   fusion::VisualFusionOptions& visual = fusion_options.visual;
@@ -44,7 +44,7 @@ void TeamJoining::run(const TeamJoining* last, Snapshots maps, const ServerOptio
   input = {};
 }
 
-void TeamJoining::leave_to_the_next(const fusion::FusionResult& result) {
+void MapMerge::leave_to_the_next(const fusion::FusionResult& result) {
   std::set<SubmapId> settled;
   for (const Map& map : input.maps)
     for (std::size_t i = 0; i + kSettled < map.nodes.size(); ++i) {
@@ -56,10 +56,10 @@ void TeamJoining::leave_to_the_next(const fusion::FusionResult& result) {
     memo.emplace(judgement.id, judgement);
     const bool is_same_place = !judgement.hypotheses.empty() && judgement.doubt == Reason::none;
     if (is_same_place || judgement.a.session == judgement.b.session || (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0))
-      standing.push_back(judgement);
+      kept_judgements.push_back(judgement);
   }
   for (const fusion::Component& component : result.components) {
-    fusion::StandingTeam& team = teams.emplace_back();
+    fusion::PreviousMerge& team = teams.emplace_back();
     team.members = component.members;
     for (const auto& [id, node] : component.map.nodes) team.team_from_node.set(id, node.map_from_node);
     for (const Map& map : input.maps)

@@ -1,5 +1,5 @@
 #pragma once
-// One joining of a map server's maps, and what it leaves to the next one.
+// One merge of a map server's maps, and what it leaves to the next one.
 
 #include "team_view.h"
 
@@ -9,7 +9,7 @@
 namespace mapweave::tiers {
 
 // Owned by the work too, which may outlive the server.
-struct TeamJoining {
+struct MapMerge {
   // Maps as they were, and their names at the server.
   using Snapshots = std::vector<std::pair<MapId, std::shared_ptr<const Map>>>;
   static std::vector<Map> copies(const Snapshots& snapshots);
@@ -19,13 +19,13 @@ struct TeamJoining {
   Stamp due;
   fusion::Memo memo;  // of what was judged
   // To the next one: judgements that stand, and where the maps lie.
-  std::vector<Judgement> standing;
-  std::vector<fusion::StandingTeam> teams;
+  std::vector<Judgement> kept_judgements;
+  std::vector<fusion::PreviousMerge> teams;
   std::vector<std::string> notes;                     // why cameras of one robot stay apart
   std::size_t keyframes = 0, adjusted_keyframes = 0;  // joined; and when all were adjusted last
   std::shared_ptr<const TeamView> view;
 
-  void run(const TeamJoining* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options, WorkerPool& pool);
+  void run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options, WorkerPool& pool);
 
  private:
   void leave_to_the_next(const fusion::FusionResult& result);
