@@ -151,7 +151,7 @@ std::vector<Said> without(std::vector<Said> all, const std::function<bool(const 
   return all;
 }
 
-TEST(ServerRobots, goes_on_by_one_camera_where_its_sibling_falls_silent) {
+TEST(ServerRobots, goes_on_by_one_camera_where_another_falls_silent) {
   for (const SensorId& silent : {kAhead, kBack}) {
     Replay replay;
     replay.join();

@@ -71,7 +71,7 @@ bool is_empty_folder(const fs::path& path) { return fs::is_directory(path) && fs
 
 // Locked by the process that builds the folder. A folder without a lock whose maker is gone (or had our number: numbers
 // return after a restart of a container) is left over from a crash.
-void remove_stale_siblings(const fs::path& goal) {
+void remove_stale_temporaries(const fs::path& goal) {
   const std::string prefix = goal.filename().string() + kPartial;
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder_of(goal), ignored)) {
@@ -168,7 +168,7 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
     }
     for (fs::path parent = folder_of(goal_); !fs::exists(parent); parent = folder_of(parent)) made_parents_.push_back(parent);
     fs::create_directories(folder_of(goal_));
-    remove_stale_siblings(goal_);
+    remove_stale_temporaries(goal_);
   } catch (const fs::filesystem_error& error) {
     remove_made_parents();
     throw_cannot_write(goal_, "cannot be written", error.code().value());

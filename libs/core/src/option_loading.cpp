@@ -146,15 +146,15 @@ class Loader {
                        meant ? "did you mean '" + layer.spelt(*meant) + "'?" : "see 'mapweave config reference' for those there are");
   }
 
-  // For a key in a section of a file: its siblings first, then the same name elsewhere.
+  // For a key in a section of a file: the keys beside it first, then the same name elsewhere.
   Error unknown_key_in(const OptionFields& fields, const std::string& name, int line, const Layer& layer) const {
-    std::vector<std::string> siblings, keys;
-    for (const auto& option : fields) siblings.push_back(option.name);
+    std::vector<std::string> known_here, keys;
+    for (const auto& option : fields) known_here.push_back(option.name);
     collect_keys(root_, {}, keys);
-    auto meant = nearest_name(name, siblings);
+    auto meant = nearest_name(name, known_here);
     if (!meant) meant = key_named_alike(name, keys);
     std::string remedy;
-    for (const auto& sibling : siblings) remedy += (remedy.empty() ? "known here: " : ", ") + sibling;
+    for (const auto& known : known_here) remedy += (remedy.empty() ? "known here: " : ", ") + known;
     if (meant) remedy = "did you mean '" + *meant + "'?";
     return layer.error(line, "unknown key '" + shown_text(name) + "'", remedy);
   }

@@ -161,7 +161,7 @@ class RigMerger {
     const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common, part);
     if (!scale) {
       why_apart_[number] = {"the map of camera '" + part.camera + "', which has no depth, stays apart: ",
-                            "the robot hardly moved while a sibling saw where, so its lengths are not known"};
+                            "the robot hardly moved while another camera of the rig saw where, so its scale is not known"};
       return false;
     }
     constexpr double kLeastLength_m = 0.1;  // turns on the spot say little of a camera's extrinsics

@@ -34,7 +34,7 @@ class Link {
     count();
   }
 
-  // Where it is, if it does not know, once its siblings have said where they are.
+  // Where it is, if it does not know, once the other cameras of its rig have said where they are.
   void ask(tiers::VisualServer& server, WorkerPool& pool) {
     const auto run = client_->run(place_);
     if (!run || has_place_) return;

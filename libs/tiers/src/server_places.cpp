@@ -10,7 +10,7 @@ namespace mapweave::tiers {
 namespace {
 
 constexpr std::size_t kLeastTold = 60;   // landmarks with a place, however narrow the wire
-constexpr double kAround_s = 0.5;        // from where a sibling said it was to when its robot's place is asked for
+constexpr double kAround_s = 0.5;        // from where a rig camera said it was to when its robot's place is asked for
 constexpr double kBetweenViews_s = 1.5;  // that tell how the robot moved
 constexpr double kFarthest = 2.0;        // of the way between two views, that is gone on with
 
@@ -78,16 +78,16 @@ std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const Plac
   return answer(from, *search);
 }
 
-std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_sibling(const SessionId& lost, Stamp when,
-                                                                                     const TeamView& team) const {
+std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig_camera(const SessionId& lost, Stamp when,
+                                                                                        const TeamView& team) const {
   if (!rig.enabled) return std::nullopt;
   std::optional<RobotPlace> best;
   double least_s = std::nextafter(kAround_s, 1.0);
-  for (const Entry* entry : siblings(lost.client)) {
-    const Client& sibling = entry->second;
-    const std::optional<Whereabouts> known = robot_at(sibling.seen_at, when);
+  for (const Entry* entry : rig_cameras(lost.client)) {
+    const Client& rig_camera = entry->second;
+    const std::optional<Whereabouts> known = robot_at(rig_camera.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;
-    if (auto place = in_team(team, sibling, known->map, known->map_from_robot)) best = std::move(place), least_s = known->apart_s;
+    if (auto place = in_team(team, rig_camera, known->map, known->map_from_robot)) best = std::move(place), least_s = known->apart_s;
   }
   return best;
 }
@@ -99,7 +99,7 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
   const TeamView& view = *search.state_->view;
   const auto place = search.state_->found
                          ? State::RobotPlace{search.state_->component, search.state_->found->map_from_robot, search.state_->found->keyframe}
-                         : state.place_by_sibling(from, request.stamp, view);
+                         : state.place_by_rig_camera(from, request.stamp, view);
   if (!place) return std::nullopt;
   const auto answer_in = [&](const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);

@@ -14,7 +14,7 @@ constexpr double kSilentAfter = 2.0;
 constexpr std::int64_t kRemembered = 8;
 constexpr std::int64_t kStepsBetween = 5;
 
-constexpr double kFastest_m_per_s = 2.0;  // where a camera says it went faster, its siblings are waited for
+constexpr double kFastest_m_per_s = 2.0;  // where a camera says it went faster, its rig cameras are waited for
 
 struct Cameras {
   std::map<SensorId, std::vector<StampedPose>> ways;  // in the team, by stamp
@@ -77,7 +77,7 @@ std::optional<RobotInTeam> VisualServer::robot(const RobotId& robot) const {
   if (!state.view) return std::nullopt;
   const double period_s = 1.0 / state.options.share_rate_hz;
   std::map<SensorId, const Client*> clients;  // the newest runs
-  for (const State::Entry* entry : state.siblings({robot, {}})) clients[entry->first.client.sensor] = &entry->second;
+  for (const State::Entry* entry : state.rig_cameras({robot, {}})) clients[entry->first.client.sensor] = &entry->second;
   std::map<const TeamView::Component*, Cameras> all;
   std::vector<std::pair<Stamp, Cameras*>> newest;  // of each camera, and where
   for (const auto& [camera, client] : clients) {

@@ -47,7 +47,7 @@ matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, con
   return frustum;
 }
 
-std::vector<const VisualServer::State::Entry*> VisualServer::State::siblings(const ClientId& camera) const {
+std::vector<const VisualServer::State::Entry*> VisualServer::State::rig_cameras(const ClientId& camera) const {
   std::vector<const Entry*> result;
   for (auto entry = clients.lower_bound({{camera.robot, {}}, std::numeric_limits<std::int64_t>::min()});
        entry != clients.end() && entry->first.client.robot == camera.robot; ++entry)
@@ -55,7 +55,7 @@ std::vector<const VisualServer::State::Entry*> VisualServer::State::siblings(con
   return result;
 }
 
-bool VisualServer::State::has_lengths_of_others(const Client& client) const {
+bool VisualServer::State::has_scale_of_others(const Client& client) const {
   return std::any_of(client.parts.begin(), client.parts.end(), [&](const auto& entry) {
     const TeamView::Member* member = view->member(entry.second.name);
     return member != nullptr && member->scale != 1.0;
@@ -65,9 +65,9 @@ bool VisualServer::State::has_lengths_of_others(const Client& client) const {
 void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
   if (std::exchange(part.owners_by, views) == views) return;
   std::set<SessionId> not_shared{to};
-  // A camera that measures lengths would come to rest on those that a sibling has from itself.
-  for (const Entry* sibling : siblings(to.client))
-    if (member.scale == 1.0 && has_lengths_of_others(sibling->second)) not_shared.insert(sibling->first);
+  // A camera that measures its scale would come to rest on the scale that a rig camera has from itself.
+  for (const Entry* rig_camera : rig_cameras(to.client))
+    if (member.scale == 1.0 && has_scale_of_others(rig_camera->second)) not_shared.insert(rig_camera->first);
   part.owner_of_session.clear();
   for (const SessionId& session : member.component->landmarks().sessions())
     part.owner_of_session.push_back(

@@ -135,9 +135,9 @@ struct VisualServer::State {
 
   // Runs of other cameras of its robot.
   using Entry = std::pair<const SessionId, Client>;
-  std::vector<const Entry*> siblings(const ClientId& camera) const;
+  std::vector<const Entry*> rig_cameras(const ClientId& camera) const;
   // Whether the team gave one of its maps the lengths of others: a single camera does not measure them.
-  bool has_lengths_of_others(const Client& client) const;
+  bool has_scale_of_others(const Client& client) const;
 
   // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.
   enum class Frame { map, team };
@@ -152,7 +152,7 @@ struct VisualServer::State {
   // By a client's word of where its robot is in its map.
   static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& told, const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
-  std::optional<RobotPlace> place_by_sibling(const SessionId& lost, Stamp when, const TeamView& team) const;
+  std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
   void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
                        std::size_t most, Share& share) const;

@@ -66,7 +66,7 @@ FeatureTeam& back_to_back() {
   return *team;
 }
 
-TEST(SiblingServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
+TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   FeatureTeam team(two_cameras(180.0, 15.0), sharing(Sharing::none));
   team.robots[1].shoot = [see = team.robots[1].shoot](std::size_t number) {  // by another light
     FeatureTeam::Shot shot = see(number);
@@ -88,11 +88,11 @@ TEST(SiblingServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   EXPECT_EQ(sealed_again(team.server, without_ties()).components.size(), 2U);
 }
 
-TEST(SiblingServer, lends_each_camera_what_its_sibling_made) {
+TEST(RigServer, lends_each_camera_what_other_cameras_of_its_rig_made) {
   for (const auto& camera : back_to_back().robots) EXPECT_GT(camera.borrowed_seen, 50U) << camera.place.client.sensor.str();
 }
 
-TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
+TEST(RigServer, seals_and_joins_the_same_whatever_came_first) {
   const std::string bytes = bytes_of(sealed_again(back_to_back().server, {}));
   EXPECT_EQ(bytes, bytes_of(sealed_again(back_to_back().server, {}, 1, true)));
   EXPECT_EQ(bytes, bytes_of(sealed_again(back_to_back().server, {}, 2)));
@@ -101,7 +101,7 @@ TEST(SiblingServer, seals_and_joins_the_same_whatever_came_first) {
   EXPECT_EQ(bytes_of(again.server.merged()), bytes_of(back_to_back().server.merged()));
 }
 
-TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
+TEST(RigServer, gives_a_single_camera_the_scale_of_its_rig) {
   constexpr double kScale = 0.4;
   ServerOptions options = sharing(Sharing::full);
   options.wait = false;
@@ -157,7 +157,7 @@ TEST(SiblingServer, gives_a_single_camera_the_lengths_of_its_sibling) {
   }
 }
 
-TEST(SiblingServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
+TEST(RigServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
   auto options = two_cameras(180.0, 15.0);
   options.robots.push_back(options.robots.front());
   options.robots[1].id = "beta", options.robots[1].first_room = 1;
@@ -186,7 +186,7 @@ void make_strange(PlaceRequest& request) {
     for (std::uint64_t& word : descriptor) word = number = number * 0x9e3779b97f4a7c15ULL + 12345;
 }
 
-TEST(SiblingServer, tells_a_lost_camera_where_its_sibling_is) {
+TEST(RigServer, reports_to_a_lost_camera_where_its_rig_is) {
   std::map<bool, int> lost;
   for (const bool tied : {false, true}) {
     FeatureTeam team(two_cameras(60.0, 20.0), sharing(Sharing::view), {}, 1, tied ? rig::RigOptions() : without_ties());
@@ -209,7 +209,7 @@ TEST(SiblingServer, tells_a_lost_camera_where_its_sibling_is) {
   EXPECT_GT(lost[false], 48);
 }
 
-TEST(SiblingServer, goes_by_where_a_sibling_said_it_was_around_that_time) {
+TEST(RigServer, uses_where_a_rig_camera_said_it_was_around_that_time) {
   ServerOptions options = sharing(Sharing::view);
   options.wait = false;
   VisualServer server(TierId("edge"), options, {});
@@ -264,7 +264,7 @@ TEST(SiblingServer, goes_by_where_a_sibling_said_it_was_around_that_time) {
   EXPECT_GT(too_late, 0);
 }
 
-TEST(SiblingServer, has_a_camera_that_began_anew_in_the_same_map) {
+TEST(RigServer, has_a_camera_that_began_anew_in_the_same_map) {
   FeatureTeam team(two_cameras(180.0, 25.0), sharing(Sharing::view));
   blind(team.robots[1], 15.0, 30.0);
   team.run();
