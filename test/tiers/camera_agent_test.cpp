@@ -182,7 +182,7 @@ Heard heard_over(double bytes_per_s) {
   }
   heard.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
   heard.features /= static_cast<double>(nodes);
-  drive.agent.lift_bound(), drive.tell(server);
+  drive.agent.lift_limit(), drive.tell(server);
   for (const Map& map : server.maps()) heard.keyframes += map.nodes.size();
   heard.kept = drive.client.keyframes().size();
   heard.lacking = lacking(drive, server);

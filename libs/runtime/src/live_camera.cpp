@@ -31,7 +31,7 @@ void LiveCamera::reconnect(std::shared_ptr<LiveMapServer::Link> link) {
 visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
   visual::VisualClient& client = client_.finish();
   const auto end = std::chrono::steady_clock::now() + patience;
-  agent_.lift_bound();
+  agent_.lift_limit();
   bool more = client.run(place_).has_value();
   while (more && std::chrono::steady_clock::now() < end) {
     more = (last_ && tell(client, *last_)) || !welcome_ || agent_.waiting_bytes() > 0;

@@ -52,7 +52,7 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
   std::vector<Map> seen;
   for (const CameraMap& map : result.cameras.maps) seen.push_back(map.map);
   if (outcome.map && !seen.empty()) {
-    rig::LaserCameraMap both = rig::align_cameras(std::move(*outcome.map), seen, configuration.bind, configuration.fusion.solve);
+    rig::LaserCameraMap both = rig::align_cameras(std::move(*outcome.map), seen, configuration.laser_cameras, configuration.fusion.solve);
     outcome.map = std::move(both.map);
     const auto is_apart = [&](const Map& map) { return std::find(both.apart.begin(), both.apart.end(), map.id) != both.apart.end(); };
     seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const Map& map) { return !is_apart(map); }), seen.end());

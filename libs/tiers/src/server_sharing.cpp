@@ -152,15 +152,15 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   if (near == nullptr) return std::nullopt;
   Share share;
   share.map = told.map;
-  const bool is_bound = state.options.most_bytes_per_s > 0.0;
+  const bool is_limited = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
-  if (state.options.share == Sharing::full && (!is_bound || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
+  if (state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
     state.share_landmarks(part, to, told, *member, *near,
-                          is_bound ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(), share);
+                          is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(), share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
-  if (is_bound) client.downlink.spend(encode(share).size());
+  if (is_limited) client.downlink.spend(encode(share).size());
   return share;
 }
 

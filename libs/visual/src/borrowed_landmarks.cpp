@@ -63,7 +63,7 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session, const std::vector<
       held.point = landmark.point_in_map, held.borrowed->sigma_m = landmark.sigma_m;
     }
   }
-  bound(map);
+  limit(map);
   return taken;
 }
 
@@ -125,7 +125,7 @@ void BorrowedLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
 }
 
 // Those longest out of view go first.
-void BorrowedLandmarks::bound(LandmarkMap& map) {
+void BorrowedLandmarks::limit(LandmarkMap& map) {
   if (entries_.size() <= kMost) return;
   std::vector<std::pair<std::uint32_t, LandmarkId>> order;
   for (const auto& [id, entry] : entries_) order.emplace_back(entry.in_view, id);

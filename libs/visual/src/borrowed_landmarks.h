@@ -42,7 +42,7 @@ class BorrowedLandmarks {
     int failures = 0;
     std::uint32_t in_view = 0;  // the last keyframe, counted, that it was in the view of
   };
-  void bound(LandmarkMap& map);
+  void limit(LandmarkMap& map);
   bool is_held(const LandmarkMap& map, Entry& entry) const;
   void take_out(LandmarkMap& map, Entry& entry) const;
 

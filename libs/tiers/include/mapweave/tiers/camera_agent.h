@@ -40,7 +40,7 @@ class CameraAgent {
   // Of those, one that did not get onto the wire: it is told again.
   void put_back(const std::string& update);
   // The client has ended: what it still has to tell is bounded by nothing.
-  void lift_bound() { options_.most_bytes_per_s = 0.0; }
+  void lift_limit() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
   // A server that lacks what was confirmed before, or has what was never told, is another one: it is told such a map from the beginning.
   void stored(const Receipt& receipt);
