@@ -61,7 +61,7 @@ TEST(VisualSessions, begins_another_map_in_a_new_place_and_joins_it_when_it_come
   }
 }
 
-TEST(VisualSessions, gives_the_same_numbers_whoever_straightens_the_map) {
+TEST(VisualSessions, gives_the_same_numbers_whoever_corrects_the_map) {
   const auto run = [](bool aside) {
     VisualClient client(room.camera, 0.0, impatient(), matching::shipped_vocabulary());
     std::thread helper;

@@ -17,7 +17,7 @@ LiveClient::LiveClient(Pinhole camera, double baseline_m, ClientOptions options,
     : client_(camera, baseline_m, live(std::move(options)), std::move(vocabulary)),
       report_(std::move(report)),
       tracking_([this] { track(); }),
-      straightening_([this] { straighten(); }) {}
+      correcting_([this] { correct_loops(); }) {}
 
 LiveClient::~LiveClient() {
   {
@@ -67,7 +67,7 @@ void LiveClient::end() {
     stopped_ = true;
     changed_.notify_all();
   }
-  if (straightening_.joinable()) straightening_.join();
+  if (correcting_.joinable()) correcting_.join();
 }
 
 void LiveClient::track() try {
@@ -95,7 +95,7 @@ void LiveClient::track() try {
   error_ = std::current_exception();
 }
 
-void LiveClient::straighten() try {
+void LiveClient::correct_loops() try {
   while (true) {
     std::shared_ptr<BackgroundWork> work;
     {

@@ -1,5 +1,5 @@
 #pragma once
-// A session's map is straightened after a loop, aside from tracking: on a copy, to be applied to a map that went on meanwhile. First the
+// A session's map is corrected after a loop, aside from tracking: on a copy, to be applied to a map that went on meanwhile. First the
 // essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is kept.
 
 #include "bundle.h"

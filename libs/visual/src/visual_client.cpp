@@ -26,8 +26,8 @@ constexpr int kNotedAfter = 10;          // frames
 constexpr int kCulledAtOnce = 3;         // keyframes, of those that go because others show the same
 constexpr double kBorrowedReach = 0.02;  // widths of the picture: how far landmarks of others are looked for
 
-// The straightening of a map, computed aside.
-struct Straightening {
+// The correction of a map after a loop, computed aside.
+struct LoopCorrection {
   Stamp found, due;
   std::shared_ptr<MapCorrection> correction;
   std::shared_ptr<BackgroundWork> work;
@@ -45,7 +45,7 @@ struct VisualClient::State : Follower {
   int without_depth = 0;   // frames that could not begin a map, for all that they show
   bool noted_delay = false;
   Stamp lost_stamp;  // the last frame that was lost
-  std::optional<Straightening> straightening;
+  std::optional<LoopCorrection> loop_correction;
   std::optional<MapPublisher> publisher;
   BorrowedLandmarks borrowed;
   std::uint32_t forgotten = 0;  // times
@@ -126,7 +126,7 @@ struct VisualClient::State : Follower {
   void look_for_loop(Stamp stamp, const Pyramid& picture, const Motion& speed) {
     if (!closer) return;
     closer->add(map, reference);
-    if (straightening) return;
+    if (loop_correction) return;
     auto loop = closer->look(map, finder, reference, picture, speed);
     if (!loop) return;
     if (const int other = map.keyframe(loop->earlier).session; other != session) {
@@ -139,8 +139,8 @@ struct VisualClient::State : Follower {
     }
     const auto correction = std::make_shared<MapCorrection>(map, *loop, options.tracking.sigma_px);
     const auto delay = static_cast<std::int64_t>(options.loops.delay_s * 1e9);
-    straightening =
-        Straightening{stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
+    loop_correction =
+        LoopCorrection{stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
   void forget_borrowed(int number) {
@@ -158,17 +158,17 @@ struct VisualClient::State : Follower {
     view = stretched(view_from_reference, scale) * map.keyframe(reference).view, motion = stretched(motion, scale);
   }
 
-  void straighten(Stamp now) {
-    straightening->work->run();
+  void apply_loop_correction(Stamp now) {
+    loop_correction->work->run();
     forget_borrowed(session);  // its map changes under them
-    carry_view([&] { return straightening->correction->apply(map); });
-    see_matches(map, straightening->correction->loop(), options.tracking.sigma_px);
-    loops.push_back({straightening->found, now});
-    straightening.reset();
+    carry_view([&] { return loop_correction->correction->apply(map); });
+    see_matches(map, loop_correction->correction->loop(), options.tracking.sigma_px);
+    loops.push_back({loop_correction->found, now});
+    loop_correction.reset();
   }
 
   bool correct(const ClientPlace& place, int number, const std::vector<MovedNode>& corrected, double scale) {
-    if (!has_session(number) || straightening || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
+    if (!has_session(number) || loop_correction || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
     const auto motions = motions_to(map, number, {place.client, begun->ns}, corrected, place.robot_from_camera, scale);
     if (motions.empty()) return false;
     forget_borrowed(number);
@@ -260,7 +260,8 @@ struct VisualClient::State : Follower {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
     }
-    if (straightening && (options.loops.wait ? straightening->due <= frame.stamp : straightening->work->is_done())) straighten(frame.stamp);
+    if (loop_correction && (options.loops.wait ? loop_correction->due <= frame.stamp : loop_correction->work->is_done()))
+      apply_loop_correction(frame.stamp);
     if (reference < 0) {
       exchange.miss(frame, picture), lost_stamp = frame.stamp;
       return begin(frame, std::move(picture), 0) ? kept(frame.stamp, true) : Tracked();
@@ -369,10 +370,10 @@ Tracked VisualClient::add(const FeatureFrame& frame) {
   return state_->add(frame);
 }
 
-std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->straightening ? state_->straightening->work : nullptr; }
+std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->loop_correction ? state_->loop_correction->work : nullptr; }
 
 void VisualClient::finish() {
-  if (state_->straightening) state_->straighten(state_->last_stamp);
+  if (state_->loop_correction) state_->apply_loop_correction(state_->last_stamp);
 }
 
 std::optional<SessionId> VisualClient::run(const ClientPlace& place) const {

@@ -1,5 +1,5 @@
 #pragma once
-// A camera client with threads of its own, for cameras that do not wait: one follows the camera, another straightens the map after loops.
+// A camera client with threads of its own, for cameras that do not wait: one follows the camera, another corrects the map after loops.
 
 #include <mapweave/visual/visual_client.h>
 
@@ -10,7 +10,7 @@
 
 namespace mapweave::visual {
 
-// The same code as VisualClient's; only which frames it gets, and when a straightened map is applied, depend on how long things take.
+// The same code as VisualClient's; only which frames it gets, and when a corrected map is applied, depend on how long things take.
 // All calls are thread-safe.
 class LiveClient {
  public:
@@ -18,7 +18,7 @@ class LiveClient {
   using Report = std::function<void(VisualClient&, Stamp, const Tracked&)>;
   LiveClient(Pinhole camera, double baseline_m, ClientOptions options,
              std::optional<matching::BinaryVocabulary> vocabulary = std::nullopt, Report report = {});
-  ~LiveClient();  // what waits is dropped, and no map is straightened any more
+  ~LiveClient();  // what waits is dropped, and no map is corrected any more
   LiveClient(const LiveClient&) = delete;
   LiveClient& operator=(const LiveClient&) = delete;
 
@@ -34,7 +34,7 @@ class LiveClient {
   using AnyFrame = std::variant<Frame, FeatureFrame>;
   void wait_with(AnyFrame frame);
   void track();
-  void straighten();
+  void correct_loops();
   void stop();
   void end();
 
@@ -47,7 +47,7 @@ class LiveClient {
   bool ending_ = false, stopped_ = false, given_up_ = false;
   int dropped_ = 0;
   std::exception_ptr error_;
-  std::thread tracking_, straightening_;
+  std::thread tracking_, correcting_;
   std::once_flag stopping_;
 };
 

@@ -90,14 +90,14 @@ class VisualClient {
 
   // Landmarks of others for a session's map, to track by: keyframes look for them by their descriptors, frames follow how those show them.
   // They are never altered: a known one that is sent again takes its new place, what does not fit what the client sees is dropped, what
-  // stays out of view for long is forgotten, all of a session's when it is straightened after a loop. take_updates() tells what keyframes
+  // stays out of view for long is forgotten, all of a session's when it is corrected after a loop. take_updates() tells what keyframes
   // saw of them (MapUpdate::borrowed). How many are kept is answered: its own ones, those for a session that is not kept, and what is not
   // sound are left out.
   int borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks);
   // Where the client is: the server shares landmarks that it may see there; nullopt while it has no place.
   std::optional<ClientView> view(const ClientPlace& place) const;
   // Where others say that a session's keyframes are, whose loops they closed (Share::corrected; `scale` as there): the rest of its map
-  // moves along, what it borrowed is forgotten. False, and nothing done, while a straightening is pending, and for what is not sound: no
+  // moves along, what it borrowed is forgotten. False, and nothing done, while a loop correction is pending, and for what is not sound: no
   // such session, keyframes of others, or lengths that a camera measured itself.
   bool correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale);
   std::size_t borrowed() const;       // that the client holds
