@@ -40,7 +40,7 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
               alike.end());
   const auto found = pool.map(alike.size(), [&](std::size_t i) -> std::optional<FoundPlace> {
     const std::size_t keyframe = map.number_of(alike[i].id);
-    const VisualPlace there = map.place(keyframe, static_cast<std::size_t>(options.visual.companions));
+    const VisualPlace there = map.place(keyframe, static_cast<std::size_t>(options.visual.covisible));
     const Judgement judgement = matching::judge_places(place.view, there.view, options.visual.judge).judgement;
     if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options.min_probability)
       return std::nullopt;

@@ -103,7 +103,7 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
     auto made = pool_.map(order.size(),
-                          [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.companions), by_words); });
+                          [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.covisible), by_words); });
     std::map<std::size_t, VisualPlace> places;
     for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
     return places;

@@ -6,9 +6,9 @@ namespace mapweave::tiers {
 namespace {
 
 constexpr int kLeastPairs = 12;       // of keyframes, compared for a pair of maps
-constexpr int kCompanions = 1;        // of a keyframe that is compared
+constexpr int kCovisible = 1;         // of a keyframe that is compared
 constexpr double kAdjustAgain = 2.0;  // times as many keyframes: then all are adjusted again, not only what is new
-constexpr std::size_t kSettled = 5;   // later keyframes of its camera: one's companions hardly change any more
+constexpr std::size_t kSettled = 5;   // later keyframes of its camera: one's covisible keyframes hardly change any more
 
 }  // namespace
 
@@ -32,7 +32,7 @@ void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& op
     adjusted_keyframes = keyframes;
   }
   fusion::VisualFusionOptions& visual = fusion_options.visual;
-  visual.companions = std::min(visual.companions, kCompanions);
+  visual.covisible = std::min(visual.covisible, kCovisible);
   const int others = std::max(1, static_cast<int>(input.maps.size()) - 1);
   visual.most_pairs = std::min(visual.most_pairs, std::max(kLeastPairs, options.judged_pairs / others));
   fusion::Memo known = last != nullptr ? last->memo : fusion::Memo();

@@ -17,12 +17,12 @@ constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
 constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
 constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
-constexpr std::size_t kCompanions = 4;  // keyframes that speak with the one that looks alike
+constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
 constexpr double kLeastAlike = 0.3;
 constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
 constexpr int kTied = 15;
 
-std::vector<int> with_companions(const LandmarkMap& map, int number, std::size_t most) {
+std::vector<int> with_covisible(const LandmarkMap& map, int number, std::size_t most) {
   std::vector<int> result{number};
   for (const CovisibleKeyframe& shared : most_first(covisible(map, number)))
     if (result.size() <= most) result.push_back(shared.keyframe);
@@ -222,7 +222,7 @@ VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, s
 
 std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier,
                                                    const Pyramid& picture, const Motion& motion) const {
-  std::vector<int> among = with_companions(map, earlier, kCompanions), here = with_companions(map, newest, 2);
+  std::vector<int> among = with_covisible(map, earlier, kCovisible), here = with_covisible(map, newest, 2);
   const Place a(map, among), b(map, here);
   matching::VisualJudgeOptions judge;
   judge.neighbours = 1;

@@ -15,7 +15,7 @@ struct VisualFusionOptions {
   int candidates = 4;
   int most_pairs = 120;
   int enough_witnesses = 6;
-  int companions = 3;
+  int covisible = 3;
   double least_alike = 0.3;
   int adjustments = 2;
   double sigma_px = kLandmarkSigma_px;
@@ -30,7 +30,7 @@ struct VisualFusionOptions {
     v.integer("enough_witnesses", enough_witnesses, 1, 1000000,
               "number of agreeing pairs of different keyframes, contradicted by none, after which further pairs at the same place are "
               "not compared");
-    v.integer("companions", companions, 0, 100,
+    v.integer("companions", covisible, 0, 100,
               "number of covisible keyframes that are added to each side when two keyframes of different maps are compared");
     v.fraction("least_alike", least_alike,
                "least similarity of two keyframes to be compared, as a share of the similarity of consecutive keyframes; larger values "
