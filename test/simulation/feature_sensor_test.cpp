@@ -48,13 +48,13 @@ TEST(FeatureSensor, finds_landmarks_where_the_truth_projects_them) {
   distorted.k1 = -0.1;
   const Sensor sensor(camera_world(distorted));
   double squares = 0.0, depth_squares = 0.0;
-  int count = 0, depths = 0, strays = 0;
+  int count = 0, depths = 0, outliers = 0;
   for (std::size_t i = 0; i < sensor.recording.frame_count(); i += 7) {
     const SimulatedFeatureFrame frame = sensor.recording.frame(i);
     EXPECT_GT(frame.features.size(), 50u);
     for (const Feature& feature : frame.features) {
       if (feature.landmark == kNoLandmark) {
-        ++strays;
+        ++outliers;
         continue;
       }
       const SimulatedLandmark& landmark = sensor.field.landmarks()[feature.landmark];
@@ -74,7 +74,7 @@ TEST(FeatureSensor, finds_landmarks_where_the_truth_projects_them) {
   }
   EXPECT_NEAR(std::sqrt(squares / count), 1.0, 0.05);
   EXPECT_NEAR(std::sqrt(depth_squares / depths), 1.0, 0.05);
-  EXPECT_GT(strays, 0);
+  EXPECT_GT(outliers, 0);
 }
 
 TEST(FeatureSensor, flips_the_wanted_share_of_bits) {
@@ -95,7 +95,7 @@ TEST(FeatureSensor, flips_the_wanted_share_of_bits) {
 
 TEST(FeatureSensor, tells_disparities_of_stereo_cameras) {
   FeatureOptions options;
-  options.pixel_noise = options.strays = 0.0;
+  options.pixel_noise = options.outliers = 0.0;
   const Sensor sensor(camera_world(camera(SimulatedCameraKind::stereo)), options);
   const SimulatedFeatureFrame frame = sensor.recording.frame(3);
   int seen = 0;
@@ -127,7 +127,7 @@ TEST(FeatureSensor, does_not_see_through_walls_or_furniture) {
   options.buildings[0].repeated_rooms.rooms = 2;
   options.robots[0].waypoints = {{2.0, 0.9}, {6.0, 0.9}};
   FeatureOptions features;
-  features.strays = features.pixel_noise = 0.0;
+  features.outliers = features.pixel_noise = 0.0;
   const Sensor sensor(options, features);
   RenderedView view;
   int agreeing = 0, count = 0;

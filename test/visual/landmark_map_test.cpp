@@ -82,7 +82,7 @@ TEST(Culling, removes_landmarks_that_are_looked_for_in_vain) {
   Story story;
   const int a = story.keyframe();
   const int lost = story.landmark({a}), found = story.landmark({a});
-  story.map.young = {{lost, 0}, {found, 0}};
+  story.map.recent_landmarks = {{lost, 0}, {found, 0}};
   story.map.landmark(lost).tried = 10, story.map.landmark(lost).found = 1;
   story.map.landmark(found).tried = 10, story.map.landmark(found).found = 9;
   cull_landmarks(story.map, a, {});
@@ -112,7 +112,7 @@ TEST(Culling, holds_the_bound_on_keyframes_at_the_least_loss) {
   MemoryOptions options;
   options.keyframes = 29;
   EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), 7);
-  story.map.remove_keyframe(7, heir_of(story.map, 7));
+  story.map.remove_keyframe(7, new_parent_of(story.map, 7));
   EXPECT_EQ(keyframe_to_cull(story.map, all.back(), options), -1);
 }
 

@@ -88,9 +88,9 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
   EXPECT_NEAR(scale, 1.0, 0.02);
   EXPECT_LT(error, 0.03);
   EXPECT_GT(client.landmarks().size(), 100U) << "its own";
-  ASSERT_EQ(client.adopted().size(), 1U);
-  EXPECT_EQ(client.adopted()[0].map, MapId("team"));
-  EXPECT_EQ(client.adopted()[0].session, 0);
+  ASSERT_EQ(client.reanchored().size(), 1U);
+  EXPECT_EQ(client.reanchored()[0].map, MapId("team"));
+  EXPECT_EQ(client.reanchored()[0].session, 0);
   // What it tells lies in the frame of the map that it was answered in.
   for (const auto& [id, node] : told.nodes) {
     const auto number = static_cast<std::size_t>(std::lround((node.stamp.seconds() - 100.0) * 15.0));
@@ -160,7 +160,7 @@ TEST(PlaceExchange, brings_a_lost_client_back_into_its_map) {
     EXPECT_EQ(tracked.session, 0);
     EXPECT_LT((compose(walk(0), tracked.map_from_camera).t - there(i).t).norm(), 0.06) << i;
   }
-  EXPECT_THAT(client.adopted(), testing::IsEmpty());
+  EXPECT_THAT(client.reanchored(), testing::IsEmpty());
   EXPECT_EQ(client.sessions(), std::vector<int>{0});
 }
 

@@ -23,15 +23,15 @@ struct Window {
 
 // First and last place that hold all but `kStray` of the known cells at either end: single rays that left by a window would shrink the
 // building to a corner of its picture. The rim around the window gives back more than this takes from what is solid.
-std::pair<std::int64_t, std::int64_t> without_strays(const std::vector<std::int64_t>& known) {
-  constexpr double kStray = 0.005;
+std::pair<std::int64_t, std::int64_t> without_outliers(const std::vector<std::int64_t>& known) {
+  constexpr double kOutlier = 0.005;
   std::int64_t all = 0;
   for (const std::int64_t count : known) all += count;
-  const auto strays = static_cast<std::int64_t>(kStray * static_cast<double>(all));
+  const auto outliers = static_cast<std::int64_t>(kOutlier * static_cast<double>(all));
   std::int64_t first = 0, last = static_cast<std::int64_t>(known.size()) - 1;
-  for (std::int64_t passed = 0; first < last && passed + known[static_cast<std::size_t>(first)] <= strays; ++first)
+  for (std::int64_t passed = 0; first < last && passed + known[static_cast<std::size_t>(first)] <= outliers; ++first)
     passed += known[static_cast<std::size_t>(first)];
-  for (std::int64_t passed = 0; last > first && passed + known[static_cast<std::size_t>(last)] <= strays; --last)
+  for (std::int64_t passed = 0; last > first && passed + known[static_cast<std::size_t>(last)] <= outliers; --last)
     passed += known[static_cast<std::size_t>(last)];
   return {first, last};
 }
@@ -43,8 +43,8 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
     for (std::int32_t column = 0; column < grid.columns; ++column)
       if (grid.at(column, row) != OccupancyGrid::kUnknown)
         ++known_in_column[static_cast<std::size_t>(column)], ++known_in_row[static_cast<std::size_t>(row)];
-  auto [left, right] = without_strays(known_in_column);
-  auto [low, high] = without_strays(known_in_row);
+  auto [left, right] = without_outliers(known_in_column);
+  auto [low, high] = without_outliers(known_in_row);
   // A robot that went astray may widen the picture by half the map, no more.
   const auto cell_of = [&](double position_m, double origin_m, std::int32_t count) {
     return static_cast<std::int64_t>(std::clamp(std::floor((position_m - origin_m) / grid.resolution_m), -0.5 * count, 1.5 * count));

@@ -12,7 +12,7 @@ namespace mapweave::exporters {
 namespace {
 
 constexpr double kAboveRobots_m = 0.8;  // and higher: a ceiling
-constexpr double kStray = 0.01;         // share of the points, on each side, that may lie beyond the picture
+constexpr double kOutlier = 0.01;       // share of the points, on each side, that may lie beyond the picture
 constexpr double kLeastSide_m = 1.0;
 const cv::Vec3b kWallInk(90, 90, 90), kUnseen(228, 228, 228);  // paler than map_picture_png()'s walls: dots lie on them
 
@@ -23,10 +23,10 @@ struct Extent {
 
 Extent extent_of(std::vector<double> points, const std::vector<double>& robots) {
   Extent extent;
-  const auto stray = static_cast<std::size_t>(kStray * static_cast<double>(points.size()));
+  const auto outlier = static_cast<std::size_t>(kOutlier * static_cast<double>(points.size()));
   if (!points.empty()) {
     std::sort(points.begin(), points.end());
-    extent = {points[stray], points[points.size() - 1 - stray]};
+    extent = {points[outlier], points[points.size() - 1 - outlier]};
   } else {
     extent = {robots.front(), robots.front()};
   }

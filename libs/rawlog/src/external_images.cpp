@@ -27,7 +27,7 @@ void make_absolute(mrpt::img::CImage& image, const std::filesystem::path& folder
   image.setExternalStorage(file);
 }
 
-// MRPT keeps these names for itself and its heirs.
+// MRPT keeps these names for itself and what derives from it.
 struct DepthFiles : mrpt::obs::CObservation3DRangeScan {
   static std::string& points(CObservation3DRangeScan& scan) { return scan.*(&DepthFiles::m_points3D_external_file); }
   static std::string& ranges(CObservation3DRangeScan& scan) { return scan.*(&DepthFiles::m_rangeImage_external_file); }

@@ -18,9 +18,9 @@ void add_thinly(std::vector<StampedPose>& poses, const StampedPose& pose, double
 
 // Drops those that are older than this before the newest, once they are the most of them.
 void forget(std::vector<StampedPose>& poses, double seconds) {
-  const auto young = std::partition_point(
+  const auto recent = std::partition_point(
       poses.begin(), poses.end(), [&](const StampedPose& pose) { return seconds_between(pose.stamp, poses.back().stamp) > seconds; });
-  if (2 * (young - poses.begin()) > poses.end() - poses.begin()) poses.erase(poses.begin(), young);
+  if (2 * (recent - poses.begin()) > poses.end() - poses.begin()) poses.erase(poses.begin(), recent);
 }
 
 // As pose_at; up to `longest_gap_s` after the last as it moved over such a time before.

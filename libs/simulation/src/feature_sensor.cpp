@@ -244,16 +244,16 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
     feature.landmark = landmark;
     frame.features.push_back(feature);
   };
-  const int strays =
-      static_cast<int>(options_.strays * std::min(static_cast<double>(options_.most_features), static_cast<double>(candidates.size())));
-  const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - strays));
+  const int outliers =
+      static_cast<int>(options_.outliers * std::min(static_cast<double>(options_.most_features), static_cast<double>(candidates.size())));
+  const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - outliers));
   for (const Candidate& candidate : candidates) {
     if (frame.features.size() >= most) break;
     const SimulatedLandmark& landmark = field_->landmarks()[candidate.landmark];
     if (is_behind_body(landmark.point_in_world) || !field_->is_in_sight(eye, landmark)) continue;
     add(candidate.u, candidate.v, candidate.z, candidate.octave, descriptor_of(landmark), candidate.landmark);
   }
-  for (int i = 0; i < strays; ++i) {
+  for (int i = 0; i < outliers; ++i) {
     Descriptor descriptor;
     for (std::uint64_t& word : descriptor) word = numbers.bits();
     add(numbers.uniform(0.0, camera_.width - 1.0), numbers.uniform(0.0, camera_.height - 1.0), numbers.uniform(0.5, 5.0),

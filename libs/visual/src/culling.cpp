@@ -34,8 +34,8 @@ void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) 
   const auto rarely_found = [&](const Landmark& landmark) {
     return landmark.tried >= kLeastTries && landmark.found < options.found_share * landmark.tried;
   };
-  auto kept = map.young.begin();
-  for (const auto& [id, made] : map.young) {
+  auto kept = map.recent_landmarks.begin();
+  for (const auto& [id, made] : map.recent_landmarks) {
     const Landmark& landmark = map.landmark(id);
     const bool grown = now >= made + kProbation, old = now >= made + kPatience;
     if (landmark.gone) continue;
@@ -45,7 +45,7 @@ void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options) 
     else if (!old)
       *kept++ = {id, made};
   }
-  map.young.erase(kept, map.young.end());
+  map.recent_landmarks.erase(kept, map.recent_landmarks.end());
   const std::vector<int> listed = map.keyframe(newest).landmarks;
   for (int id : listed)
     if (rarely_found(map.landmark(id))) map.remove_landmark(id);
@@ -82,19 +82,19 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
   return best;
 }
 
-int heir_of(const LandmarkMap& map, int keyframe) {
+int new_parent_of(const LandmarkMap& map, int keyframe) {
   const auto shared = most_first(covisible(map, keyframe));
   if (!shared.empty()) return shared.front().keyframe;
   const Keyframe& removed = map.keyframe(keyframe);
-  int heir = -1;
+  int new_parent = -1;
   const auto apart = [&](int number) {
     return std::abs(static_cast<std::int64_t>(map.keyframe(number).serial) - static_cast<std::int64_t>(removed.serial));
   };
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
     if (number != keyframe && !map.keyframe(number).gone && map.keyframe(number).session == removed.session &&
-        (heir < 0 || apart(number) < apart(heir)))
-      heir = number;
-  return heir;
+        (new_parent < 0 || apart(number) < apart(new_parent)))
+      new_parent = number;
+  return new_parent;
 }
 
 std::size_t thin_frames(LandmarkMap& map, std::size_t most) {

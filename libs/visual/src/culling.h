@@ -14,7 +14,7 @@ void cull_landmarks(LandmarkMap& map, int newest, const MemoryOptions& options);
 int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& options);
 
 // Who inherits a keyframe's frames: who shares most landmarks with it, or else comes next in its session; -1: it is alone.
-int heir_of(const LandmarkMap& map, int keyframe);
+int new_parent_of(const LandmarkMap& map, int keyframe);
 
 // Of the trajectory, where it has more than `most` frames, each keyframe keeps every second one (its first one always), so that in the end
 // the oldest are the farthest apart. Answers how many there are then.

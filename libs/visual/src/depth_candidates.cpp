@@ -134,7 +134,7 @@ void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& 
   landmark.tried = landmark.found = 1;
   candidate.landmark = map.add(std::move(landmark)), candidate.landmark_serial = map.landmark(candidate.landmark).serial;
   map.see(candidate.landmark, seen);
-  map.young.emplace_back(candidate.landmark, map.keyframes_made - 1);
+  map.recent_landmarks.emplace_back(candidate.landmark, map.keyframes_made - 1);
   tell(map, candidate);
   const double depth = (view * map.landmark(candidate.landmark).point).z();
   matches.push_back({candidate.landmark, candidate.now, row_flow(map.camera, motion, candidate.now, depth), candidate.level_now});

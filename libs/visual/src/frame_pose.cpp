@@ -14,7 +14,7 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
     if (!landmark.borrowed && landmark.seen.size() > 2) known.push_back(all.back());
   }
   const std::vector<Sighting>* leading = nullptr;
-  if (map.monocular && !borrowed.empty()) leading = map.is_adopted(session) ? &borrowed : &own;
+  if (map.monocular && !borrowed.empty()) leading = map.is_reanchored(session) ? &borrowed : &own;
   if (!map.monocular && known.size() >= kEnough) leading = &known;
   if (!map.monocular && known.size() < kEnough && !borrowed.empty()) leading = &own;
   if (leading != nullptr && leading->size() >= kEnough) {

@@ -67,18 +67,18 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
   return depths;
 }
 
-bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>& strays) {
+bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>& dynamic_outliers) {
   constexpr double kNear_px = 50.0;
   constexpr int kSeveral = 3;
   int near = 0;
-  for (const Eigen::Vector2d& stray : strays) near += (stray - pixel).squaredNorm() < kNear_px * kNear_px;
+  for (const Eigen::Vector2d& outlier : dynamic_outliers) near += (outlier - pixel).squaredNorm() < kNear_px * kNear_px;
   return near >= kSeveral;
 }
 
 }  // namespace
 
 int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                 const std::vector<Eigen::Vector2d>& strays, std::vector<Match>& matches, const ClientOptions& options) {
+                 const std::vector<Eigen::Vector2d>& dynamic_outliers, std::vector<Match>& matches, const ClientOptions& options) {
   if (picture.features) return add_feature_keyframe(map, session, frame.stamp, *picture.features, view, matches, options);
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
@@ -106,7 +106,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     for (const DepthCandidate& candidate : map.candidates) occupied.push_back(candidate.now);
   for (const Corner& corner : detect_corners(picture, occupied, detector)) {
     const auto patch = cut_patch(picture, corner.pixel, corner.level);
-    if (!patch || is_moving(corner.pixel, strays)) continue;
+    if (!patch || is_moving(corner.pixel, dynamic_outliers)) continue;
     if (map.monocular) {
       DepthCandidate candidate;
       candidate.patch = *patch, candidate.pixel = candidate.now = corner.pixel;
@@ -127,7 +127,7 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     landmark.colour = colour_at(frame, map.camera, corner.pixel);
     const int id = map.add(std::move(landmark));
     map.see(id, {number, sighting_of(corner.pixel, flow, corner.level, depth, sigma_px)});
-    map.young.emplace_back(id, map.keyframe(number).serial);
+    map.recent_landmarks.emplace_back(id, map.keyframe(number).serial);
     matches.push_back({id, corner.pixel, flow, corner.level});
   }
   Keyframe& keyframe = map.keyframe(number);
@@ -182,7 +182,7 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Frame
     landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];
     const int id = map.add(std::move(landmark));
     map.see(id, {number, sighting(feature)});
-    map.young.emplace_back(id, map.keyframe(number).serial);
+    map.recent_landmarks.emplace_back(id, map.keyframe(number).serial);
     matches.push_back({id, features.pixel(feature), Eigen::Vector2d::Zero(), features.level(feature), feature});
   }
   return number;

@@ -92,9 +92,10 @@ void LandmarkMap::remove_landmark(int id) {
   free_landmarks.push_back(id);
 }
 
-void LandmarkMap::remove_keyframe(int number, int heir) {
-  MAPWEAVE_EXPECT(number != heir && !keyframe(heir).gone, "another keyframe takes over");
-  const View heir_from_removed = keyframe(heir).view * keyframe(number).view.inverse(), removed_from_heir = heir_from_removed.inverse();
+void LandmarkMap::remove_keyframe(int number, int new_parent) {
+  MAPWEAVE_EXPECT(number != new_parent && !keyframe(new_parent).gone, "another keyframe takes over");
+  const View parent_from_removed = keyframe(new_parent).view * keyframe(number).view.inverse();
+  const View removed_from_parent = parent_from_removed.inverse();
   const std::vector<int> listed = keyframe(number).landmarks;
   for (int id : listed) {
     forget(id, number);
@@ -103,9 +104,9 @@ void LandmarkMap::remove_keyframe(int number, int heir) {
   for (Landmark& other : landmarks)
     for (Appearance& appearance : other.appearances)
       if (appearance.keyframe == number)
-        appearance.keyframe = heir, appearance.from_keyframe = appearance.from_keyframe * removed_from_heir;
+        appearance.keyframe = new_parent, appearance.from_keyframe = appearance.from_keyframe * removed_from_parent;
   for (const AnchoredFrame& frame : keyframe(number).frames)
-    keyframe(heir).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_heir));
+    keyframe(new_parent).frames.push_back(anchored(frame.stamp, frame_from_keyframe(frame) * removed_from_parent));
   keyframe(number) = Keyframe();
   keyframe(number).gone = true;
   free_keyframes.push_back(number);

@@ -104,22 +104,23 @@ struct DepthCandidate {
 
 struct LandmarkMap {
   Pinhole camera;
-  double baseline_m = 0.0;   // to the right camera; 0 without one
-  bool monocular = false;    // nothing measures depth: scale is what each session's first keyframes made it
-  std::vector<int> adopted;  // sessions whose frame is that of the landmarks of others, not of their first keyframe
+  double baseline_m = 0.0;      // to the right camera; 0 without one
+  bool monocular = false;       // nothing measures depth: scale is what each session's first keyframes made it
+  std::vector<int> reanchored;  // sessions whose frame is that of the landmarks of others, not of their first keyframe
   SensorCalibration calibration;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
   std::vector<int> free_keyframes, free_landmarks;
   std::uint32_t keyframes_made = 0, landmarks_made = 0;
-  std::vector<std::pair<int, std::uint32_t>> young;  // landmarks on probation, and the keyframe (its serial number) that made them
-  std::vector<DepthCandidate> candidates;            // in the order of their keyframes
+  // Landmarks on probation, and the keyframe (its serial number) that made them.
+  std::vector<std::pair<int, std::uint32_t>> recent_landmarks;
+  std::vector<DepthCandidate> candidates;  // in the order of their keyframes
 
   Keyframe& keyframe(int number) { return keyframes[static_cast<std::size_t>(number)]; }
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
-  bool is_adopted(int session) const { return std::find(adopted.begin(), adopted.end(), session) != adopted.end(); }
+  bool is_reanchored(int session) const { return std::find(reanchored.begin(), reanchored.end(), session) != reanchored.end(); }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
   View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
   // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.
@@ -140,8 +141,9 @@ struct LandmarkMap {
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);
-  // What was anchored to it (frames, appearances) is anchored to `heir`, of the same session. Landmarks that only one other sees go too.
-  void remove_keyframe(int keyframe, int heir);
+  // What was anchored to it (frames, appearances) is anchored to `new_parent`, of the same session. Landmarks that only one other sees go
+  // too.
+  void remove_keyframe(int keyframe, int new_parent);
   // `other` is the same as `kept`, and is gone. Neither is borrowed.
   void fuse(int kept, int other);
   // A keyframe that nothing depends on yet, with the landmarks that only it sees.

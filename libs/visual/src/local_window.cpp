@@ -56,10 +56,10 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   const bool held_by_borrowed = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).borrowed; }) >= kLeastBorrowed;
 
   const int session = map.keyframe(newest).session, first = first_of(map, session);
-  const bool is_adopted = map.is_adopted(session);
+  const bool is_reanchored = map.is_reanchored(session);
   // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others tell.
-  const bool knows_depth = !(map.monocular && is_adopted && held_by_borrowed);
-  for (int number : chosen) add_view(number, number == first && !(is_adopted && held_by_borrowed));
+  const bool knows_depth = !(map.monocular && is_reanchored && held_by_borrowed);
+  for (int number : chosen) add_view(number, number == first && !(is_reanchored && held_by_borrowed));
   std::vector<int> counts(map.keyframes.size(), 0);
   for (int id : ids)
     for (const Observation& o : map.landmark(id).seen) ++counts[static_cast<std::size_t>(o.keyframe)];

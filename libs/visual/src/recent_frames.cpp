@@ -33,10 +33,10 @@ void remove_since(LandmarkMap& map, int session, Stamp stamp, const std::functio
     if (!keyframe.gone && keyframe.session == session)
       keyframe.frames.erase(std::remove_if(keyframe.frames.begin(), keyframe.frames.end(), is_since), keyframe.frames.end());
   for (int newest = newest_of(map, session); stamp < map.keyframe(newest).stamp; newest = newest_of(map, session)) {
-    const int heir = heir_of(map, newest);
-    if (heir < 0) break;
+    const int new_parent = new_parent_of(map, newest);
+    if (new_parent < 0) break;
     removing(newest);
-    map.remove_keyframe(newest, heir);
+    map.remove_keyframe(newest, new_parent);
   }
 }
 

@@ -38,7 +38,7 @@ struct LoopCorrection {
 struct VisualClient::State : Follower {
   MonoStart mono_start;
   std::vector<std::string> notes;
-  std::vector<Eigen::Vector2d> strays;  // landmarks that were found where they cannot be
+  std::vector<Eigen::Vector2d> dynamic_outliers;  // landmarks that were found where they cannot be
   std::size_t reference_landmarks = 0;
   int sessions_begun = 0;
   std::size_t frames = 0;  // of the trajectory, at most
@@ -50,7 +50,7 @@ struct VisualClient::State : Follower {
   BorrowedLandmarks borrowed;
   std::uint32_t forgotten = 0;  // times
   PlaceExchange exchange;
-  std::vector<AdoptedFrame> adopted;
+  std::vector<ReanchoredFrame> reanchored;
   std::optional<Stamp> begun;
   RecentFrames recent;
   std::vector<ClosedLoop> loops;
@@ -83,7 +83,7 @@ struct VisualClient::State : Follower {
   }
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
-    reference = add_keyframe(map, session, frame, picture, view, speed, strays, matches, options);
+    reference = add_keyframe(map, session, frame, picture, view, speed, dynamic_outliers, matches, options);
     map.keyframe(reference).way = way;
     look_for_borrowed(picture, speed);
     reference_landmarks = matches.size();
@@ -115,10 +115,10 @@ struct VisualClient::State : Follower {
   void cull_keyframes() {
     for (int count = 0; count < kCulledAtOnce || map.keyframe_count() > options.memory.keyframes; ++count) {
       const int number = keyframe_to_cull(map, reference, options.memory);
-      const int heir = number < 0 ? -1 : heir_of(map, number);
-      if (heir < 0) break;
+      const int new_parent = number < 0 ? -1 : new_parent_of(map, number);
+      if (new_parent < 0) break;
       if (closer) closer->remove(number);
-      map.remove_keyframe(number, heir);
+      map.remove_keyframe(number, new_parent);
     }
     drop_what_is_gone();
   }
@@ -131,9 +131,9 @@ struct VisualClient::State : Follower {
     if (!loop) return;
     if (const int other = map.keyframe(loop->earlier).session; other != session) {
       for (int one : {session, other}) forget_borrowed(one);
-      const auto moves = [&](const AdoptedFrame& frame) { return frame.session == std::max(session, other); };
-      adopted.erase(std::remove_if(adopted.begin(), adopted.end(), moves), adopted.end());
-      map.adopted.erase(std::remove(map.adopted.begin(), map.adopted.end(), std::max(session, other)), map.adopted.end());
+      const auto moves = [&](const ReanchoredFrame& frame) { return frame.session == std::max(session, other); };
+      reanchored.erase(std::remove_if(reanchored.begin(), reanchored.end(), moves), reanchored.end());
+      map.reanchored.erase(std::remove(map.reanchored.begin(), map.reanchored.end(), std::max(session, other)), map.reanchored.end());
       join_sessions(map, *loop);
       session = map.keyframe(reference).session;
     }
@@ -275,10 +275,10 @@ struct VisualClient::State : Follower {
     if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
     const double share = share_of(attempt);
-    matches.clear(), strays.clear();
+    matches.clear(), dynamic_outliers.clear();
     for (std::size_t i = 0; i < attempt.found.size(); ++i) {
       if (!attempt.pose.fits[i]) {
-        if (!map.landmark(attempt.found[i].landmark).borrowed) strays.push_back(attempt.found[i].pixel);
+        if (!map.landmark(attempt.found[i].landmark).borrowed) dynamic_outliers.push_back(attempt.found[i].pixel);
         continue;
       }
       matches.push_back(attempt.found[i]);
@@ -336,7 +336,7 @@ struct VisualClient::State : Follower {
     reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
     map.keyframe(reference).way = way;
     reference_landmarks = matches.size(), session = number;
-    if (begins) sessions_begun = number + 1, adopted.push_back({number, answer.map}), map.adopted.push_back(number);
+    if (begins) sessions_begun = number + 1, reanchored.push_back({number, answer.map}), map.reanchored.push_back(number);
     if (closer) closer->add(map, reference);
     mono_start.clear();
     last = asked->picture;
@@ -416,7 +416,7 @@ std::optional<PlaceRequest> VisualClient::place_request(const ClientPlace& place
   return state_->exchange.request(state_->map, place, state_->options);
 }
 PlaceVerdict VisualClient::place(const ClientPlace& place, const PlaceAnswer& answer) { return state_->place_at(place, answer); }
-std::vector<AdoptedFrame> VisualClient::adopted() const { return state_->adopted; }
+std::vector<ReanchoredFrame> VisualClient::reanchored() const { return state_->reanchored; }
 
 std::vector<SeenLandmark> VisualClient::seen() const {
   std::vector<SeenLandmark> result;

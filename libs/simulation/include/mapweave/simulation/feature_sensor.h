@@ -24,7 +24,7 @@ struct FeatureOptions {
   double pixel_noise = 0.4;
   double flipped_bits = 0.05;
   double missed = 0.15;
-  double strays = 0.05;
+  double outliers = 0.05;
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("landmarks_per_m2", landmarks_per_m2, 0.1, 1000.0, "on walls and furniture; a tenth of it on floor and ceiling");
@@ -37,7 +37,7 @@ struct FeatureOptions {
     v.number("pixel_noise", pixel_noise, 0.0, 20.0, "standard deviation on the lowest level; grows with the octave's factor");
     v.fraction("flipped_bits", flipped_bits, "share of a descriptor's bits that are wrong in a frame");
     v.fraction("missed", missed, "share of visible landmarks that a frame does not find");
-    v.fraction("strays", strays, "features that no landmark stands behind, as a share of the others");
+    v.fraction("strays", outliers, "features that no landmark stands behind, as a share of the others");
   }
 };
 
@@ -75,7 +75,7 @@ struct Feature {
   float depth_m;  // rgbd; 0: none
   float right_u;  // stereo: the same row of the right picture (of an undistorted pair); -1: not seen there
   Descriptor descriptor;
-  std::uint32_t landmark;  // the truth; kNoLandmark for a stray one
+  std::uint32_t landmark;  // the truth; kNoLandmark for an outlier
 };
 
 struct SimulatedFeatureFrame {

@@ -27,7 +27,7 @@ enum class PlaceVerdict {
 };
 
 // A session that began with a server's answer: its map's frame is the frame that `map` had then.
-struct AdoptedFrame {
+struct ReanchoredFrame {
   int session = 0;
   MapId map;
 };

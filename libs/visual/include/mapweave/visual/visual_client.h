@@ -108,7 +108,7 @@ class VisualClient {
   std::optional<PlaceRequest> place_request(const ClientPlace& place);
   // The frame is compared with the answer first. Taken, it is a keyframe, and the next frame is looked for around it.
   PlaceVerdict place(const ClientPlace& place, const PlaceAnswer& answer);
-  std::vector<AdoptedFrame> adopted() const;  // sessions whose map began with an answer, by session
+  std::vector<ReanchoredFrame> reanchored() const;  // sessions whose map began with an answer, by session
 
   std::vector<SeenLandmark> seen() const;
   // Of frames that were tracked, as their keyframes stand now; by stamp. After hours fewer of those long ago (MemoryOptions::frames).
