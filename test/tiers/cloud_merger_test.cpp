@@ -72,15 +72,15 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   tell(north, "alpha", 6, 2.0);
   tell(north, "gamma", 4, 2.12);
   tell(south, "beta", 6, 2.05);
-  EXPECT_TRUE(cloud.errands({TierId("north")}, pool).empty()) << "south does not answer";
-  const auto errands = cloud.errands({north.id(), south.id()}, pool);
-  ASSERT_EQ(errands.size(), 2u) << "two pairs, one each";
+  EXPECT_TRUE(cloud.judging_tasks({TierId("north")}, pool).empty()) << "south does not answer";
+  const auto judging_tasks = cloud.judging_tasks({north.id(), south.id()}, pool);
+  ASSERT_EQ(judging_tasks.size(), 2u) << "two pairs, one each";
   std::size_t judgements = 0;
   for (EdgeServer* edge : {&north, &south}) {
-    const Errand& errand = errands.at(edge->id());
-    EXPECT_EQ(errand.pairs.size(), 1u);
-    EXPECT_EQ(errand.updates.size(), 1u);
-    for (const std::string& bytes : edge->step(errand, pool, *progress).for_cloud) {
+    const JudgingTask& judging_task = judging_tasks.at(edge->id());
+    EXPECT_EQ(judging_task.pairs.size(), 1u);
+    EXPECT_EQ(judging_task.updates.size(), 1u);
+    for (const std::string& bytes : edge->step(judging_task, pool, *progress).for_cloud) {
       judgements += decode_map_update(bytes, "test").judgements.size();
       cloud.receive(bytes, "test");
     }
@@ -89,13 +89,13 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(alone.seal(pool, *progress)));
 }
 
-TEST_F(CloudTest, sends_edges_on_no_errand_that_they_cannot_do) {
+TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {
   EdgeServer north(TierId("north"), {RobotId("alpha")}, {});
   north.step({RobotId("alpha"), test::make_map("alpha", 6), std::nullopt}, pool, *progress);
-  EXPECT_THROW(north.step(Errand{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error) << "neither is here";
-  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error) << "beta was not sent along";
-  EXPECT_THROW(north.step(Errand{{{MapId("alpha"), MapId("beta"), {}}}, {"nonsense"}}, pool, *progress), Error);
-  EXPECT_TRUE(north.step(Errand{}, pool, *progress).for_cloud.empty());
+  EXPECT_THROW(north.step(JudgingTask{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error) << "neither is here";
+  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error) << "beta was not sent along";
+  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {"nonsense"}}, pool, *progress), Error);
+  EXPECT_TRUE(north.step(JudgingTask{}, pool, *progress).for_cloud.empty());
 }
 
 TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {

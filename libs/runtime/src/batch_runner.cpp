@@ -195,16 +195,16 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     std::set<TierId> names;
     for (const tiers::EdgeServer& edge : edges) names.insert(edge.id());
     double before_s = process_cpu_seconds();
-    const auto errands = cloud.errands(names, pool);
+    const auto judging_tasks = cloud.judging_tasks(names, pool);
     report.work.fusing_s += process_cpu_seconds() - before_s;
     report.work.planning_s = report.work.fusing_s;
     for (std::size_t i = 0; i < edges.size(); ++i) {
-      const auto errand = errands.find(edges[i].id());
-      if (errand == errands.end()) continue;
+      const auto judging_task = judging_tasks.find(edges[i].id());
+      if (judging_task == judging_tasks.end()) continue;
       EdgeWork& work = report.work.edges[i];
-      for (const std::string& update : errand->second.updates) work.sent_bytes += update.size();
+      for (const std::string& update : judging_task->second.updates) work.sent_bytes += update.size();
       before_s = process_cpu_seconds();
-      const auto effects = edges[i].step(errand->second, pool, progress);
+      const auto effects = edges[i].step(judging_task->second, pool, progress);
       const double told_s = process_cpu_seconds();
       work.judging_s = told_s - before_s;
       for (const std::string& update : effects.for_cloud) {

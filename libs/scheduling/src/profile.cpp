@@ -144,9 +144,9 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     anybody_sees = anybody_sees || robot.cameras;
   }
   samples.cameras = samples.cameras || anybody_sees;
-  double longest_errand_s = 0.0;
+  double longest_judging_s = 0.0;
   for (const Json& line : list(timeline, "edges", where)) {
-    longest_errand_s = std::max(longest_errand_s, field(line, "judging_cpu_seconds", where, "timeline.edges"));
+    longest_judging_s = std::max(longest_judging_s, field(line, "judging_cpu_seconds", where, "timeline.edges"));
     const std::string id = text(line, "id", where, "timeline.edges");
     const double seconds = field(line, "fusing_cpu_seconds", where, "timeline.edges");
     const double bytes = field(line, "bytes", where, "timeline.edges");
@@ -156,9 +156,9 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
     }
   }
   const double seconds =
-      longest_errand_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
+      longest_judging_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
   for (const auto& [ignored, fused] : at) all.add(fused.scans);
-  if (longest_errand_s > 0.0) all.share_out(static_cast<double>(at.size()));
+  if (longest_judging_s > 0.0) all.share_out(static_cast<double>(at.size()));
   if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));
 }
 

@@ -53,7 +53,7 @@ std::vector<Receipt> CloudMerger::receipts() const {
   return all;
 }
 
-std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges, WorkerPool& pool) const {
+std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>& edges, WorkerPool& pool) const {
   struct Work {
     std::uint64_t size;
     fusion::FirstPair pair;
@@ -72,7 +72,7 @@ std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges, Wor
     bool is_whole = false;
     std::set<SubmapId> submaps;
   };
-  std::map<TierId, Errand> errands;
+  std::map<TierId, JudgingTask> judging_tasks;
   std::map<TierId, std::uint64_t> load;
   std::map<TierId, std::map<MapId, SentMap>> sent;
   for (Work& one : work) {
@@ -83,14 +83,14 @@ std::map<TierId, Errand> CloudMerger::errands(const std::set<TierId>& edges, Wor
     other.owner = first ? one.at_b : one.at_a;
     other.is_whole = other.is_whole || one.pair.have_cameras;
     for (const fusion::SubmapPair& submaps : one.pair.submaps) other.submaps.insert(first ? submaps.b : submaps.a);
-    errands[judge].pairs.push_back(std::move(one.pair));
+    judging_tasks[judge].pairs.push_back(std::move(one.pair));
   }
   for (const auto& [judge, maps] : sent)
     for (const auto& [id, what] : maps) {
       const Map& map = inboxes_.at(id).map();
-      errands[judge].updates.push_back(first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
+      judging_tasks[judge].updates.push_back(first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
     }
-  return errands;
+  return judging_tasks;
 }
 
 fusion::FusionInput CloudMerger::input() const {

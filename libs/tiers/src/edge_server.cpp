@@ -64,19 +64,19 @@ std::vector<std::string> EdgeServer::told(const std::vector<Judgement>& judgemen
   return encoded;
 }
 
-EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Progress& progress) {
+EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool& pool, Progress& progress) {
   fusion::FusionInput input;
   input.by = edge_;
   input.models = models_;
   std::set<MapId> needed;
-  for (const fusion::FirstPair& pair : errand.pairs) {
+  for (const fusion::FirstPair& pair : judging_task.pairs) {
     if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
       throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here", "edge " + edge_.str());
     needed.insert(pair.a), needed.insert(pair.b);
   }
   for (const MapId& id : needed)
     if (const Map* map = maps_.find(id)) input.maps.push_back(*map);
-  for (const std::string& bytes : errand.updates) {
+  for (const std::string& bytes : judging_task.updates) {
     const MapUpdate update = decode_map_update(bytes, "a map sent to edge " + edge_.str());
     Map map;
     map.id = update.origin.map;
@@ -85,7 +85,7 @@ EdgeServer::Effects EdgeServer::step(const Errand& errand, WorkerPool& pool, Pro
   if (input.maps.size() != needed.size()) throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
   fusion::Memo memo;
   Effects effects;
-  effects.for_cloud = told(fusion::judge_pairs(input, errand.pairs, options_, memo, pool, progress));
+  effects.for_cloud = told(fusion::judge_pairs(input, judging_task.pairs, options_, memo, pool, progress));
   return effects;
 }
 

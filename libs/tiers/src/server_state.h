@@ -1,8 +1,8 @@
 #pragma once
 // What a map server keeps, of each client and of all.
 
-#include "shared_landmark_table.h"
 #include "map_merge.h"
+#include "shared_landmark_table.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/tiers/byte_allowance.h>

@@ -18,8 +18,8 @@ namespace mapweave::scheduling {
 // Maps that are fused: how many scans they hold together, over each two of them the product of theirs, which is what is judged, and over
 // each two robots the scans that both saw (their overlap degree times the sum of theirs), which are matched again. On an edge, of its
 // robots; in the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
-// Pairs across edges are shared out to all edges that are used (tiers/errand.h), equally whatever their speeds: what counts is the share of
-// the slowest.
+// Pairs across edges are shared out to all edges that are used (tiers/judging_task.h), equally whatever their speeds: what counts is the
+// share of the slowest.
 struct FusedScans {
   double scans = 0.0, pairs = 0.0, shared = 0.0;
   void share_out(double edges) { pairs /= edges; }

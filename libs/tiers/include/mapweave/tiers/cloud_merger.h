@@ -3,7 +3,7 @@
 // are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/tiers/errand.h>
+#include <mapweave/tiers/judging_task.h>
 #include <mapweave/tiers/update_inbox.h>
 
 #include <map>
@@ -28,7 +28,7 @@ class CloudMerger {
   std::vector<Receipt> receipts() const;
   // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared out so that the
   // products of their nodes are even. Others (of robots that map on board) are left to seal().
-  std::map<TierId, Errand> errands(const std::set<TierId>& edges, WorkerPool&) const;
+  std::map<TierId, JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool&) const;
   // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among
   // them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);

@@ -3,7 +3,7 @@
 // provisional: what travels are the robots' own maps and the judgements made here. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/tiers/errand.h>
+#include <mapweave/tiers/judging_task.h>
 #include <mapweave/tiers/robot_slam.h>
 
 #include <cstdint>
@@ -37,7 +37,7 @@ class EdgeServer {
 
   // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair of which it holds
   // no map.
-  Effects step(const Errand&, WorkerPool&, Progress&);
+  Effects step(const JudgingTask&, WorkerPool&, Progress&);
 
   TierId id() const { return edge_; }
   const Table<MapId, Map>& maps() const { return maps_; }         // the store: every robot's own map

@@ -9,7 +9,7 @@
 
 namespace mapweave::tiers {
 
-struct Errand {
+struct JudgingTask {
   std::vector<fusion::FirstPair> pairs;  // of each, the edge holds one map
   std::vector<std::string> updates;      // encoded MapUpdates: of the maps that it does not hold what is to be judged
 };
