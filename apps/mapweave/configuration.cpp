@@ -42,7 +42,7 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
   return variables;
 }
 
-ExitCode tell(const runtime::Report& report, const std::filesystem::path& out, bool json) {
+ExitCode report_result(const runtime::Report& report, const std::filesystem::path& out, bool json) {
   if (json)
     std::cout << runtime::summary_json(report).dump(2) << '\n';
   else

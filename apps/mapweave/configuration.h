@@ -22,6 +22,6 @@ LoadedConfiguration load_configuration(const std::filesystem::path& file, std::v
 std::vector<std::pair<std::string, std::string>> environment_for(const OptionFields& options);
 
 // Prints the report of what was written to `out`; returns its exit code.
-ExitCode tell(const runtime::Report&, const std::filesystem::path& out, bool json);
+ExitCode report_result(const runtime::Report&, const std::filesystem::path& out, bool json);
 
 }  // namespace mapweave::app

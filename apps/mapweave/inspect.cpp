@@ -23,20 +23,20 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json of_camera(const rawlog::RecordedCameraGeometry& camera) {
-  Json told = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
+  Json shown = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
   if (camera.calibrated) {
     for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}})
-      told[key] = value;
-    told["distorted"] = camera.distorted;
+      shown[key] = value;
+    shown["distorted"] = camera.distorted;
   }
-  if (camera.baseline_m > 0.0) told["baseline_m"] = camera.baseline_m;
+  if (camera.baseline_m > 0.0) shown["baseline_m"] = camera.baseline_m;
   if (camera.farthest_m > 0.0) {
-    told["nearest_m"] = camera.nearest_m;
-    told["farthest_m"] = camera.farthest_m;
-    told["least_depth_delay_s"] = camera.least_depth_delay_s;
-    told["most_depth_delay_s"] = camera.most_depth_delay_s;
+    shown["nearest_m"] = camera.nearest_m;
+    shown["farthest_m"] = camera.farthest_m;
+    shown["least_depth_delay_s"] = camera.least_depth_delay_s;
+    shown["most_depth_delay_s"] = camera.most_depth_delay_s;
   }
-  return told;
+  return shown;
 }
 
 Json of_log(const std::filesystem::path& path) {
@@ -79,14 +79,14 @@ Json of_log(const std::filesystem::path& path) {
 Json of_map(const mapdb::StoredMapSummary& map) {
   Json sessions = Json::array();
   for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
-  Json told = {{"id", map.id.str()},         {"nodes", map.nodes},     {"contents", map.contents},       {"keyframes", map.keyframes},
-               {"landmarks", map.landmarks}, {"submaps", map.submaps}, {"constraints", map.constraints}, {"first", map.first.seconds()},
-               {"last", map.last.seconds()}, {"min_x_m", map.min_x_m}, {"min_y_m", map.min_y_m},         {"max_x_m", map.max_x_m},
-               {"max_y_m", map.max_y_m}};
-  if (map.bytes > 0) told["bytes"] = map.bytes, told["stored_bytes"] = map.stored_bytes;
-  told["content"] = to_hex(map.content);
-  told["sessions"] = sessions;
-  return told;
+  Json shown = {{"id", map.id.str()},         {"nodes", map.nodes},     {"contents", map.contents},       {"keyframes", map.keyframes},
+                {"landmarks", map.landmarks}, {"submaps", map.submaps}, {"constraints", map.constraints}, {"first", map.first.seconds()},
+                {"last", map.last.seconds()}, {"min_x_m", map.min_x_m}, {"min_y_m", map.min_y_m},         {"max_x_m", map.max_x_m},
+                {"max_y_m", map.max_y_m}};
+  if (map.bytes > 0) shown["bytes"] = map.bytes, shown["stored_bytes"] = map.stored_bytes;
+  shown["content"] = to_hex(map.content);
+  shown["sessions"] = sessions;
+  return shown;
 }
 
 Json of_store(const std::filesystem::path& path) {

@@ -47,8 +47,8 @@ Action set_up_merge(CLI::App& verb) {
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force, requests, arguments->forget, loaded.origins};
-    return tell(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out,
-                arguments->flags.json);
+    return report_result(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out,
+                         arguments->flags.json);
   };
 }
 

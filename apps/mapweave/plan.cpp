@@ -37,19 +37,19 @@ Json json_of(const scheduling::Problem& problem, const scheduling::Plan& plan, c
   }
   for (std::size_t robot = 0; robot < problem.robots.size(); ++robot)
     placement[problem.robots[robot].str()] = problem.edges[plan.edge_of[robot]].id.str();
-  Json told = {{"groups", groups},
-               {"placement", placement},
-               {"cut_weight", plan.cut_weight},
-               {"in_group_weight", plan.in_group_weight},
-               {"predicted_seconds", plan.predicted_seconds},
-               {"lower_bound_seconds", plan.lower_bound_seconds},
-               {"algorithm_seconds", plan.algorithm_seconds},
-               {"method", method}};
-  if (plan.further_edges_of.empty()) return told;
+  Json result = {{"groups", groups},
+                 {"placement", placement},
+                 {"cut_weight", plan.cut_weight},
+                 {"in_group_weight", plan.in_group_weight},
+                 {"predicted_seconds", plan.predicted_seconds},
+                 {"lower_bound_seconds", plan.lower_bound_seconds},
+                 {"algorithm_seconds", plan.algorithm_seconds},
+                 {"method", method}};
+  if (plan.further_edges_of.empty()) return result;
   for (std::size_t robot = 0; robot < problem.robots.size(); ++robot)
     for (const std::uint32_t edge : plan.further_edges_of[robot])
-      told["further_placement"][problem.robots[robot].str()].push_back(problem.edges[edge].id.str());
-  return told;
+      result["further_placement"][problem.robots[robot].str()].push_back(problem.edges[edge].id.str());
+  return result;
 }
 
 void print(const Json& plan) {
@@ -71,11 +71,11 @@ ExitCode plan(PlanArguments arguments) {
   arguments.options.method = static_cast<scheduling::PlanMethod>(found - names.begin());
   if (!arguments.model.empty()) arguments.options.model = scheduling::read_model(arguments.model);
   const scheduling::Problem problem = scheduling::read_problem(arguments.problem);
-  const Json told = json_of(problem, scheduling::make_plan(problem, arguments.options), arguments.method);
+  const Json result = json_of(problem, scheduling::make_plan(problem, arguments.options), arguments.method);
   if (arguments.json)
-    std::cout << told.dump(2) << '\n';
+    std::cout << result.dump(2) << '\n';
   else
-    print(told);
+    print(result);
   return ExitCode::done;
 }
 

@@ -42,7 +42,7 @@ Action set_up_slam(CLI::App& verb) {
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::RunSettings run{arguments->flags.out, arguments->flags.force, arguments->keep_going};
-    return tell(runtime::run_slam(loaded.configuration, plan, run, pool, *progress), arguments->flags.out, arguments->flags.json);
+    return report_result(runtime::run_slam(loaded.configuration, plan, run, pool, *progress), arguments->flags.out, arguments->flags.json);
   };
 }
 

@@ -42,7 +42,7 @@ void expect_measured(runtime::Mode measured, runtime::Mode asked, const std::str
                 "run it again with --set mode=offload");
 }
 
-ExitCode tell_timeline(const Arguments& arguments) {
+ExitCode print_timeline(const Arguments& arguments) {
   for (const std::string& setting : arguments.settings) expect_to_act(setting);
   runtime::RunConfiguration configuration;
   const std::filesystem::path file = arguments.folder / "config.yaml";
@@ -79,7 +79,7 @@ Action set_up_timeline(CLI::App& verb) {
                   "wires and processors that are otherwise: network.robot_edge.profile=4g, processors.robot=0.12")
       ->type_name("KEY=VALUE");
   verb.add_flag("--json", arguments->json, "print JSON");
-  return [arguments] { return tell_timeline(*arguments); };
+  return [arguments] { return print_timeline(*arguments); };
 }
 
 }  // namespace mapweave::app

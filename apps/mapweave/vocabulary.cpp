@@ -71,7 +71,7 @@ std::uint64_t add_log(const std::string& log, const TrainingArguments& arguments
   return used;
 }
 
-Json told(const matching::BinaryVocabulary& vocabulary) {
+Json json_of(const matching::BinaryVocabulary& vocabulary) {
   double least = 0.0, most = 0.0, sum = 0.0;
   for (std::uint32_t word = 0; word < vocabulary.words(); ++word) {
     const double weight = vocabulary.weight_of_word(word);
@@ -114,7 +114,7 @@ ExitCode train(const TrainingArguments& arguments) {
   const matching::BinaryVocabulary vocabulary = matching::train_vocabulary(pictures, arguments.words, *progress);
   matching::save_vocabulary(vocabulary, arguments.out);
   Json report = {{"vocabulary", arguments.out.string()}, {"pictures", pictures.ends.size()}, {"features", pictures.descriptors.size()}};
-  report.update(told(vocabulary));
+  report.update(json_of(vocabulary));
   print(report, arguments.json);
   return ExitCode::done;
 }
@@ -146,7 +146,7 @@ Action set_up_vocabulary(CLI::App& verb) {
   for (CLI::App* each : {train_verb, info_verb}) each->add_flag("--json", training->json, "print JSON");
   return [=] {
     if (train_verb->parsed()) return train(*training);
-    print(told(file->empty() ? matching::shipped_vocabulary() : matching::load_vocabulary(*file)), training->json);
+    print(json_of(file->empty() ? matching::shipped_vocabulary() : matching::load_vocabulary(*file)), training->json);
     return ExitCode::done;
   };
 }

@@ -112,8 +112,8 @@ TEST(LiveCamera, catches_up_through_the_shortest_queue_after_a_minute_without_a_
   const auto counts = second.counts().clients;
   ASSERT_EQ(counts.size(), 1U);
   std::printf("%zu keyframes, %d frames dropped; %.2f MB in %d updates\n", client.keyframes().size(), camera.dropped(),
-              1e-6 * static_cast<double>(counts[0].heard_bytes), static_cast<int>(counts[0].updates));
-  EXPECT_GT(counts[0].heard_bytes, 1'100'000U) << "more than a camera keeps apart";
+              1e-6 * static_cast<double>(counts[0].received_bytes), static_cast<int>(counts[0].updates));
+  EXPECT_GT(counts[0].received_bytes, 1'100'000U) << "more than a camera keeps apart";
 }
 
 TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {

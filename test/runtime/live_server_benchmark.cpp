@@ -179,7 +179,7 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
           {"longest_wait_ms", 1e3 * sum.longest_wait_s},
           {"longest_place_ms", 1e3 * sum.longest_place_s},
           {"longest_hold_ms", 1e3 * counts.longest_hold_s},
-          {"heard_kB_per_client_s", 1e-3 * static_cast<double>(sum.heard_bytes) / (60.0 * minutes)},
+          {"heard_kB_per_client_s", 1e-3 * static_cast<double>(sum.received_bytes) / (60.0 * minutes)},
           {"sent_kB_per_client_s", 1e-3 * static_cast<double>(sum.sent_bytes) / (60.0 * minutes)},
           {"handling_s_per_client_minute", (sum.update_s + sum.retrieval_s + sum.sending_s + sum.place_s) / minutes},
           {"saving_s_per_client_minute", counts.saving_s / minutes},

@@ -184,7 +184,7 @@ class FeatureTeam {
       greet(robot);
       if (const auto share = server.share(*robot.client->run(robot.place), decode_client_view(*view, "test"))) {
         robot.corrections += !share->corrected.empty();
-        robot.agent->hear_share(*robot.client, encode(*share));
+        robot.agent->receive_share(*robot.client, encode(*share));
       }
       robot.borrowed_seen = std::max(robot.borrowed_seen, robot.client->borrowed_seen());
     }
@@ -198,7 +198,7 @@ class FeatureTeam {
       if (garbled) garbled(heard);
       if (const auto answer = server.place(*robot.client->run(robot.place), heard, pool)) {
         ++robot.answered;
-        robot.placed += robot.agent->hear_place(*robot.client, encode(*answer)) == visual::PlaceVerdict::taken;
+        robot.placed += robot.agent->receive_place(*robot.client, encode(*answer)) == visual::PlaceVerdict::taken;
       }
     }
   }

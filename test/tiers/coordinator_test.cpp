@@ -20,11 +20,11 @@ Coordinator two_corridors(double hysteresis = 0.1) {
   CoordinatorOptions options;
   options.hysteresis = hysteresis;
   Coordinator coordinator(options);
-  coordinator.hear(edge("north")), coordinator.hear(edge("south"));
-  coordinator.hear(RobotComes{RobotId("a"), corridor(0, 20), {}});
-  coordinator.hear(RobotComes{RobotId("c"), corridor(100, 120), {}});
-  coordinator.hear(RobotComes{RobotId("b"), corridor(4, 24), {}});
-  coordinator.hear(RobotComes{RobotId("d"), corridor(104, 124), {}});
+  coordinator.receive(edge("north")), coordinator.receive(edge("south"));
+  coordinator.receive(RobotComes{RobotId("a"), corridor(0, 20), {}});
+  coordinator.receive(RobotComes{RobotId("c"), corridor(100, 120), {}});
+  coordinator.receive(RobotComes{RobotId("b"), corridor(4, 24), {}});
+  coordinator.receive(RobotComes{RobotId("d"), corridor(104, 124), {}});
   return coordinator;
 }
 
@@ -48,11 +48,11 @@ TEST(Coordinator, groups_who_announces_the_same_way) {
 
 TEST(Coordinator, moves_robots_off_an_edge_that_goes_and_nobody_else) {
   Coordinator coordinator = two_corridors(0.9);
-  coordinator.hear(edge("west"));
+  coordinator.receive(edge("west"));
   coordinator.decide(0.0);
   const auto before = coordinator.edge_of();
   const TierId gone = at(coordinator, "a");
-  coordinator.hear(EdgeGoes{gone});
+  coordinator.receive(EdgeGoes{gone});
   const auto decision = coordinator.decide(5.0);
   ASSERT_TRUE(decision);
   EXPECT_THAT(decision->because, ElementsAre("edge " + gone.str() + " goes"));
@@ -74,7 +74,7 @@ TEST(Coordinator, leaves_where_it_is_what_a_robot_sensed_that_goes) {
   Coordinator coordinator = two_corridors();
   coordinator.decide(0.0);
   const auto before = coordinator.edge_of();
-  coordinator.hear(RobotGoes{RobotId("c")});
+  coordinator.receive(RobotGoes{RobotId("c")});
   const auto decision = coordinator.decide(5.0);
   ASSERT_TRUE(decision);
   EXPECT_THAT(decision->because, ElementsAre("robot c has sensed all"));
@@ -85,12 +85,12 @@ TEST(Coordinator, leaves_where_it_is_what_a_robot_sensed_that_goes) {
 TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
   Coordinator coordinator = two_corridors();
   coordinator.decide(0.0);
-  coordinator.hear(edge("north"));
+  coordinator.receive(edge("north"));
   EXPECT_FALSE(coordinator.decide(1.0)) << "as it was";
   double now_s = 2.0, before_s = 0.0;
   EdgeIs north = edge("north");
   const auto change = [&](const char* what) {
-    coordinator.hear(north);
+    coordinator.receive(north);
     const auto decision = coordinator.decide(now_s++);
     ASSERT_TRUE(decision) << what;
     EXPECT_THAT(decision->because, ElementsAre("edge north is otherwise")) << what;
@@ -105,7 +105,7 @@ TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
 TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
   Coordinator coordinator = two_corridors(0.9);
   coordinator.decide(0.0);
-  coordinator.hear(edge("north", 1e6, 1));
+  coordinator.receive(edge("north", 1e6, 1));
   const auto decision = coordinator.decide(1.0);
   ASSERT_TRUE(decision);
   EXPECT_EQ(decision->moves.size(), 1u);
@@ -117,11 +117,11 @@ TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
 TEST(Coordinator, maps_on_board_where_there_is_no_edge_and_comes_back) {
   Coordinator coordinator = two_corridors();
   coordinator.decide(0.0);
-  coordinator.hear(EdgeGoes{TierId("north")}), coordinator.hear(EdgeGoes{TierId("south")});
+  coordinator.receive(EdgeGoes{TierId("north")}), coordinator.receive(EdgeGoes{TierId("south")});
   const auto alone = coordinator.decide(1.0);
   ASSERT_TRUE(alone);
   for (const auto& [robot, edge] : alone->edge_of) EXPECT_TRUE(edge.empty()) << robot.str();
-  coordinator.hear(edge("south", 1e6, 3));
+  coordinator.receive(edge("south", 1e6, 3));
   const auto decision = coordinator.decide(2.0);
   ASSERT_TRUE(decision);
   int placed = 0;
@@ -135,10 +135,10 @@ TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
     coordinator.decide(0.0);
     const auto before = coordinator.edge_of();
     // From now on a sees what c sees, b what d sees; a and b, who drove far, are fused on one edge.
-    coordinator.hear(RobotReports{RobotId("a"), 2000, corridor(100, 120)});
-    coordinator.hear(RobotReports{RobotId("b"), 2000, corridor(200, 220)});
-    coordinator.hear(RobotReports{RobotId("d"), 100, corridor(200, 220)});
-    coordinator.hear(RobotReports{RobotId("c"), 100, corridor(100, 120)});
+    coordinator.receive(RobotReports{RobotId("a"), 2000, corridor(100, 120)});
+    coordinator.receive(RobotReports{RobotId("b"), 2000, corridor(200, 220)});
+    coordinator.receive(RobotReports{RobotId("d"), 100, corridor(200, 220)});
+    coordinator.receive(RobotReports{RobotId("c"), 100, corridor(100, 120)});
     const auto decision = coordinator.decide(10.0);
     ASSERT_TRUE(decision);
     EXPECT_EQ(decision->is_new_plan, hysteresis == 0.0);
@@ -156,12 +156,12 @@ TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
 TEST(Coordinator, moves_a_robot_whose_wire_became_slow) {
   Coordinator coordinator = two_corridors();
   for (const char* robot : {"a", "b", "c", "d"})
-    for (const char* at : {"north", "south"}) coordinator.hear(LinkIs{RobotId(robot), TierId(at), {1e6, 0.01}});
+    for (const char* at : {"north", "south"}) coordinator.receive(LinkIs{RobotId(robot), TierId(at), {1e6, 0.01}});
   coordinator.decide(0.0);
   const TierId before = at(coordinator, "a");
-  coordinator.hear(LinkIs{RobotId("a"), before, {1e6, 0.01}});
+  coordinator.receive(LinkIs{RobotId("a"), before, {1e6, 0.01}});
   EXPECT_FALSE(coordinator.decide(1.0)) << "as it was";
-  coordinator.hear(LinkIs{RobotId("a"), before, {1e3, 0.01}});
+  coordinator.receive(LinkIs{RobotId("a"), before, {1e3, 0.01}});
   const auto decision = coordinator.decide(2.0);
   ASSERT_TRUE(decision);
   EXPECT_THAT(decision->because, ElementsAre(HasSubstr("the wire from a to " + before.str())));
@@ -175,8 +175,8 @@ TEST(Coordinator, decides_the_same_whoever_speaks_first) {
   for (const char* robot : {"a", "b", "c", "d", "e"})
     events.push_back(RobotComes{RobotId(robot), corridor(8.0 * robot[0], 8.0 * robot[0] + 15.0), {}});
   Coordinator forth(options), back(options);
-  for (auto event = events.begin(); event != events.end(); ++event) forth.hear(*event);
-  for (auto event = events.rbegin(); event != events.rend(); ++event) back.hear(*event);
+  for (auto event = events.begin(); event != events.end(); ++event) forth.receive(*event);
+  for (auto event = events.rbegin(); event != events.rend(); ++event) back.receive(*event);
   const auto one = forth.decide(0.0), other = back.decide(0.0);
   EXPECT_EQ(one->edge_of, other->edge_of);
   EXPECT_EQ(one->expected_s, other->expected_s);
@@ -184,8 +184,8 @@ TEST(Coordinator, decides_the_same_whoever_speaks_first) {
 
 TEST(Coordinator, knows_nothing_of_robots_that_never_came) {
   Coordinator coordinator{CoordinatorOptions()};
-  EXPECT_THROW(coordinator.hear(RobotGoes{RobotId("a")}), ContractViolation);
-  EXPECT_THROW(coordinator.hear(RobotReports{RobotId("a"), 1, {}}), ContractViolation);
+  EXPECT_THROW(coordinator.receive(RobotGoes{RobotId("a")}), ContractViolation);
+  EXPECT_THROW(coordinator.receive(RobotReports{RobotId("a"), 1, {}}), ContractViolation);
   EXPECT_FALSE(coordinator.decide(0.0));
 }
 

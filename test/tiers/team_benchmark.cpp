@@ -122,7 +122,7 @@ nlohmann::json report(const char* name, FeatureTeam& team, double began_s, doubl
   for (const auto& robot : team.robots) {
     const double seconds = static_cast<double>(robot.next) / 12.0 * static_cast<double>(team.robots.size());
     up += 1e-3 * static_cast<double>(robot.agent->sent_bytes()) / seconds;
-    down += 1e-3 * static_cast<double>(robot.agent->heard_bytes()) / seconds;
+    down += 1e-3 * static_cast<double>(robot.agent->received_bytes()) / seconds;
     lost += robot.lost, placed += robot.placed, frames += static_cast<int>(robot.next);
   }
   return {{"name", name},

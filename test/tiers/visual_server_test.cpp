@@ -37,7 +37,7 @@ TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   for (const auto& robot : team.robots) {
     std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, heard %.1f kB in %.0f s\n",
                 robot.place.client.robot.str().c_str(), robot.error_m(), robot.borrowed_seen,
-                1e-3 * static_cast<double>(robot.agent->sent_bytes()), 1e-3 * static_cast<double>(robot.agent->heard_bytes()),
+                1e-3 * static_cast<double>(robot.agent->sent_bytes()), 1e-3 * static_cast<double>(robot.agent->received_bytes()),
                 static_cast<double>(robot.next) / 12.0);
     EXPECT_LT(robot.error_m(), 0.05);
     EXPECT_EQ(robot.agent->waiting_bytes(), 0U);
@@ -336,8 +336,8 @@ TEST(VisualServer, keeps_within_a_clients_wire_by_sharing_less) {
     FeatureTeam team(options, narrow);
     team.run();
     for (const auto& robot : team.robots) {
-      heard[cap] += robot.agent->heard_bytes();
-      const double kB_per_s = 1e-3 * static_cast<double>(robot.agent->heard_bytes()) * 12.0 / static_cast<double>(robot.next);
+      heard[cap] += robot.agent->received_bytes();
+      const double kB_per_s = 1e-3 * static_cast<double>(robot.agent->received_bytes()) * 12.0 / static_cast<double>(robot.next);
       std::printf("bound %.0f kB/s: %.2f kB/s, %zu borrowed landmarks seen\n", cap, kB_per_s, robot.borrowed_seen);
       if (cap > 0.0) {
         EXPECT_LT(kB_per_s, 1.1 * cap);

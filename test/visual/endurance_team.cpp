@@ -125,8 +125,8 @@ class Robot {
     server.say(Kind::over, std::to_string(now.ns));
     for (Message heard = server.hear(); heard.kind != Kind::over; heard = server.hear()) {
       if (heard.kind == Kind::receipt) agent_.stored(decoded(heard.bytes));
-      if (heard.kind == Kind::share) agent_.hear_share(client_, heard.bytes);
-      if (heard.kind == Kind::place_answer) agent_.hear_place(client_, heard.bytes);
+      if (heard.kind == Kind::share) agent_.receive_share(client_, heard.bytes);
+      if (heard.kind == Kind::place_answer) agent_.receive_place(client_, heard.bytes);
     }
   }
 
@@ -134,7 +134,7 @@ class Robot {
     std::printf("%8.0f %8s %8.2f %8.1f %8.1f %10zu %10zu %10zu %6zu %6d %8.1f %8.1f\n", minute, place_.client.robot.str().c_str(),
                 1e3 * spent_s_ / frames_, held_mb() - before_mb_, resident_mb(), client_.keyframes().size(), client_.landmarks().size(),
                 client_.borrowed(), client_.borrowed_seen(), lost_, 1e-3 * static_cast<double>(agent_.waiting_bytes()),
-                1e-6 * static_cast<double>(agent_.heard_bytes()));
+                1e-6 * static_cast<double>(agent_.received_bytes()));
     std::fflush(stdout);
     spent_s_ = 0.0, frames_ = 0;
   }

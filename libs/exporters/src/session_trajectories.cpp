@@ -18,12 +18,12 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
     (keyframe_of(node) != nullptr ? seeing : scanning).insert(id.session);
   }
   // The way of a robot that has a laser too is told once.
-  const auto is_told = [&](const SessionTrajectory& trajectory) {
+  const auto is_known = [&](const SessionTrajectory& trajectory) {
     return seeing.count(trajectory.session) != 0 && std::any_of(scanning.begin(), scanning.end(), [&](const SessionId& session) {
              return session.client.robot == trajectory.session.client.robot && seeing.count(session) == 0;
            });
   };
-  trajectories.erase(std::remove_if(trajectories.begin(), trajectories.end(), is_told), trajectories.end());
+  trajectories.erase(std::remove_if(trajectories.begin(), trajectories.end(), is_known), trajectories.end());
   for (auto& trajectory : trajectories)
     std::stable_sort(trajectory.poses.begin(), trajectory.poses.end(),
                      [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });

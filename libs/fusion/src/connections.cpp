@@ -44,7 +44,7 @@ Sim3 team_from(const Component& component, const MapId& id) {
 
 }  // namespace
 
-void tell_connections(const std::vector<Component>& components, std::vector<PairJoin>& pairs) {
+void note_connections(const std::vector<Component>& components, std::vector<PairJoin>& pairs) {
   std::map<MapId, const Component*> component_of;
   for (const Component& component : components)
     for (const MapId& id : component.members) component_of.emplace(id, &component);

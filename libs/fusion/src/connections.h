@@ -8,6 +8,6 @@
 namespace mapweave::fusion {
 
 // Fills Verdict::in_one_map; of maps that lie in different teams it takes Verdict::merge away.
-void tell_connections(const std::vector<Component>& components, std::vector<PairJoin>& pairs);
+void note_connections(const std::vector<Component>& components, std::vector<PairJoin>& pairs);
 
 }  // namespace mapweave::fusion

@@ -115,7 +115,7 @@ class Fusing {
     };
     std::stable_sort(result_.components.begin(), result_.components.end(),
                      [&](const Component& l, const Component& r) { return size(l) > size(r); });
-    tell_connections(result_.components, pairs_);
+    note_connections(result_.components, pairs_);
     if (!input_.priors.empty()) check_priors(judging_.lasers(), result_.components, pairs_);
     for (PairJoin& pair : pairs_) result_.verdicts.push_back(std::move(pair.result.verdict));
     result_.judgements = judging_.judgements();

@@ -259,7 +259,7 @@ double probability_of_one(const std::vector<const VisualWitness*>& witnesses) {
   return 1.0 - none_right;
 }
 
-PairHypothesis as_told(const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
+PairHypothesis hypothesis_of(const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
   PairHypothesis hypothesis;
   hypothesis.sense = Sense::cameras;
   hypothesis.a_from_b = mean_transform(witnesses, b);
@@ -270,11 +270,11 @@ PairHypothesis as_told(const std::vector<const VisualWitness*>& witnesses, const
   return hypothesis;
 }
 
-std::vector<PairHypothesis> told_of(const VisualCommitment& commitment, const VisualMap& b) {
+std::vector<PairHypothesis> hypotheses_of(const VisualCommitment& commitment, const VisualMap& b) {
   std::vector<PairHypothesis> hypotheses;
   for (const auto& set : commitment.sets) {
     if (hypotheses.size() == kMostPairHypotheses) break;
-    hypotheses.push_back(as_told(set, b));
+    hypotheses.push_back(hypothesis_of(set, b));
   }
   // Beside each set stand all that hold and are not in it.
   const std::size_t all = commitment.clique.size() + commitment.others.size();
@@ -333,13 +333,13 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   if (commitment.clique.empty()) {
     if (likeliest != nullptr) {
       doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.inliers);
-      verdict.hypotheses = {as_told({likeliest}, b)};
+      verdict.hypotheses = {hypothesis_of({likeliest}, b)};
     }
     if (vetoed > 0) veto(verdict);
     return result;
   }
   describe(verdict, commitment, b);
-  verdict.hypotheses = told_of(commitment, b);
+  verdict.hypotheses = hypotheses_of(commitment, b);
   decide_by_cameras(verdict, support_of(commitment, verdict, b), options);
   if (verdict.reason == Reason::ambiguous) result.repetition = repetition_between(a, b, commitment.clique, commitment.others);
   if (verdict.decision != Decision::accepted) return result;

@@ -93,16 +93,16 @@ std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::COb
     const double seconds = seconds_between(inertial_->stamp, stamp);
     if (seconds <= 0.0) return std::nullopt;
     now.yaw_rad = inertial_->yaw_rad;
-    now.told = inertial_->told;
+    now.answered = inertial_->answered;
     if (now.heading_rad && inertial_->heading_rad)
       now.yaw_rad += wrap_angle(*now.heading_rad - *inertial_->heading_rad);
     else if (seconds < kInertialGap_s)
       now.yaw_rad += 0.5 * seconds * (inertial_->rate_rad_s + now.rate_rad_s);
   }
-  const bool tell = !now.told || seconds_between(*now.told, stamp) >= kInertialEvery_s;
-  if (tell) now.told = stamp;
+  const bool answers = !now.answered || seconds_between(*now.answered, stamp) >= kInertialEvery_s;
+  if (answers) now.answered = stamp;
   inertial_ = now;
-  return tell ? std::optional<LaserInput>(InertialInput{stamp, now.yaw_rad}) : std::nullopt;
+  return answers ? std::optional<LaserInput>(InertialInput{stamp, now.yaw_rad}) : std::nullopt;
 }
 
 std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {

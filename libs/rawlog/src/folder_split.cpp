@@ -101,12 +101,12 @@ std::vector<SplitPart> split_folder(const std::filesystem::path& folder, const s
   std::vector<SplitPart> answer;
   for (int i = 0; i < options.robots; ++i) {
     const FolderPart& part = parts.emplace_back(frames_within(whole, part_of(cuts, i, options)));
-    SplitPart& told = answer.emplace_back();
-    told.path = out_folder / ("robot" + std::to_string(i));
-    told.observations = told.frames = part.end - part.begin;
-    if (told.frames == 0) continue;
-    told.first = to_stamp(to_mrpt_time(whole.frames[part.begin].stamp));  // as the observations have them
-    told.last = to_stamp(to_mrpt_time(whole.frames[part.end - 1].stamp));
+    SplitPart& described = answer.emplace_back();
+    described.path = out_folder / ("robot" + std::to_string(i));
+    described.observations = described.frames = part.end - part.begin;
+    if (described.frames == 0) continue;
+    described.first = to_stamp(to_mrpt_time(whole.frames[part.begin].stamp));  // as the observations have them
+    described.last = to_stamp(to_mrpt_time(whole.frames[part.end - 1].stamp));
   }
   expect_parts(folder, cuts, range, answer);
 

@@ -47,7 +47,7 @@ void read_calibration(CameraFolder& found) {
     throw camera.wrong("depth_registered_to_color", "is false; depth pictures as seen from the colour camera are what is read");
 }
 
-void tell_left_out(const CameraFolder& found, std::size_t left_out, const std::string& what) {
+void report_left_out(const CameraFolder& found, std::size_t left_out, const std::string& what) {
   if (left_out > 0)
     log(LogLevel::warning, found.folder.string() + ": " + std::to_string(left_out) + " " + what + " are left out; " +
                                std::to_string(found.frames.size()) + " frames remain (reading.max_pair_s)");
@@ -75,7 +75,7 @@ void read_associations(CameraFolder& found, const std::filesystem::path& list, d
     if (std::abs(seconds_between(frame.stamp, frame.second_stamp)) < window_s) found.frames.push_back(std::move(frame));
   });
   if (found.frames.empty()) throw_never_pair(found, "", window_s);
-  tell_left_out(found, rows - found.frames.size(), "pairs of associations.txt lie too far apart and");
+  report_left_out(found, rows - found.frames.size(), "pairs of associations.txt lie too far apart and");
 }
 
 void read_lists(CameraFolder& found, double window_s) {
@@ -94,7 +94,7 @@ void read_lists(CameraFolder& found, double window_s) {
   }
   const auto range = [](const PictureList& list) { return list.pictures.front().stamp_text + " to " + list.pictures.back().stamp_text; };
   if (found.frames.empty()) throw_never_pair(found, " (colour: " + range(colour) + ", depth: " + range(depth) + ")", window_s);
-  tell_left_out(found, colour.pictures.size() - found.frames.size(), "colour pictures without depth");
+  report_left_out(found, colour.pictures.size() - found.frames.size(), "colour pictures without depth");
 }
 
 }  // namespace

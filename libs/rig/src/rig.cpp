@@ -166,15 +166,15 @@ class RigMerger {
     }
     constexpr double kLeastLength_m = 0.1;  // turns on the spot say little of a camera's extrinsics
     const std::vector<CommonMotion> all = common_motions(common.moments, part);
-    const auto telling = std::count_if(all.begin(), all.end(), [&](const CommonMotion& motion) {
+    const auto informative = std::count_if(all.begin(), all.end(), [&](const CommonMotion& motion) {
       return motion.by_other.t.norm() > kLeastLength_m || contradicts(motion, options_);
     });
     const auto wrong = std::count_if(all.begin(), all.end(), [&](const CommonMotion& motion) { return contradicts(motion, options_); });
-    if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(telling)) {
+    if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(informative)) {
       const std::string other = parts_[common.moments.front().other].camera;
       WhyApart& why = why_apart_[number];
       why.what = format("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
-                        other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(telling));
+                        other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(informative));
       if (const auto turn = wrong_turn_rad(all, options_))
         why.advice = format("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
                             std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");

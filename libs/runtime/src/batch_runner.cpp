@@ -165,7 +165,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       const double before_s = process_cpu_seconds();
       EdgeWork work{id};
       work.speed = edge_entry(configuration, id).speed;
-      double hearing_s = 0.0;  // is the cloud's work
+      double receiving_s = 0.0;  // is the cloud's work
       std::vector<RobotId> members;
       for (const PlannedRobot& robot : plan.robots)
         if (robot.edge == id) members.push_back(robot.id);
@@ -177,16 +177,16 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
         const auto effects = edge.step(outcome, pool, progress);
         for (RobotWork& robot : report.work.robots)
           if (robot.id == outcome.robot) robot.map_bytes = effects.map_bytes;
-        const double told_s = process_cpu_seconds();
+        const double received_s = process_cpu_seconds();
         for (const std::string& update : effects.for_cloud) {
           cloud.receive(update, "update of edge " + id.str());
           work.bytes += update.size();
         }
-        hearing_s += process_cpu_seconds() - told_s;
+        receiving_s += process_cpu_seconds() - received_s;
       }
       edges.push_back(std::move(edge));
-      work.fusing_s = process_cpu_seconds() - before_s - hearing_s;
-      report.work.fusing_s += hearing_s;
+      work.fusing_s = process_cpu_seconds() - before_s - receiving_s;
+      report.work.fusing_s += receiving_s;
       report.work.edges.push_back(work);
     }
   };
@@ -205,31 +205,31 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       for (const std::string& update : judging_task->second.updates) work.sent_bytes += update.size();
       before_s = process_cpu_seconds();
       const auto effects = edges[i].step(judging_task->second, pool, progress);
-      const double told_s = process_cpu_seconds();
-      work.judging_s = told_s - before_s;
+      const double received_s = process_cpu_seconds();
+      work.judging_s = received_s - before_s;
       for (const std::string& update : effects.for_cloud) {
         cloud.receive(update, "update of edge " + edges[i].id().str());
         work.judged_bytes += update.size();
       }
-      report.work.fusing_s += process_cpu_seconds() - told_s;
+      report.work.fusing_s += process_cpu_seconds() - received_s;
     }
   };
   // Who has no edge tells the cloud; in mode cloud-only that is everyone.
-  const auto tell_cloud = [&] {
+  const auto send_to_cloud = [&] {
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
       if (configuration.mode != Mode::cloud_only && !report.work.robots[i].edge.empty()) continue;
-      const auto tell = [&](const Map& map) {
+      const auto send_map = [&](const Map& map) {
         const std::string update = tiers::first_update(map, TierId(outcomes[i].robot.str()));
         cloud.receive(update, "update of robot " + outcomes[i].robot.str());
         report.work.robots[i].map_bytes += update.size();
       };
-      if (outcomes[i].map) tell(*outcomes[i].map);
-      for (const Map& map : outcomes[i].apart) tell(map);
+      if (outcomes[i].map) send_map(*outcomes[i].map);
+      for (const Map& map : outcomes[i].apart) send_map(map);
     }
   };
   const auto fuse_all = [&] {
     if (configuration.mode != Mode::cloud_only) fuse_at_edges();
-    tell_cloud();
+    send_to_cloud();
     if (configuration.cloud.edges_judge) judge_at_edges();
     const double before_s = process_cpu_seconds();
     if (anything) team = cloud.seal(pool, progress);
@@ -237,9 +237,9 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     for (RobotWork& robot : report.work.robots) {
       const auto line = std::find_if(report.robots.begin(), report.robots.end(), [&](const RobotReport& r) { return r.id == robot.id; });
       if (line->cameras.empty()) continue;
-      std::uint64_t told = 0;  // what clients told while they mapped; else their maps, at the end
-      for (const CameraReport& camera : line->cameras) told += camera.sent_bytes;
-      robot.sensed_bytes += told > 0 ? told : robot.map_bytes;
+      std::uint64_t published = 0;  // what clients published while they mapped; else their maps, at the end
+      for (const CameraReport& camera : line->cameras) published += camera.sent_bytes;
+      robot.sensed_bytes += published > 0 ? published : robot.map_bytes;
     }
     push(team, configuration.cloud, report.work);
     if (report.coordination && !report.coordination->decisions.empty())
@@ -274,9 +274,9 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   results.set_own_maps({});
   for (const PushWork& pushed : report.work.pushes) {
     const std::string name = pushed.robot.str();
-    fusion::FusionResult told;
-    told.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, told, cameras,
+    fusion::FusionResult pushed_map;
+    pushed_map.components = {*component_of(team, pushed.robot)};
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, pushed_map, cameras,
                            report);
   }
   results.commit("run", effective(configuration, given), inputs, report);

@@ -73,17 +73,17 @@ class Camera {
     client_->finish();
     const Pose3 robot_from_camera = packer_.rig()->robot_from_camera, camera_from_robot = inverse(robot_from_camera);
     const std::vector<int> sessions = client_->sessions();
-    std::vector<Map> told = client_->maps(place(robot));
-    std::sort(told.begin(), told.end(), [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
+    std::vector<Map> published = client_->maps(place(robot));
+    std::sort(published.begin(), published.end(), [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
       if (part.ways.empty()) part.ways.push_back({report_.label, {}});
       part.ways.front().frames.push_back({frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
-    MAPWEAVE_EXPECT(told.size() == own.size(), "each session has told of its map");
+    MAPWEAVE_EXPECT(published.size() == own.size(), "each session has told of its map");
     for (std::size_t i = 0; i < own.size(); ++i) {
-      own[i].map = std::move(told[i]);
+      own[i].map = std::move(published[i]);
       maps.push_back(std::move(own[i]));
     }
     report_.sessions = sessions.size();

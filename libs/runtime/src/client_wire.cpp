@@ -5,7 +5,7 @@
 namespace mapweave::runtime {
 
 void add(ClientCounts& sum, const ClientCounts& more) {
-  sum.heard_bytes += more.heard_bytes, sum.sent_bytes += more.sent_bytes;
+  sum.received_bytes += more.received_bytes, sum.sent_bytes += more.sent_bytes;
   sum.updates += more.updates, sum.views += more.views, sum.shares += more.shares, sum.places += more.places;
   sum.refused += more.refused, sum.put_off += more.put_off;
   sum.update_s += more.update_s, sum.retrieval_s += more.retrieval_s, sum.sending_s += more.sending_s, sum.place_s += more.place_s;

@@ -57,24 +57,24 @@ CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunP
     : configuration_(configuration), plan_(plan), coordinator_(options_of(configuration, plan)) {
   report_.method = scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
   report_.at = configuration.coordinator.at.empty() ? "cloud" : configuration.coordinator.at;
-  hear_robots(0.0);
-  hear_edges_and_wires(0.0);
+  report_robots(0.0);
+  report_edges_and_wires(0.0);
   decide(0.0);
 }
 
-void CoordinatedRobots::hear_robots(double now_s) {
+void CoordinatedRobots::report_robots(double now_s) {
   for (const PlannedRobot& robot : plan_.robots) {
     const RobotEntry entry = robot_entry(configuration_, robot.id);
     if (now_s < entry.from_s || coordinator_.edge_of().count(robot.id) != 0) continue;
     std::vector<scheduling::Waypoint> route;
     for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
     const double range_m = configuration_.coordinator.route_range_m;
-    coordinator_.hear(
+    coordinator_.receive(
         tiers::RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
   }
 }
 
-void CoordinatedRobots::hear_edges_and_wires(double now_s) {
+void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const NetworkOptions& network = plan_.network;
   const auto state = [&](const std::string& from, const std::string& to, const transport::LinkOptions& otherwise) {
     auto wire = wires_.find({from, to});
@@ -86,7 +86,7 @@ void CoordinatedRobots::hear_edges_and_wires(double now_s) {
   for (const TierId& id : plan_.edges) {
     const EdgeEntry entry = edge_entry(configuration_, id);
     if (now_s < entry.from_s || (entry.until_s > 0.0 && now_s >= entry.until_s)) {
-      coordinator_.hear(tiers::EdgeGoes{id});
+      coordinator_.receive(tiers::EdgeGoes{id});
       continue;
     }
     scheduling::EdgeResources resources;
@@ -98,11 +98,11 @@ void CoordinatedRobots::hear_edges_and_wires(double now_s) {
       resources.bandwidth_bytes_per_s = bytes_per_s(wire), resources.delay_s = wire.delay_s;
     }
     if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
-    coordinator_.hear(tiers::EdgeIs{resources});
+    coordinator_.receive(tiers::EdgeIs{resources});
     for (const PlannedRobot& robot : plan_.robots) {
       if (coordinator_.edge_of().count(robot.id) == 0) continue;
       const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
-      coordinator_.hear(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
+      coordinator_.receive(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
     }
   }
 }
@@ -163,15 +163,15 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
       return encode(MapReport{names[i], all[i]->scans(), scheduling::summary_of(all[i]->map_so_far())});
     });
     expect_no_trouble();
-    hear_robots(now_s);
+    report_robots(now_s);
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (reports[i].empty()) continue;
       MapReport report = decode_map_report(reports[i], "the report of robot " + names[i].str());
       report_.summary_bytes += reports[i].size();
-      coordinator_.hear(tiers::RobotReports{report.robot, report.scans, std::move(report.summary)});
-      if (!all[i]->next()) coordinator_.hear(tiers::RobotGoes{names[i]});
+      coordinator_.receive(tiers::RobotReports{report.robot, report.scans, std::move(report.summary)});
+      if (!all[i]->next()) coordinator_.receive(tiers::RobotGoes{names[i]});
     }
-    hear_edges_and_wires(now_s);
+    report_edges_and_wires(now_s);
     decide(now_s, tasks, pool);
   }
   report_.recorded_s = now_s;

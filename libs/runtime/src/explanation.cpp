@@ -1,6 +1,6 @@
 #include <mapweave/runtime/explanation.h>
 
-#include "told_pair.h"
+#include "reported_pair.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
@@ -112,7 +112,7 @@ exporters::HypothesisPanel apart(const OccupancyGrid& a, const OccupancyGrid& b)
   return panel;
 }
 
-exporters::HypothesisPanel panel_at(const ToldTransform& transform, std::vector<std::string> caption) {
+exporters::HypothesisPanel panel_at(const ReportedTransform& transform, std::vector<std::string> caption) {
   exporters::HypothesisPanel panel;
   panel.a_from_b = transform.a_from_b;
   panel.scale = transform.scale;
@@ -133,12 +133,12 @@ std::optional<exporters::HypothesisPanel> panel_of_prior(const Json& verdict) {
                                            prior->value("contradicted_m", 0.0))});
 }
 
-std::string picture(const ToldPair& pair, const OccupancyGrid& a, const OccupancyGrid& b) {
+std::string picture(const ReportedPair& pair, const OccupancyGrid& a, const OccupancyGrid& b) {
   std::vector<exporters::HypothesisPanel> panels;
   if (pair.is_through_others() && pair.in_team)
     panels.push_back(panel_at(*pair.in_team, {"as they lie in the team's map, through other maps"}));
   for (std::size_t i = 0; i < pair.hypotheses.size(); ++i) {
-    const ToldHypothesis& hypothesis = pair.hypotheses[i];
+    const ReportedHypothesis& hypothesis = pair.hypotheses[i];
     exporters::HypothesisPanel panel = panel_at(hypothesis.transform, caption(hypothesis, i + 1));
     for (const Json& place : hypothesis.contradictions())
       panel.rings.push_back({place.at("x_m").get<double>(), place.at("y_m").get<double>(), std::max(0.5, 0.5 * place.at("length_m").get<double>())});
@@ -170,7 +170,7 @@ Explanation explain(const fs::path& results, const std::string& one, const std::
     throw Error(ErrorCode::kMissing, "there is no merges.json", results.string(), "name a folder of results of mapweave run or merge");
   Explanation result;
   try {
-    const ToldPair pair = told_pair(verdict_of(Json::parse(read_file(file)), one, other, file));
+    const ReportedPair pair = reported_pair(verdict_of(Json::parse(read_file(file)), one, other, file));
     result.a = pair.a;
     result.b = pair.b;
     if (!is_valid_name(result.a) || !is_valid_name(result.b)) throw Error(ErrorCode::kCorrupt, "it has names that are none", file.string());

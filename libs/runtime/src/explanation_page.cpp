@@ -1,6 +1,6 @@
 // Why two maps were merged or stayed apart, in words.
 
-#include "told_pair.h"
+#include "reported_pair.h"
 
 #include <mapweave/core/format.h>
 #include <mapweave/fusion/wall_weights.h>
@@ -14,9 +14,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-int matches_of(const ToldHypothesis& hypothesis) { return static_cast<int>(hypothesis.of("matches")); }
+int matches_of(const ReportedHypothesis& hypothesis) { return static_cast<int>(hypothesis.of("matches")); }
 
-std::string where(const ToldTransform& transform, Sense sense, const ToldPair& pair) {
+std::string where(const ReportedTransform& transform, Sense sense, const ReportedPair& pair) {
   const Pose2& pose = transform.a_from_b;
   std::string text =
       format("%s %s x %.2f m, y %.2f m, yaw %.1f degrees of %s's map", pair.b.c_str(),
@@ -26,11 +26,11 @@ std::string where(const ToldTransform& transform, Sense sense, const ToldPair& p
 }
 
 // Walls of lasers whose evidence was weighed: else their sum says nothing.
-bool is_weighed(const ToldHypothesis& hypothesis) { return hypothesis.of("by_chance_m") > 0.0; }
+bool is_weighed(const ReportedHypothesis& hypothesis) { return hypothesis.of("by_chance_m") > 0.0; }
 
 std::string counted(int count, const char* one, const char* many) { return format("%d %s", count, count == 1 ? one : many); }
 
-std::string for_it(const ToldHypothesis& hypothesis) {
+std::string for_it(const ReportedHypothesis& hypothesis) {
   const double coinciding_m = hypothesis.of("coinciding_m");
   if (hypothesis.sense == Sense::cameras)
     return counted(matches_of(hypothesis), "pair of pictures shows", "pairs of pictures show") + " the same place so";
@@ -42,7 +42,7 @@ std::string for_it(const ToldHypothesis& hypothesis) {
   return text + counted(matches_of(hypothesis), "place agrees", "places agree");
 }
 
-std::string against_it(const ToldHypothesis& hypothesis) {
+std::string against_it(const ReportedHypothesis& hypothesis) {
   const double contradicted_m = hypothesis.of("contradicted_m");
   if (hypothesis.sense == Sense::cameras) {
     const int elsewhere = static_cast<int>(hypothesis.of("elsewhere"));
@@ -54,7 +54,7 @@ std::string against_it(const ToldHypothesis& hypothesis) {
 }
 
 // What the probability is made of, as the merge was decided by.
-std::string sum_of(const ToldHypothesis& hypothesis) {
+std::string sum_of(const ReportedHypothesis& hypothesis) {
   constexpr double kSurest = 20.0;
   if (hypothesis.sense != Sense::lasers || !is_weighed(hypothesis)) return "";
   const double sum = hypothesis.of("distinctive_m") - fusion::kContradictionWeight * hypothesis.of("contradicted_m") -
@@ -72,12 +72,12 @@ std::string sum_of(const ToldHypothesis& hypothesis) {
          format("\n     log odds of %.1f are a probability of %.2f by itself\n", hypothesis.of("log_odds"), hypothesis.of("probability"));
 }
 
-bool was_compared(const ToldHypothesis& hypothesis) {
+bool was_compared(const ReportedHypothesis& hypothesis) {
   return hypothesis.sense != Sense::lasers ||
          hypothesis.of("coinciding_m") + hypothesis.of("contradicted_m") + hypothesis.of("unclear_m") > 0.0;
 }
 
-std::string text_of(const ToldHypothesis& hypothesis, std::size_t number, const ToldPair& pair) {
+std::string text_of(const ReportedHypothesis& hypothesis, std::size_t number, const ReportedPair& pair) {
   std::string text = format("  %zu. ", number) + where(hypothesis.transform, hypothesis.sense, pair) + "\n";
   if (hypothesis.is("of_teams")) text += "     the numbers are of all maps of the two teams that they were in\n";
   if (!was_compared(hypothesis))
@@ -100,16 +100,16 @@ std::string text_of(const ToldHypothesis& hypothesis, std::size_t number, const 
 }
 
 // What two hypotheses of one pair are compared by.
-double weight_of(const ToldHypothesis& hypothesis) {
+double weight_of(const ReportedHypothesis& hypothesis) {
   if (hypothesis.sense == Sense::cameras) return hypothesis.of("matches");
   if (hypothesis.sense == Sense::grids) return hypothesis.of("support_m");
   return fusion::fit_m(hypothesis.of("coinciding_m"), hypothesis.of("unclear_m"), hypothesis.of("contradicted_m"));
 }
 
-std::string rivals_in_words(const std::vector<ToldHypothesis>& hypotheses) {
+std::string rivals_in_words(const std::vector<ReportedHypothesis>& hypotheses) {
   std::string text;
   for (std::size_t i = 1; i < hypotheses.size(); ++i) {
-    const ToldHypothesis &best = hypotheses[0], &rival = hypotheses[i];
+    const ReportedHypothesis &best = hypotheses[0], &rival = hypotheses[i];
     if (rival.sense != best.sense || weight_of(best) <= 0.0 || weight_of(rival) <= 0.0) continue;
     const double percent = 100.0 * weight_of(rival) / weight_of(best);
     if (best.sense == Sense::lasers)
@@ -120,7 +120,7 @@ std::string rivals_in_words(const std::vector<ToldHypothesis>& hypotheses) {
   return text;
 }
 
-std::string in_team_in_words(const ToldPair& pair) {
+std::string in_team_in_words(const ReportedPair& pair) {
   if (!pair.is_through_others() || !pair.in_team) return "";
   const bool are_grids = !pair.hypotheses.empty() && pair.hypotheses.front().sense == Sense::grids;
   std::string text = "in the team's map " + where(*pair.in_team, are_grids ? Sense::grids : Sense::lasers, pair);
@@ -131,7 +131,7 @@ std::string in_team_in_words(const ToldPair& pair) {
   return text + "\n";
 }
 
-std::string heading(const ToldPair& pair) {
+std::string heading(const ReportedPair& pair) {
   const std::size_t count = pair.hypotheses.size();
   const std::string alone = pair.is_through_others() ? " of these two by themselves" : "";
   if (count > 1) return format("the %zu most probable hypotheses%s:\n", count, alone.c_str());
@@ -143,7 +143,7 @@ std::string heading(const ToldPair& pair) {
 
 }  // namespace
 
-std::string page(const ToldPair& pair, const std::vector<std::string>& rasters) {
+std::string page(const ReportedPair& pair, const std::vector<std::string>& rasters) {
   std::string text = pair.words + "\n" + in_team_in_words(pair) + heading(pair);
   for (std::size_t i = 0; i < pair.hypotheses.size(); ++i) text += text_of(pair.hypotheses[i], i + 1, pair);
   text += rivals_in_words(pair.hypotheses);
@@ -160,7 +160,7 @@ std::string page(const ToldPair& pair, const std::vector<std::string>& rasters) 
   return text;
 }
 
-std::vector<std::string> caption(const ToldHypothesis& hypothesis, std::size_t number) {
+std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number) {
   std::string first = hypothesis.is("taken_apart") ? format("%zu. merged so at first, and taken apart by the audit", number)
                                                    : format("%zu. probability by itself %.2f", number, hypothesis.of("probability"));
   if (!hypothesis.is("taken_apart") && hypothesis.sense != Sense::cameras)

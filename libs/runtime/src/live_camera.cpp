@@ -18,8 +18,8 @@ LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double 
               [this, period_s = 1.0 / options.share_rate_hz](visual::VisualClient& client, Stamp now, const visual::Tracked&) {
                 if (last_ && seconds_between(*last_, now) < period_s) return;
                 last_ = now;
-                hear(client, std::chrono::milliseconds(0));
-                tell(client, now);
+                receive(client, std::chrono::milliseconds(0));
+                publish(client, now);
                 ask(client);
               }) {}
 
@@ -34,9 +34,9 @@ visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
   agent_.lift_limit();
   bool more = client.run(place_).has_value();
   while (more && std::chrono::steady_clock::now() < end) {
-    more = (last_ && tell(client, *last_)) || !welcome_ || agent_.waiting_bytes() > 0;
+    more = (last_ && publish(client, *last_)) || !welcome_ || agent_.waiting_bytes() > 0;
     if (link_->is_closed()) break;
-    if (more) hear(client, std::chrono::milliseconds(50));
+    if (more) receive(client, std::chrono::milliseconds(50));
   }
   return client;
 }
@@ -44,7 +44,7 @@ visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
 bool LiveCamera::send(Kind kind, std::string bytes) {
   const std::size_t size = bytes.size();
   const auto sent = link_->send({kind, std::move(bytes)});
-  if (sent == LiveMapServer::Link::Sent::never && !link_->is_closed() && !std::exchange(told_too_long_, true))
+  if (sent == LiveMapServer::Link::Sent::never && !link_->is_closed() && !std::exchange(reported_too_long_, true))
     refused("a message of " + std::to_string(size) +
             " bytes is longer than the server's queue; give the server a larger queue_kb, or the camera fewer features");
   return sent == LiveMapServer::Link::Sent::taken;
@@ -55,10 +55,10 @@ void LiveCamera::refused(const std::string& why) {
   refusal_ = why;
 }
 
-bool LiveCamera::tell(visual::VisualClient& client, Stamp now) {
+bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   {
     const std::lock_guard lock(mutex_);
-    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = told_too_long_ = false;
+    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = reported_too_long_ = false;
   }
   const auto run = client.run(place_);
   if (!run) return false;
@@ -81,7 +81,7 @@ void LiveCamera::ask(visual::VisualClient& client) {
     send(Kind::place_request, std::move(*request));
 }
 
-void LiveCamera::hear(visual::VisualClient& client, std::chrono::milliseconds patience) {
+void LiveCamera::receive(visual::VisualClient& client, std::chrono::milliseconds patience) {
   for (const ServerMessage& message : link_->take(patience)) try {
       switch (message.kind) {
         case ServerMessage::Kind::welcome:
@@ -91,8 +91,8 @@ void LiveCamera::hear(visual::VisualClient& client, std::chrono::milliseconds pa
         case ServerMessage::Kind::receipts:
           for (const tiers::Receipt& receipt : message.receipts) agent_.stored(receipt);
           break;
-        case ServerMessage::Kind::share: agent_.hear_share(client, message.bytes); break;
-        case ServerMessage::Kind::place: agent_.hear_place(client, message.bytes); break;
+        case ServerMessage::Kind::share: agent_.receive_share(client, message.bytes); break;
+        case ServerMessage::Kind::place: agent_.receive_place(client, message.bytes); break;
         case ServerMessage::Kind::refused: refused(message.bytes);
       }
     } catch (const Error& error) {  // the client goes on without it

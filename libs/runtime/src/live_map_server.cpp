@@ -165,7 +165,7 @@ struct LiveMapServer::State {
 
   void handle(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more) {
     const std::string& bytes = taken.message.bytes;
-    more.heard_bytes += bytes.size();
+    more.received_bytes += bytes.size();
     const SessionId from = more.session;
     const auto post = [&](ServerMessage::Kind kind, std::string answer) {
       more.sent_bytes += answer.size();

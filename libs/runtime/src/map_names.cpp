@@ -44,8 +44,8 @@ std::vector<MapId> names_of(const std::vector<std::filesystem::path>& paths) {
     if (place > 0 && full[i] == full[order[place - 1]])
       throw Error(ErrorCode::kBadInput, "this map is given twice", paths[i].string(), "name each map once");
     std::string name = name_of_file(paths[i]);
-    const bool folder_tells_more = name == "map" || folders_of_stem[name].size() > 1;
-    if ((with_stem[name] > 1 && folder_tells_more) || name.empty()) name = name_of_file(full[i].parent_path());
+    const bool folder_says_more = name == "map" || folders_of_stem[name].size() > 1;
+    if ((with_stem[name] > 1 && folder_says_more) || name.empty()) name = name_of_file(full[i].parent_path());
     if (!is_valid_name(name)) name = "map";
     names[i] = take_name(name, taken);
   }

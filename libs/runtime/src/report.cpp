@@ -207,7 +207,7 @@ Json camera_json(const CameraReport& camera) {
           {"lost", camera.lost},
           {"longest_loss_seconds", camera.longest_loss_s},
           {"sent_bytes", camera.sent_bytes},
-          {"heard_bytes", camera.heard_bytes},
+          {"heard_bytes", camera.received_bytes},
           {"borrowed_landmarks", camera.borrowed},
           {"keyframes", camera.keyframes},
           {"landmarks", camera.landmarks},

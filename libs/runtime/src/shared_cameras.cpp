@@ -18,7 +18,7 @@ class Link {
       : client_(client.client), report_(client.report), agent_(client.place, uplink), place_(client.place) {}
 
   // Its maps, and where it is.
-  void tell(tiers::VisualServer& server, Stamp now) {
+  void publish(tiers::VisualServer& server, Stamp now) {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
@@ -29,7 +29,7 @@ class Link {
     has_place_ = false;
     if (const auto view = agent_.view(*client_)) {
       has_place_ = true;
-      if (const auto share = server.share(*run, decode_client_view(*view, "view"))) agent_.hear_share(*client_, encode(*share));
+      if (const auto share = server.share(*run, decode_client_view(*view, "view"))) agent_.receive_share(*client_, encode(*share));
     }
     count();
   }
@@ -40,13 +40,13 @@ class Link {
     if (!run || has_place_) return;
     if (const auto request = agent_.place_request(*client_))
       if (const auto answer = server.place(*run, decode_place_request(*request, "place request"), pool))
-        agent_.hear_place(*client_, encode(*answer));
+        agent_.receive_place(*client_, encode(*answer));
     count();
   }
 
  private:
   void count() {
-    report_->sent_bytes = agent_.sent_bytes(), report_->heard_bytes = agent_.heard_bytes();
+    report_->sent_bytes = agent_.sent_bytes(), report_->received_bytes = agent_.received_bytes();
     report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
   }
 
@@ -79,7 +79,7 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
     for (Member& member : members) {
       const auto clients = member.task.clients();
       while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration.uplink);
-      for (Link& link : member.links) link.tell(server, *moment);
+      for (Link& link : member.links) link.publish(server, *moment);
     }
     for (Member& member : members)
       for (Link& link : member.links) link.ask(server, pool);

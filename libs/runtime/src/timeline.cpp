@@ -92,7 +92,7 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     maps_there_s = std::max(maps_there_s, wires.send(robot->edge.str(), cloud, network.edge_cloud, at_s, robot->map_bytes));
     sent[robot->edge] += robot->map_bytes;
   }
-  double told_s = 0.0, free_s = 0.0;  // free: where the cloud is an edge, that has fused
+  double received_s = 0.0, free_s = 0.0;  // free: where the cloud is an edge, that has fused
   for (const EdgeWork& edge : work.edges) {
     Timeline::Edge line{edge.id, ready_s[edge.id]};
     const bool is_here = edge.id.str() == cloud;
@@ -100,13 +100,13 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     line.arrived_s = is_here ? line.fused_s
                              : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s, edge.bytes - std::min(edge.bytes, sent[edge.id]));
     if (is_here) free_s = line.fused_s;
-    told_s = std::max(told_s, line.arrived_s);
+    received_s = std::max(received_s, line.arrived_s);
     result.edges.push_back(line);
   }
   // Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused their own.
   const double cloud_speed = options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud));
   const double planned_s = std::max(maps_there_s, free_s) + work.planning_s / cloud_speed;
-  double judged_s = std::max(told_s, planned_s);
+  double judged_s = std::max(received_s, planned_s);
   for (std::size_t i = 0; i < work.edges.size(); ++i) {
     const EdgeWork& edge = work.edges[i];
     Timeline::Edge& line = result.edges[i];

@@ -58,13 +58,13 @@ MapUpdate CameraAgent::fitted(MapUpdate update, double room_bytes) const {
   return update;
 }
 
-void CameraAgent::tell(MapUpdate update) {
+void CameraAgent::enqueue(MapUpdate update) {
   const MapId map = update.origin.map;
-  std::uint64_t& told = numbers_[map].told;
-  update.base = update.base == 0 ? 0 : told;
-  update.sequence = told + 1;
+  std::uint64_t& published = numbers_[map].published;
+  update.base = update.base == 0 ? 0 : published;
+  update.sequence = published + 1;
   for (std::string& bytes : encoded_in_parts(fitted(std::move(update), allowance_.bytes()), kMostUpdate))
-    outbox_.push_back({map, ++told, std::move(bytes)});
+    outbox_.push_back({map, ++published, std::move(bytes)});
 }
 
 void CameraAgent::forget(const MapId& map, std::uint64_t up_to) {
@@ -79,7 +79,7 @@ std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stam
   const bool has_room = bytes_per_s == 0.0 || allowance_.bytes() > 0.0;
   if (has_room && waiting_bytes() < kMostWaiting) {
     session_ = client.run(place_);
-    for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) tell(std::move(update));
+    for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) enqueue(std::move(update));
   }
   for (Message& message : outbox_) {
     if (message.on_its_way) continue;
@@ -116,10 +116,10 @@ void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Re
   for (const auto& [map, stored] : stored_of) numbers_.try_emplace(map);
   for (auto& [map, numbers] : numbers_) {
     const std::uint64_t stored = stored_of[map];
-    if (stored < numbers.confirmed || stored > numbers.told) {
-      forget(map, numbers.told);
-      client.tell_again(place_, map);
-      numbers.told = std::max(numbers.told, stored);
+    if (stored < numbers.confirmed || stored > numbers.published) {
+      forget(map, numbers.published);
+      client.publish_again(place_, map);
+      numbers.published = std::max(numbers.published, stored);
     }
     numbers.confirmed = stored;
   }
@@ -137,8 +137,8 @@ std::optional<std::string> CameraAgent::place_request(visual::VisualClient& clie
   return request ? std::optional(counted(encode(*request))) : std::nullopt;
 }
 
-void CameraAgent::hear_share(visual::VisualClient& client, std::string_view bytes) {
-  heard_bytes_ += bytes.size();
+void CameraAgent::receive_share(visual::VisualClient& client, std::string_view bytes) {
+  received_bytes_ += bytes.size();
   const Share share = decode_share(bytes, "the map server");
   const auto session = visual::session_of(place_.client, share.map);
   if (!session) return;
@@ -146,8 +146,8 @@ void CameraAgent::hear_share(visual::VisualClient& client, std::string_view byte
   client.borrow(place_, *session, share.landmarks);
 }
 
-visual::PlaceVerdict CameraAgent::hear_place(visual::VisualClient& client, std::string_view bytes) {
-  heard_bytes_ += bytes.size();
+visual::PlaceVerdict CameraAgent::receive_place(visual::VisualClient& client, std::string_view bytes) {
+  received_bytes_ += bytes.size();
   return client.place(place_, decode_place_answer(bytes, "the map server"));
 }
 

@@ -36,7 +36,7 @@ bool has_room(const EdgeResources& edge, std::size_t robots) { return !edge.capa
 
 Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(options)) {}
 
-void Coordinator::hear(CoordinatorEvent event) {
+void Coordinator::receive(CoordinatorEvent event) {
   const auto expect_known = [&](const RobotId& robot) { MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came"); };
   std::visit(Overloaded{[&](RobotComes& comes) {
                           robots_[comes.robot];

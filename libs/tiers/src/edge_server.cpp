@@ -41,12 +41,12 @@ EdgeServer::Effects EdgeServer::step(RobotOutcome outcome, WorkerPool& pool, Pro
   fusion::Memo memo;
   result_ = fusion::fuse(input, options_, memo, pool, progress);
 
-  for (std::string& update : told(result_.judgements)) effects.for_cloud.push_back(std::move(update));
+  for (std::string& update : updates_of(result_.judgements)) effects.for_cloud.push_back(std::move(update));
   return effects;
 }
 
 // A judgement travels with the first of the maps here that it is about.
-std::vector<std::string> EdgeServer::told(const std::vector<Judgement>& judgements) {
+std::vector<std::string> EdgeServer::updates_of(const std::vector<Judgement>& judgements) {
   std::map<MapId, MapUpdate> updates;
   for (const Judgement& judgement : judgements)
     for (const auto& [id, map] : maps_)
@@ -85,7 +85,7 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
   if (input.maps.size() != needed.size()) throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
   fusion::Memo memo;
   Effects effects;
-  effects.for_cloud = told(fusion::judge_pairs(input, judging_task.pairs, options_, memo, pool, progress));
+  effects.for_cloud = updates_of(fusion::judge_pairs(input, judging_task.pairs, options_, memo, pool, progress));
   return effects;
 }
 

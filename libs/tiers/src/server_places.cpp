@@ -9,10 +9,10 @@
 namespace mapweave::tiers {
 namespace {
 
-constexpr std::size_t kLeastTold = 60;   // landmarks with a place, however narrow the wire
-constexpr double kAround_s = 0.5;        // from where a rig camera said it was to when its robot's place is asked for
-constexpr double kBetweenViews_s = 1.5;  // that tell how the robot moved
-constexpr double kFarthest = 2.0;        // of the way between two views, that is gone on with
+constexpr std::size_t kLeastReported = 60;  // landmarks with a place, however narrow the wire
+constexpr double kAround_s = 0.5;           // from where a rig camera said it was to when its robot's place is asked for
+constexpr double kBetweenViews_s = 1.5;     // that tell how the robot moved
+constexpr double kFarthest = 2.0;           // of the way between two views, that is gone on with
 
 struct Whereabouts {
   MapId map;
@@ -101,10 +101,10 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
                          ? State::RobotPlace{search.state_->component, search.state_->found->map_from_robot, search.state_->found->keyframe}
                          : state.place_by_rig_camera(from, request.stamp, view);
   if (!place) return std::nullopt;
-  const auto answer_in = [&](const MapId& told, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
+  const auto answer_in = [&](const MapId& client_map, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
     PlaceAnswer answer;
-    answer.stamp = request.stamp, answer.map = told;
+    answer.stamp = request.stamp, answer.map = client_map;
     answer.map_from_robot = carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
     for (const DescribedLandmark& one : place->component->landmarks().retrieve(
              state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
@@ -114,21 +114,21 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     if (answer.landmarks.empty()) return std::nullopt;
     if (state.options.most_bytes_per_s > 0.0) {
       client.downlink.wait_until(answer.stamp, state.options.most_bytes_per_s);
-      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastTold, landmarks_within(client.downlink)));
+      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastReported, landmarks_within(client.downlink)));
       client.downlink.spend(encode(answer).size());
     }
     return answer;
   };
   // In a map of its own where one lies there, else in that of who saw the place.
-  for (const auto& [told, part] : client.parts) {
+  for (const auto& [client_map, part] : client.parts) {
     const TeamView::Member* member = view.member(part.name);
     if (member == nullptr || member->component != place->component) continue;
     const Node* near = State::nearest(part, *member, place->team_from_robot.t, State::Frame::team);
-    if (near != nullptr) return answer_in(told, *near, *member);
+    if (near != nullptr) return answer_in(client_map, *near, *member);
   }
   const auto owner = state.clients.find(place->beside.session);
   if (owner == state.clients.end()) return std::nullopt;
-  for (const auto& [told, part] : owner->second.parts) {
+  for (const auto& [client_map, part] : owner->second.parts) {
     const TeamView::Member* member = view.member(part.name);
     const Node* near = part.inbox.map().nodes.find(place->beside);
     if (member != nullptr && member->component == place->component && near != nullptr) return answer_in(part.name, *near, *member);

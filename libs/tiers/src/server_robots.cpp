@@ -56,9 +56,9 @@ StampedPose gone_on(const StampedPose& from, const Cameras& cameras, double peri
 
 }  // namespace
 
-std::optional<VisualServer::State::RobotPlace> VisualServer::State::in_team(const TeamView& team, const Client& client, const MapId& told,
-                                                                            const Pose3& map_from_robot) {
-  const auto part = client.parts.find(told);
+std::optional<VisualServer::State::RobotPlace> VisualServer::State::in_team(const TeamView& team, const Client& client,
+                                                                            const MapId& client_map, const Pose3& map_from_robot) {
+  const auto part = client.parts.find(client_map);
   const TeamView::Member* member = part == client.parts.end() ? nullptr : team.member(part->second.name);
   const Node* near = member == nullptr ? nullptr : nearest(part->second, *member, map_from_robot.t, Frame::map);
   if (near == nullptr) return std::nullopt;

@@ -74,15 +74,15 @@ void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, 
         not_shared.count(session) != 0 ? kNobody : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
 }
 
-void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member,
-                                          const Node& near, std::size_t most, Share& share) const {
+void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view,
+                                          const TeamView::Member& member, const Node& near, std::size_t most, Share& share) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
   note_lenders(part, to, member);
   const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.owner_of_session[seen.session] << 32 | seen.index; };
-  const matching::Frustum seen_from = frustum(camera, carried(team_from_map, told.map_from_robot, camera.robot_from_camera));
+  const matching::Frustum seen_from = frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told
   const auto all = landmarks.look(seen_from, options.retrieval, to.client);
   for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
@@ -120,7 +120,7 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
     const NodeId& id = one.id;
     const Node* node = own.nodes.find(id);
     if (node == nullptr) continue;
-    if ((node->map_from_node.t - member.told.find(id)->t).norm() > kUnchanged_m) {
+    if ((node->map_from_node.t - member.published.find(id)->t).norm() > kUnchanged_m) {
       share.corrected.clear();
       return;
     }
@@ -135,29 +135,29 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
     share.scale = member.scale;
 }
 
-std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& told) {
+std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& client_view) {
   State& state = *state_;
   Client& client = state.client(to);
-  if (!visual::session_of(to.client, told.map))
-    throw Error(ErrorCode::kBadInput, "map '" + told.map.str() + "' is not one of its own", name_of(to),
+  if (!visual::session_of(to.client, client_view.map))
+    throw Error(ErrorCode::kBadInput, "map '" + client_view.map.str() + "' is not one of its own", name_of(to),
                 "a client tells of its own map alone");
-  client.note(told);
-  const auto known = client.parts.find(told.map);
+  client.note(client_view);
+  const auto known = client.parts.find(client_view.map);
   if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
   Client::Part& part = known->second;
-  if (part.forgotten != told.forgotten) part.shared.clear(), part.forgotten = told.forgotten;
+  if (part.forgotten != client_view.forgotten) part.shared.clear(), part.forgotten = client_view.forgotten;
   const TeamView::Member* member = state.view->member(part.name);
   if (member == nullptr || member->component->content().members.size() < 2) return std::nullopt;
-  const Node* near = State::nearest(part, *member, told.map_from_robot.t, State::Frame::map);
+  const Node* near = State::nearest(part, *member, client_view.map_from_robot.t, State::Frame::map);
   if (near == nullptr) return std::nullopt;
   Share share;
-  share.map = told.map;
+  share.map = client_view.map;
   const bool is_limited = state.options.most_bytes_per_s > 0.0;
-  client.downlink.wait_until(told.stamp, state.options.most_bytes_per_s);
+  client.downlink.wait_until(client_view.stamp, state.options.most_bytes_per_s);
   if (state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
-    state.share_landmarks(part, to, told, *member, *near,
+    state.share_landmarks(part, to, client_view, *member, *near,
                           is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(), share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
   if (is_limited) client.downlink.spend(encode(share).size());

@@ -39,7 +39,7 @@ struct VisualServer::Client {
   static constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 61;  // from the epoch: no clock shows that
 
   struct Part {  // one of its maps
-    MapId name;  // here; the client says `told`
+    MapId name;  // here; the client says `client_map`
     UpdateInbox inbox;
     SharedLandmarkTable shared = {};
     std::map<SessionId, std::uint64_t> owners = {};    // numbered from 1, for its keys
@@ -102,8 +102,8 @@ struct VisualServer::State {
   std::uint64_t views = 0;                          // counted
   std::size_t keyframes = 0, merged_keyframes = 0;  // told; told when the maps were joined last
   std::size_t counted = 0;                          // of those told, at the last advance
-  std::optional<Stamp> told_at;                     // any of them, at an advance
-  std::set<SessionId> tell;                         // who told any of them since
+  std::optional<Stamp> published_at;                // any of them, at an advance
+  std::set<SessionId> published_since;              // clients that published any of them since
   bool vetoed_since = false;
 
   Client& client(const SessionId& session) {
@@ -112,9 +112,9 @@ struct VisualServer::State {
     return found->second;
   }
 
-  MapId fresh_name(const MapId& told) {
-    MapId name = told;
-    for (int run = 2; !names.insert(name).second; ++run) name = MapId(told.str() + "-" + std::to_string(run));
+  MapId fresh_name(const MapId& client_map) {
+    MapId name = client_map;
+    for (int run = 2; !names.insert(name).second; ++run) name = MapId(client_map.str() + "-" + std::to_string(run));
     return name;
   }
 
@@ -150,12 +150,13 @@ struct VisualServer::State {
     NodeId beside;
   };
   // By a client's word of where its robot is in its map.
-  static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& told, const Pose3& map_from_robot);
+  static std::optional<RobotPlace> in_team(const TeamView& team, const Client& client, const MapId& client_map,
+                                           const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
-  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& told, const TeamView::Member& member, const Node& near,
-                       std::size_t most, Share& share) const;
+  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view, const TeamView::Member& member,
+                       const Node& near, std::size_t most, Share& share) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
   void correct(Client::Part& part, const TeamView::Member& member, Share& share) const;
 };

@@ -38,7 +38,7 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, c
       member.component = &components_.back();
       if (const double* scale = component.scales.find(map.id)) member.scale = *scale;
       for (const auto& [id, node] : map.nodes) {
-        member.told.set(id, node.map_from_node);
+        member.published.set(id, node.map_from_node);
         if (const Node* placed = component.map.nodes.find(id)) member.nodes.push_back({id, node.map_from_node.t, placed->map_from_node.t});
       }
     }

@@ -43,8 +43,8 @@ class TeamView {
   // Where a client's map lies in the team.
   struct Member {
     const Component* component;
-    double scale = 1.0;         // of the team's lengths in those of the map
-    Table<NodeId, Pose3> told;  // of its nodes, as its client said when the merge began
+    double scale = 1.0;              // of the team's lengths in those of the map
+    Table<NodeId, Pose3> published;  // of its nodes, as its client said when the merge began
     struct Placed {
       NodeId id;
       Eigen::Vector3d in_map, in_team;

@@ -16,7 +16,7 @@ constexpr std::size_t kMostMaps = 1000;      // of one client's run
 MapMerge::Snapshots VisualServer::State::snapshots() const {
   MapMerge::Snapshots result;
   for (const auto& [session, client] : clients)
-    for (const auto& [told, part] : client.parts)
+    for (const auto& [client_map, part] : client.parts)
       if (!part.inbox.map().empty()) result.emplace_back(part.name, part.inbox.snapshot());
   return result;
 }
@@ -25,20 +25,20 @@ fusion::FusionInput VisualServer::State::input() const {
   fusion::FusionInput input;
   input.vetoed = vetoed, input.by = edge, input.pictures = pictures;
   for (const auto& [session, client] : clients)
-    for (const auto& [told, part] : client.parts)
+    for (const auto& [client_map, part] : client.parts)
       for (LandmarkChange& change : part.all_borrowed()) input.borrowed.push_back(std::move(change));
   return input;
 }
 
 bool VisualServer::State::is_due(Stamp now) {
-  if (std::exchange(counted, keyframes) != keyframes) told_at = now;
+  if (std::exchange(counted, keyframes) != keyframes) published_at = now;
   if (vetoed_since) return true;
   constexpr double kGrowth = 1.0;
   const double joined = static_cast<double>(merged_keyframes), after = options.fuse_after;
-  const double of_each = after * static_cast<double>(std::max<std::size_t>(1, tell.size()));
+  const double of_each = after * static_cast<double>(std::max<std::size_t>(1, published_since.size()));
   const double due = std::max(options.fuse_share * joined, std::min(of_each, std::max(after, kGrowth * joined)));
   const std::size_t fresh = keyframes - merged_keyframes;
-  return static_cast<double>(fresh) >= due || (fresh > 0 && told_at && seconds_between(*told_at, now) >= options.fuse_idle_s);
+  return static_cast<double>(fresh) >= due || (fresh > 0 && published_at && seconds_between(*published_at, now) >= options.fuse_idle_s);
 }
 
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
@@ -47,7 +47,7 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   if (last) merge->input.judged = last->kept_judgements;
   if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
   merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
-  merged_keyframes = keyframes, tell.clear();
+  merged_keyframes = keyframes, published_since.clear();
   work = std::make_shared<BackgroundWork>([merge = merge, last = last, maps = snapshots(), options = options,
                                            fusion_options = fusion_options,
                                            &pool]() mutable { merge->run(last.get(), std::move(maps), options, fusion_options, pool); });
@@ -66,7 +66,7 @@ std::vector<Receipt> VisualServer::greet(const Hello& hello) {
     throw Error(ErrorCode::kBadInput, "this server keeps " + std::to_string(kMostClients) + " runs of clients already",
                 name_of(hello.session), "take what is old out of its store");
   std::vector<Receipt> receipts;
-  for (const auto& [told, part] : state_->clients[hello.session].parts) receipts.push_back(part.inbox.receipt());
+  for (const auto& [client_map, part] : state_->clients[hello.session].parts) receipts.push_back(part.inbox.receipt());
   return receipts;
 }
 
@@ -77,11 +77,11 @@ VisualServer::Received VisualServer::receive(const SessionId& from, std::string_
 
 VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate update, std::string_view bytes) {
   Client& client = state_->client(from);
-  const MapId told = update.origin.map;
-  expect_own_map(told, from.client, name_of(from));
+  const MapId client_map = update.origin.map;
+  expect_own_map(client_map, from.client, name_of(from));
   expect_owned(update, from, name_of(from));
-  auto known = client.parts.find(told);
-  Client::Part fresh{told, UpdateInbox(update.origin)};
+  auto known = client.parts.find(client_map);
+  Client::Part fresh{client_map, UpdateInbox(update.origin)};
   if (known == client.parts.end() && client.parts.size() >= kMostMaps)
     throw Error(ErrorCode::kBadInput, "it has begun " + std::to_string(kMostMaps) + " maps already", name_of(from));
   Client::Part& part = known != client.parts.end() ? known->second : fresh;
@@ -94,14 +94,14 @@ VisualServer::Received VisualServer::receive(const SessionId& from, MapUpdate up
     received.stored.push_back(stored.sequence == sequence ? std::string(bytes) : encode(stored));
     part.note(stored);
     state_->keyframes += stored.nodes.size();
-    if (!stored.nodes.empty()) state_->tell.insert(from);
+    if (!stored.nodes.empty()) state_->published_since.insert(from);
   }
   count_waiting();
   received.receipt = part.inbox.receipt();
   if (known == client.parts.end()) {
-    fresh.name = state_->fresh_name(told);
-    state_->order.emplace_back(from, told);
-    client.parts.emplace(told, std::move(fresh));
+    fresh.name = state_->fresh_name(client_map);
+    state_->order.emplace_back(from, client_map);
+    client.parts.emplace(client_map, std::move(fresh));
   }
   return received;
 }
@@ -133,8 +133,8 @@ std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const
     std::vector<LandmarkChange> borrowed;
   };
   std::vector<Kept> kept;
-  for (const auto& [session, told] : state_->order) {
-    const Client::Part& part = state_->clients.at(session).parts.at(told);
+  for (const auto& [session, client_map] : state_->order) {
+    const Client::Part& part = state_->clients.at(session).parts.at(client_map);
     if (part.inbox.receipt().stored > 0) kept.push_back({session, part.inbox.receipt(), part.inbox.snapshot(), part.all_borrowed()});
   }
   return [kept = std::move(kept)] {
@@ -153,14 +153,14 @@ void VisualServer::leave(const SessionId& session) {
   if (client == state_->clients.end()) return;
   auto& parts = client->second.parts;
   for (auto one = parts.begin(); one != parts.end();) {
-    auto& [told, part] = *one;
+    auto& [client_map, part] = *one;
     part.shared.clear(), part.inbox.drop_waiting();
     if (part.inbox.receipt().stored > 0) {
       ++one;
       continue;
     }
     state_->names.erase(part.name);
-    state_->order.erase(std::find(state_->order.begin(), state_->order.end(), std::make_pair(session, told)));
+    state_->order.erase(std::find(state_->order.begin(), state_->order.end(), std::make_pair(session, client_map)));
     one = parts.erase(one);
   }
   client->second.waiting_bytes = 0, client->second.seen_at.clear();

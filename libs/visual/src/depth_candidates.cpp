@@ -91,8 +91,8 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   const double pixels_per_inverse_depth = (*beside - *here).norm() / step;
   const double sigma = M_SQRT2 * options.sigma_px * (1 << candidate.patch.level) / std::max(pixels_per_inverse_depth, 1e-9);
   candidate.now = *here;
-  const bool tells_depth = sigma < 0.95 * candidate.sigma;
-  if (!tells_depth && candidate.landmark >= 0) return Look::hidden;
+  const bool gives_depth = sigma < 0.95 * candidate.sigma;
+  if (!gives_depth && candidate.landmark >= 0) return Look::hidden;
 
   const auto warped = warp_patch(candidate.patch, warp_to(camera, candidate.pixel, candidate.patch.level, new_from_old, 1.0 / middle));
   if (!warped) return Look::hidden;
@@ -107,13 +107,13 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   if (!there || (*there - match->pixel).norm() > kOffLine_px * (1 << warped->level) ||
       std::abs(inverse_depth - candidate.inverse_depth) > kGateSigmas * std::hypot(sigma, candidate.sigma))
     return Look::missed;
-  if (tells_depth) candidate.inverse_depth = inverse_depth, candidate.sigma = sigma;
+  if (gives_depth) candidate.inverse_depth = inverse_depth, candidate.sigma = sigma;
   candidate.now = match->pixel, candidate.level_now = warped->level;
   return Look::found;
 }
 
 // What the keyframe's sighting of the landmark says of its depth.
-void tell(LandmarkMap& map, const DepthCandidate& candidate) {
+void take_depth(LandmarkMap& map, const DepthCandidate& candidate) {
   Landmark& landmark = map.landmark(candidate.landmark);
   landmark.share_unknown = candidate.sigma / candidate.inverse_depth;
   if (landmark.seen.front().keyframe != candidate.keyframe) return;
@@ -135,7 +135,7 @@ void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& 
   candidate.landmark = map.add(std::move(landmark)), candidate.landmark_serial = map.landmark(candidate.landmark).serial;
   map.see(candidate.landmark, seen);
   map.recent_landmarks.emplace_back(candidate.landmark, map.keyframes_made - 1);
-  tell(map, candidate);
+  take_depth(map, candidate);
   const double depth = (view * map.landmark(candidate.landmark).point).z();
   matches.push_back({candidate.landmark, candidate.now, row_flow(map.camera, motion, candidate.now, depth), candidate.level_now});
 }
@@ -155,7 +155,7 @@ void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& v
     if (look == Look::found) ++candidate.found;
     if (look == Look::missed) ++candidate.missed;
     if (candidate.missed > candidate.found + kMostMisses) continue;
-    if (look == Look::found && candidate.landmark >= 0) tell(map, candidate);
+    if (look == Look::found && candidate.landmark >= 0) take_depth(map, candidate);
     const double share_unknown = candidate.sigma / candidate.inverse_depth;
     if (look == Look::found && candidate.landmark < 0 && candidate.found >= kLeastFound &&
         (share_unknown < kRoughlyKnown || matches.size() < kFewMatches))

@@ -237,10 +237,10 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   loop.newest = newest, loop.earlier = earlier;
   loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
-  const auto tells_little = [&](const Match& match) {
+  const auto is_weak = [&](const Match& match) {
     return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));
   };
-  found.erase(std::remove_if(found.begin(), found.end(), tells_little), found.end());
+  found.erase(std::remove_if(found.begin(), found.end(), is_weak), found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
   const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.calibration, options_.tracking.gate_sigmas);

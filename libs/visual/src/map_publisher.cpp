@@ -147,23 +147,23 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
-    const bool told = !landmark.gone && !landmark.borrowed && landmark.seen.size() >= least_seen;
+    const bool published = !landmark.gone && !landmark.borrowed && landmark.seen.size() >= least_seen;
     // The first keyframe that sees it and is of the map holds it.
     const Observation* anchor = nullptr;
     seen.clear(), now.clear();
-    if (told)
+    if (published)
       for (const Observation& o : landmark.seen) {
         const std::uint32_t serial = map.keyframe(o.keyframe).serial;
         seen.emplace_back(serial, &o);
         if (anchor == nullptr || serial < map.keyframe(anchor->keyframe).serial) anchor = &o;
       }
     const int part = anchor != nullptr ? map.keyframe(anchor->keyframe).session : -1;
-    const bool same = told && sent.part == part && sent.serial == landmark.serial;
+    const bool same = published && sent.part == part && sent.serial == landmark.serial;
     if (!same && sent.part >= 0) {
       update_of(sent.part).removed_landmarks.push_back(landmark_id(sent.serial));
       sent = {};
     }
-    if (!told) continue;
+    if (!published) continue;
     std::sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const auto& s) { return map.keyframe(s.second->keyframe).session != part; }),
                seen.end());
@@ -204,18 +204,18 @@ void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail deta
     if (landmark.gone || !landmark.borrowed || landmark.seen.size() < least_seen) continue;
     if (sent.part < 0 || sent.serial != landmark.serial) sent = {landmark.serial, 0, 0, Eigen::Vector3i::Zero(), {}};
     std::vector<std::uint32_t> now;
-    std::map<int, LandmarkChange> told;  // by part
+    std::map<int, LandmarkChange> published;  // by part
     for (const Observation& o : landmark.seen) {
       const Keyframe& keyframe = map.keyframe(o.keyframe);
       now.push_back(keyframe.serial);
       if (std::binary_search(sent.seen.begin(), sent.seen.end(), keyframe.serial)) continue;
-      LandmarkChange& change = told[keyframe.session];
+      LandmarkChange& change = published[keyframe.session];
       change.id = landmark.borrowed->id;
       change.seen.push_back(sighting_of(map, o));
     }
     std::sort(now.begin(), now.end());
     sent.seen = std::move(now);
-    for (auto& [part, change] : told) {
+    for (auto& [part, change] : published) {
       std::sort(change.seen.begin(), change.seen.end(), [](const auto& a, const auto& b) { return a.node < b.node; });
       update_of(part).borrowed.push_back(std::move(change));
     }

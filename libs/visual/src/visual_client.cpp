@@ -386,7 +386,7 @@ std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, Publ
   return state_->publisher->take(state_->map, detail);
 }
 
-void VisualClient::tell_again(const ClientPlace& place, const MapId& map) {
+void VisualClient::publish_again(const ClientPlace& place, const MapId& map) {
   if (const auto number = session_of(place.client, map); number && state_->publisher) state_->publisher->forget(*number);
 }
 

@@ -39,7 +39,7 @@ Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_fr
   return carry * covariance * carry.transpose();
 }
 
-bool tells_where(const SubmapMatch& match) { return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m; }
+bool fixes_position(const SubmapMatch& match) { return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m; }
 
 std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
 
@@ -242,7 +242,8 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     std::vector<char> confirmed(waiting.size(), false);
     for (std::size_t a = 0; a < waiting.size(); ++a) {
       const auto agrees = [&](const SubmapMatch& other) {
-        return (other.from != waiting[a].from || other.to != waiting[a].to) && tells_where(other) && apart(other.from, waiting[a].from) <= kBeside &&
+        return (other.from != waiting[a].from || other.to != waiting[a].to) && fixes_position(other) &&
+               apart(other.from, waiting[a].from) <= kBeside &&
                apart(other.to, waiting[a].to) <= kBeside && graph_.map_of(other.from) == graph_.map_of(waiting[a].from) &&
                graph_.map_of(other.to) == graph_.map_of(waiting[a].to) &&
                inconsistency(waiting[a], other, result.solved, covariance, result.solved, covariance) < kConsistent;

@@ -23,7 +23,7 @@ double middle_distance_m(const Pose2& one, const Pose2& other, const matching::P
   return std::hypot(here.x - there.x, here.y - there.y);
 }
 
-PairHypothesis as_told(const GridVerification& counts) {
+PairHypothesis grid_hypothesis(const GridVerification& counts) {
   PairHypothesis hypothesis;
   hypothesis.sense = Sense::grids;
   hypothesis.a_from_b = {spatial(counts.a_from_b.pose), counts.a_from_b.scale};
@@ -127,15 +127,15 @@ void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict)
     const auto here = matching::transformed(one, in_b), there = matching::transformed(other, in_b);
     return std::hypot(here.x - there.x, here.y - there.y) < kAlike_m && std::abs(wrap_angle(one.pose.phi - other.pose.phi)) < kAlike_rad;
   };
-  std::vector<const GridVerification*> told;
+  std::vector<const GridVerification*> reported;
   for (const GridVerification& counts : pair.result.hypotheses) {
-    if (told.size() == kMostPairHypotheses) break;
-    if (std::none_of(told.begin(), told.end(),
+    if (reported.size() == kMostPairHypotheses) break;
+    if (std::none_of(reported.begin(), reported.end(),
                      [&](const GridVerification* other) { return lie_together(counts.a_from_b, other->a_from_b); }))
-      told.push_back(&counts);
+      reported.push_back(&counts);
   }
   verdict.hypotheses.clear();
-  for (const GridVerification* counts : told) verdict.hypotheses.push_back(as_told(*counts));
+  for (const GridVerification* counts : reported) verdict.hypotheses.push_back(grid_hypothesis(*counts));
 }
 
 }  // namespace mapweave::fusion

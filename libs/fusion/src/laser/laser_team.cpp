@@ -25,7 +25,7 @@ constexpr std::size_t kFewestToMend = 3;                  // matches
 constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 constexpr double kAsGoodAFit = 0.9;
-constexpr double kPriorTellsApart = 2.0;  // log odds of a prior
+constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
 
 bool contains(const std::vector<std::size_t>& sorted, std::size_t value) { return std::binary_search(sorted.begin(), sorted.end(), value); }
 
@@ -210,7 +210,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   // A prior tells places apart that look alike.
   // What stood twice does so still, however more answers move it.
   const bool stood_twice = before.repeats && is_same(before.hypotheses.front(), surest);
-  evaluation.repeats = surest.prior_log_odds < kPriorTellsApart && (stood_twice || stands_twice(surest, x, z));
+  evaluation.repeats = surest.prior_log_odds < kPriorDistinguishes && (stood_twice || stands_twice(surest, x, z));
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
 }

@@ -18,7 +18,7 @@ namespace mapweave::fusion {
 // Log odds that two groups of maps lie as compared; no surer than this either way.
 constexpr double kSurestLogOdds = 20.0;
 constexpr std::size_t kFirstRound = 4;  // questions of a pair of maps, then four times as many
-PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
+PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
 // What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear (each by its
 // weight, wall_weights.h), less what would fit by chance. Metres.
 struct WeighedWalls {
@@ -134,7 +134,7 @@ class LaserMerger {
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
   void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
   std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;
-  PairHypothesis told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
+  PairHypothesis hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
   std::vector<PairHypothesis> hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const;
 
   const std::vector<PreparedMap>& maps_;

@@ -72,7 +72,7 @@ std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first
 
 }  // namespace
 
-PairAudit told_of(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b) {
+PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b) {
   constexpr std::size_t kMostConflicts = 20;
   PairAudit audit{a.map->id, b.map->id, pair.coinciding_m, pair.contradicted_m, pair.unclear_m, {}};
   for (std::size_t i = 0; i < std::min(kMostConflicts, pair.contradictions.size()); ++i)
@@ -86,7 +86,7 @@ std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std:
   for (const AuditedPair& pair : audit.pairs) {
     const std::size_t a = maps[pair.a], b = maps[pair.b];
     if (pair.ghosts_m <= 0.0 || (a != with && b != with)) continue;
-    PairAudit ghost = told_of(pair, maps_[a], maps_[b]);
+    PairAudit ghost = pair_audit(pair, maps_[a], maps_[b]);
     ghost.is_ghost = true;
     // As the place of a nearest to it has it: the team bends its maps.
     for (PairAudit::Conflict& conflict : ghost.conflicts) {

@@ -37,7 +37,7 @@ bool lie_together(const Sim3& one, const Sim3& other) {
 
 }  // namespace
 
-PairHypothesis LaserMerger::told(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const {
+PairHypothesis LaserMerger::hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const {
   PairHypothesis hypothesis;
   // Of the maps as they were given: grids may have another scale here.
   const double scale_a = grids_.scale(a);
@@ -73,7 +73,7 @@ std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_
   if (of_a == nullptr || of_b == nullptr) return result;
   if (accepted != nullptr) {
     const double prior = priors_.log_odds(of_a->solved, {a}, {b});
-    add(told(a, b, of_a->solved, *accepted), log_odds_of(*accepted) + prior, prior, matches_between(*of_a, a, b));
+    add(hypothesis_of(a, b, of_a->solved, *accepted), log_odds_of(*accepted) + prior, prior, matches_between(*of_a, a, b));
   }
   if (const auto taken = taken_back_.find({a, b}); taken != taken_back_.end() && accepted == nullptr) result.push_back(taken->second);
   // As their teams were compared at last, then as they were by themselves.
@@ -83,9 +83,9 @@ std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_
     if (evaluation == evaluations_.end()) continue;
     for (const MergeHypothesis& hypothesis : evaluation->second.hypotheses)
       if (!hypothesis.matches.empty()) {
-        PairHypothesis as_told = told(a, b, hypothesis.solved, hypothesis.walls);
-        as_told.is_of_teams = one.size() + other.size() > 2;
-        add(std::move(as_told), hypothesis.log_odds, hypothesis.prior_log_odds, hypothesis.matches.size());
+        PairHypothesis of_teams = hypothesis_of(a, b, hypothesis.solved, hypothesis.walls);
+        of_teams.is_of_teams = one.size() + other.size() > 2;
+        add(std::move(of_teams), hypothesis.log_odds, hypothesis.prior_log_odds, hypothesis.matches.size());
       }
   }
   if (result.size() > kMostPairHypotheses) result.resize(kMostPairHypotheses);
@@ -127,7 +127,7 @@ void LaserMerger::remember_taken_back(const LaserTeam& team, const TeamAudit& au
     walls.contradicted_m = pair.contradicted_m;
     walls.unclear_m = pair.unclear_m;
     walls.contradictions = pair.contradictions;
-    PairHypothesis& hypothesis = taken_back_[{a, b}] = told(a, b, team.solved, walls);
+    PairHypothesis& hypothesis = taken_back_[{a, b}] = hypothesis_of(a, b, team.solved, walls);
     hypothesis.log_odds = log_odds_of(walls);
     hypothesis.is_taken_apart = true;
     hypothesis.by_chance_m = hypothesis.distinctive_m = 0.0;  // not weighed by the audit

@@ -311,14 +311,14 @@ struct Common {
 // Of the fullest regions, which tell enough: what coincides there and would not elsewhere.
 double distinctive_in(const std::map<std::size_t, Common>& common, const Comparison& comparison, bool with_mirror,
                       const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of) {
-  std::vector<std::size_t> telling;
+  std::vector<std::size_t> informative;
   for (const auto& [place, here] : common)
-    if (here.coinciding_m > 0.0) telling.push_back(place);
-  std::stable_sort(telling.begin(), telling.end(),
+    if (here.coinciding_m > 0.0) informative.push_back(place);
+  std::stable_sort(informative.begin(), informative.end(),
                    [&](std::size_t l, std::size_t r) { return common.at(l).coinciding_m > common.at(r).coinciding_m; });
-  if (telling.size() > kMostRegions) telling.resize(kMostRegions);
+  if (informative.size() > kMostRegions) informative.resize(kMostRegions);
   std::map<std::size_t, std::array<WallRaster, 2>> rasters;
-  for (const std::size_t place : telling) {
+  for (const std::size_t place : informative) {
     const WallRaster empty(comparison.places()[place].region);
     rasters.emplace(place, std::array<WallRaster, 2>{empty, empty});
   }
@@ -328,7 +328,7 @@ double distinctive_in(const std::map<std::size_t, Common>& common, const Compari
         if (const auto raster = rasters.find(place); raster != rasters.end())
           raster->second[side].add(*sight_of(submap.number), submap.team_from_submap);
   double result = 0.0;
-  for (const std::size_t place : telling) {
+  for (const std::size_t place : informative) {
     const Common& here = common.at(place);
     const Eigen::Matrix2d axes = directions_of(here.known);
     double elsewhere_m = most_when_shifted(rasters.at(place), here.known, axes);

@@ -87,7 +87,7 @@ class ScanPacker {
     double rate_rad_s = 0.0;
     std::optional<double> heading_rad;
     double yaw_rad = 0.0;
-    std::optional<Stamp> told;  // when it was answered last
+    std::optional<Stamp> answered;  // when it was answered last
   };
   std::optional<Inertial> inertial_;
 };

@@ -37,9 +37,9 @@ class LiveCamera {
 
  private:
   // Whether it had anything to tell.
-  bool tell(visual::VisualClient& client, Stamp now);
+  bool publish(visual::VisualClient& client, Stamp now);
   void ask(visual::VisualClient& client);
-  void hear(visual::VisualClient& client, std::chrono::milliseconds patience);
+  void receive(visual::VisualClient& client, std::chrono::milliseconds patience);
   bool send(ClientMessage::Kind kind, std::string bytes);
   void refused(const std::string& why);
 
@@ -52,7 +52,7 @@ class LiveCamera {
   tiers::CameraAgent agent_;
   std::optional<Stamp> last_;
   bool greeted_ = false, welcome_ = false;
-  bool told_too_long_ = false;  // that something is, for this link
+  bool reported_too_long_ = false;  // that something is, for this link
   std::string refusal_;
   visual::LiveClient client_;
 };

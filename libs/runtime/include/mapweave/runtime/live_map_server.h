@@ -49,7 +49,7 @@ struct ServerMessage {
 // What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time, but for waiting.
 struct ClientCounts {
   SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
-  std::uint64_t heard_bytes = 0, sent_bytes = 0;
+  std::uint64_t received_bytes = 0, sent_bytes = 0;
   std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: told to repeat later
   double update_s = 0.0;                                                                   // decoding them and adding them to its maps
   double retrieval_s = 0.0;                                                                // what to tell it at its views

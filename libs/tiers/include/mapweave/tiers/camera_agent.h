@@ -50,11 +50,11 @@ class CameraAgent {
   // Where was this taken? Of a client that has no place.
   std::optional<std::string> place_request(visual::VisualClient& client);
   // Throws Error(kCorrupt, kUnsupported) for what cannot be decoded; what makes no sense to the client is left.
-  void hear_share(visual::VisualClient& client, std::string_view bytes);
-  visual::PlaceVerdict hear_place(visual::VisualClient& client, std::string_view bytes);
+  void receive_share(visual::VisualClient& client, std::string_view bytes);
+  visual::PlaceVerdict receive_place(visual::VisualClient& client, std::string_view bytes);
 
   std::uint64_t sent_bytes() const { return sent_bytes_; }
-  std::uint64_t heard_bytes() const { return heard_bytes_; }
+  std::uint64_t received_bytes() const { return received_bytes_; }
   std::uint64_t waiting_bytes() const;  // that nobody has confirmed
 
  private:
@@ -65,10 +65,10 @@ class CameraAgent {
     bool on_its_way = false;
   };
   struct Numbers {
-    std::uint64_t told = 0, confirmed = 0;
+    std::uint64_t published = 0, confirmed = 0;
   };
   MapUpdate fitted(MapUpdate update, double room_bytes) const;
-  void tell(MapUpdate update);
+  void enqueue(MapUpdate update);
   void forget(const MapId& map, std::uint64_t up_to);
   std::string counted(std::string bytes);
 
@@ -78,7 +78,7 @@ class CameraAgent {
   std::deque<Message> outbox_;
   std::map<MapId, Numbers> numbers_;  // of updates: theirs, not the client's, which knows nothing of parts
   ByteAllowance allowance_;
-  std::uint64_t sent_bytes_ = 0, heard_bytes_ = 0;
+  std::uint64_t sent_bytes_ = 0, received_bytes_ = 0;
 };
 
 }  // namespace mapweave::tiers

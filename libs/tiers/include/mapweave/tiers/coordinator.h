@@ -71,7 +71,7 @@ class Coordinator {
   explicit Coordinator(CoordinatorOptions);
 
   // Robots and edges that were not named before come first; ContractViolation for a report or a link of one that is unknown.
-  void hear(CoordinatorEvent);
+  void receive(CoordinatorEvent);
   // nullopt where nothing was heard since the last decision that could change it. Pure in what was heard, but for algorithm_s. Throws
   // Error what make_plan throws of a method that cannot do what is asked.
   std::optional<CoordinatorDecision> decide(double now_s);

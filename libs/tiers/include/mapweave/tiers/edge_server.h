@@ -47,7 +47,7 @@ class EdgeServer {
   TierId edge_;
   fusion::FusionOptions options_;
   std::vector<fusion::MapPrior> priors_;
-  std::vector<std::string> told(const std::vector<Judgement>&);
+  std::vector<std::string> updates_of(const std::vector<Judgement>&);
   std::set<RobotId> awaited_;
   std::map<MapId, std::uint64_t> sequence_;  // of the last update about each map
   Table<MapId, Map> maps_;

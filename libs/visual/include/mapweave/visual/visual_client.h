@@ -81,7 +81,7 @@ class VisualClient {
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
   // Of a map that was told: the next take_updates() says all of it, with base 0. What it saw of borrowed landmarks that it has forgotten
   // since is not told again.
-  void tell_again(const ClientPlace& place, const MapId& map);
+  void publish_again(const ClientPlace& place, const MapId& map);
 
   // Every session's whole map, whatever was told before: as take_updates() on a client that has told nothing yet.
   std::vector<Map> maps(const ClientPlace& place) const;

@@ -1,4 +1,4 @@
-#include "told_pair.h"
+#include "reported_pair.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/maps/reasons.h>
@@ -23,7 +23,7 @@ Sense sense_of(const std::string& text) {
 }
 
 // Results of versions that did not write the line.
-std::string words_of(const Json& verdict, const ToldPair& pair) {
+std::string words_of(const Json& verdict, const ReportedPair& pair) {
   if (const auto words = verdict.find("words"); words != verdict.end()) return words->get<std::string>();
   const std::string decision = pair.is_accepted                                          ? "merged"
                                : verdict.at("decision").get<std::string>() == "deferred" ? "not decided"
@@ -33,7 +33,7 @@ std::string words_of(const Json& verdict, const ToldPair& pair) {
 
 }  // namespace
 
-std::optional<ToldTransform> told_transform(const Json& b_from_a) {
+std::optional<ReportedTransform> reported_transform(const Json& b_from_a) {
   constexpr double kFarthest_m = 1e5, kLargest = 100.0;
   if (!b_from_a.is_object()) return std::nullopt;
   Sim3 transform;
@@ -50,11 +50,11 @@ std::optional<ToldTransform> told_transform(const Json& b_from_a) {
   transform.pose.q.normalize();
   const Sim3 a_from_b = inverse(transform);
   if (!(a_from_b.pose.t.norm() < kFarthest_m)) return std::nullopt;
-  return ToldTransform{planar(a_from_b.pose), a_from_b.scale};
+  return ReportedTransform{planar(a_from_b.pose), a_from_b.scale};
 }
 
-ToldPair told_pair(const Json& verdict) {
-  ToldPair pair;
+ReportedPair reported_pair(const Json& verdict) {
+  ReportedPair pair;
   pair.a = verdict.at("a").get<std::string>();
   pair.b = verdict.at("b").get<std::string>();
   pair.kind = verdict.value("kind", std::string());
@@ -62,11 +62,11 @@ ToldPair told_pair(const Json& verdict) {
   pair.is_accepted = verdict.at("accepted").get<bool>();
   pair.words = words_of(verdict, pair);
   pair.is_in_one_map = verdict.value("in_one_map", false);
-  if (const auto pose = verdict.find("team_b_from_a"); pose != verdict.end()) pair.in_team = told_transform(*pose);
+  if (const auto pose = verdict.find("team_b_from_a"); pose != verdict.end()) pair.in_team = reported_transform(*pose);
   if (const auto list = verdict.find("hypotheses"); list != verdict.end() && list->is_array())
     for (const Json& numbers : *list) {
       const auto pose = numbers.find("b_from_a");
-      const auto transform = pose == numbers.end() ? std::nullopt : told_transform(*pose);
+      const auto transform = pose == numbers.end() ? std::nullopt : reported_transform(*pose);
       if (!transform || pair.hypotheses.size() == kMostPanels) continue;
       pair.hypotheses.push_back({*transform, sense_of(numbers.value("sense", std::string())), numbers});
     }
