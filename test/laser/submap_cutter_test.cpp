@@ -57,19 +57,19 @@ TEST(SubmapCutter, makes_a_node_of_every_scan_and_content_of_those_that_moved) {
 TEST(SubmapCutter, closes_submaps_after_seven_metres_half_overlapping) {
   const Map map = cut(straight(211, 0.1));  // 21 m
   ASSERT_EQ(map.submaps.size(), 5u);
-  std::vector<std::pair<double, double>> ways;
+  std::vector<std::pair<double, double>> paths;
   for (const auto& [id, submap] : map.submaps) {
     ASSERT_FALSE(submap.submap_from_node.empty());
     const auto x = [&](const NodeId& node) { return map.nodes.find(node)->map_from_node.t.x(); };
-    ways.emplace_back(x(submap.submap_from_node.front().first), x(submap.submap_from_node.back().first));
+    paths.emplace_back(x(submap.submap_from_node.front().first), x(submap.submap_from_node.back().first));
   }
-  for (std::size_t i = 0; i < ways.size(); ++i) {
-    EXPECT_NEAR(ways[i].first, 3.5 * static_cast<double>(i), 0.25 * static_cast<double>(i + 1));
-    if (i + 1 < ways.size()) {
-      EXPECT_NEAR(ways[i].second - ways[i].first, 7.0, 0.25);
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    EXPECT_NEAR(paths[i].first, 3.5 * static_cast<double>(i), 0.25 * static_cast<double>(i + 1));
+    if (i + 1 < paths.size()) {
+      EXPECT_NEAR(paths[i].second - paths[i].first, 7.0, 0.25);
     }
   }
-  EXPECT_NEAR(ways.back().second, 21.0, 0.25);
+  EXPECT_NEAR(paths.back().second, 21.0, 0.25);
 }
 
 TEST(SubmapCutter, leaves_no_content_outside_submaps) {

@@ -71,7 +71,7 @@ Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
     Keyframe keyframe;
     keyframe.view = view_of({drifted, Eigen::Quaterniond::Identity()});
     keyframe.depths = {static_cast<float>(2.0 * scale)};
-    if (with_wheels) keyframe.way.odometry_from_camera = Pose3{centre * (i % 2 == 0 ? 1.0 : 1.004), Eigen::Quaterniond::Identity()};
+    if (with_wheels) keyframe.driven.odometry_from_camera = Pose3{centre * (i % 2 == 0 ? 1.0 : 1.004), Eigen::Quaterniond::Identity()};
     map.add(std::move(keyframe));
     truth.push_back(centre);
     const Eigen::Vector3d step(0.3 * std::cos(turn), 0.0, 0.3 * std::sin(turn));

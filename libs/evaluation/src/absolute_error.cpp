@@ -37,23 +37,23 @@ std::vector<Piece> pieces_by_frames(std::size_t count, std::size_t delta, bool a
   return pieces;
 }
 
-std::vector<Piece> pieces_by_way(const std::vector<PosePair>& pairs, const RelativeErrorOptions& options) {
-  std::vector<double> steps_m(pairs.size(), 0.0), way_m(pairs.size(), 0.0);
+std::vector<Piece> pieces_by_path(const std::vector<PosePair>& pairs, const RelativeErrorOptions& options) {
+  std::vector<double> steps_m(pairs.size(), 0.0), path_m(pairs.size(), 0.0);
   for (std::size_t i = 1; i < pairs.size(); ++i) {
     steps_m[i] = (pairs[i].estimate.t - pairs[i - 1].estimate.t).norm();
-    way_m[i] = way_m[i - 1] + steps_m[i];
+    path_m[i] = path_m[i - 1] + steps_m[i];
   }
   std::vector<Piece> pieces;
   if (options.all_pairs) {
     for (std::size_t i = 0; i + 1 < pairs.size(); ++i) {
-      const auto off_by = [&](std::size_t j) { return std::abs(way_m[j] - way_m[i] - options.delta); };
+      const auto off_by = [&](std::size_t j) { return std::abs(path_m[j] - path_m[i] - options.delta); };
       // way_m never falls: the best is the first at or past the goal, or the first of those as far along as the one before it.
-      const auto rest = way_m.begin() + static_cast<std::ptrdiff_t>(i) + 1;
-      auto best = std::lower_bound(rest, way_m.end(), way_m[i] + options.delta);
-      if (best == way_m.end() || (best != rest && off_by(static_cast<std::size_t>(best - way_m.begin()) - 1) <=
-                                                      off_by(static_cast<std::size_t>(best - way_m.begin()))))
+      const auto rest = path_m.begin() + static_cast<std::ptrdiff_t>(i) + 1;
+      auto best = std::lower_bound(rest, path_m.end(), path_m[i] + options.delta);
+      if (best == path_m.end() || (best != rest && off_by(static_cast<std::size_t>(best - path_m.begin()) - 1) <=
+                                                      off_by(static_cast<std::size_t>(best - path_m.begin()))))
         best = std::lower_bound(rest, best, *std::prev(best));
-      const std::size_t j = static_cast<std::size_t>(best - way_m.begin());
+      const std::size_t j = static_cast<std::size_t>(best - path_m.begin());
       if (off_by(j) <= options.delta * options.relative_tolerance) pieces.emplace_back(i, j);
     }
     return pieces;
@@ -90,7 +90,7 @@ TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& ref
                   "delta must be positive, and whole where it counts frames");
   const AlignedPairs together = aligned_pairs(estimate, reference, options);
   const auto pieces = by_frames ? pieces_by_frames(together.pairs.size(), static_cast<std::size_t>(relative.delta), relative.all_pairs)
-                                : pieces_by_way(together.pairs, relative);
+                                : pieces_by_path(together.pairs, relative);
   if (pieces.empty())
     throw Error(ErrorCode::kBadInput,
                 "no piece of the trajectory (" + std::to_string(together.pairs.size()) + " matched poses) is " +

@@ -11,7 +11,7 @@ namespace {
 using Neighbours = std::map<MapId, std::set<MapId>>;  // by matched pairs
 
 // The maps between two on the shortest way that does not go over their own match; of equal ones that of the lowest names.
-std::vector<MapId> way_between(const MapId& a, const MapId& b, const Neighbours& neighbours) {
+std::vector<MapId> path_between(const MapId& a, const MapId& b, const Neighbours& neighbours) {
   const auto may_step = [&](const MapId& from, const MapId& to) { return !(from == a && to == b) && !(from == b && to == a); };
   std::map<MapId, std::size_t> steps_to_b{{b, 0}};
   std::deque<MapId> open{b};
@@ -23,8 +23,8 @@ std::vector<MapId> way_between(const MapId& a, const MapId& b, const Neighbours&
     for (const MapId& next : around->second)
       if (may_step(here, next) && steps_to_b.emplace(next, steps_to_b.at(here) + 1).second) open.push_back(next);
   }
-  std::vector<MapId> way;
-  if (steps_to_b.count(a) == 0) return way;
+  std::vector<MapId> path;
+  if (steps_to_b.count(a) == 0) return path;
   for (MapId here = a; here != b;) {
     for (const MapId& next : neighbours.at(here)) {
       const auto steps = steps_to_b.find(next);
@@ -32,9 +32,9 @@ std::vector<MapId> way_between(const MapId& a, const MapId& b, const Neighbours&
       here = next;
       break;
     }
-    if (here != b) way.push_back(here);
+    if (here != b) path.push_back(here);
   }
-  return way;
+  return path;
 }
 
 Sim3 team_from(const Component& component, const MapId& id) {
@@ -63,7 +63,7 @@ void note_connections(const std::vector<Component>& components, std::vector<Pair
       continue;
     }
     const Sim3 a_from_b = compose(inverse(team_from(component, verdict.a)), team_from(component, verdict.b));
-    verdict.in_one_map = InOneMap{a_from_b, way_between(verdict.a, verdict.b, neighbours)};
+    verdict.in_one_map = InOneMap{a_from_b, path_between(verdict.a, verdict.b, neighbours)};
   }
 }
 

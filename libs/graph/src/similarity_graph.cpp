@@ -26,9 +26,9 @@ class SimilarityError {
     const Eigen::Quaternion<T> measured = measured_.pose.q.cast<T>();
     Eigen::Quaternion<T> turn = measured.conjugate() * qa.conjugate() * qb;
     if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
-    const Eigen::Matrix<T, 3, 1> way = exp(-from_s[0]) * (qa.conjugate() * (tb - ta));
+    const Eigen::Matrix<T, 3, 1> motion = exp(-from_s[0]) * (qa.conjugate() * (tb - ta));
     Eigen::Matrix<T, 7, 1> error;
-    error.template head<3>() = T(1.0 / measured_.scale) * (measured.conjugate() * (way - measured_.pose.t.cast<T>()));
+    error.template head<3>() = T(1.0 / measured_.scale) * (measured.conjugate() * (motion - measured_.pose.t.cast<T>()));
     error.template segment<3>(3) = T(2) * turn.vec();
     error[6] = to_s[0] - from_s[0] - T(std::log(measured_.scale));
     Eigen::Map<Eigen::Matrix<T, 7, 1>>{residuals} = root_.cast<T>() * error;

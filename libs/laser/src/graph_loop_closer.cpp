@@ -77,15 +77,15 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
   // Dijkstra over the variance of the heading, which is what makes positions uncertain.
   const std::size_t count = submaps_.size();
   std::vector<double> cost(count, 1e300), length(count, 0.0), turns(count, 0.0);
-  std::vector<std::vector<std::pair<std::size_t, double>>> ways(count);  // neighbour, path; a loop has none
+  std::vector<std::vector<std::pair<std::size_t, double>>> paths(count);  // neighbour, path; a loop has none
   for (std::size_t i = 0; i + 1 < count; ++i) {
-    ways[i].emplace_back(i + 1, submaps_[i].length_m + 1.0);
-    ways[i + 1].emplace_back(i, submaps_[i].length_m + 1.0);
+    paths[i].emplace_back(i + 1, submaps_[i].length_m + 1.0);
+    paths[i + 1].emplace_back(i, submaps_[i].length_m + 1.0);
   }
   for (const auto& loop : loops_)
     if (loop.committed) {
-      ways[loop.a].emplace_back(loop.b, 0.5);
-      ways[loop.b].emplace_back(loop.a, 0.5);
+      paths[loop.a].emplace_back(loop.b, 0.5);
+      paths[loop.b].emplace_back(loop.a, 0.5);
     }
   std::priority_queue<std::pair<double, std::size_t>, std::vector<std::pair<double, std::size_t>>, std::greater<>> open;
   cost[from] = 0.0;
@@ -94,7 +94,7 @@ std::vector<LaserLoopCloser::Uncertainty> LaserLoopCloser::uncertainty_from(std:
     const auto [value, here] = open.top();
     open.pop();
     if (value > cost[here]) continue;
-    for (const auto& [next, path] : ways[here]) {
+    for (const auto& [next, path] : paths[here]) {
       if (value + path >= cost[next]) continue;
       cost[next] = value + path;
       length[next] = length[here] + path;

@@ -11,16 +11,17 @@ constexpr double kStillDeviation_m = 0.002, kStillDeviation_rad = 0.001;  // of 
 
 Eigen::Matrix3d information_of(const Pose2& motion, const MotionNoiseOptions& noise) {
   const auto square = [](double x) { return x * x; };
-  const double way = std::hypot(motion.x, motion.y), turn = std::abs(wrap_angle(motion.phi));
-  const double variance_m2 = square(kStillDeviation_m) + square(noise.m_per_sqrt_m) * way;
-  const double variance_rad2 = square(kStillDeviation_rad) + square(noise.rad_per_sqrt_m) * way + square(noise.rad_per_sqrt_rad) * turn;
+  const double distance = std::hypot(motion.x, motion.y), turn = std::abs(wrap_angle(motion.phi));
+  const double variance_m2 = square(kStillDeviation_m) + square(noise.m_per_sqrt_m) * distance;
+  const double variance_rad2 =
+      square(kStillDeviation_rad) + square(noise.rad_per_sqrt_m) * distance + square(noise.rad_per_sqrt_rad) * turn;
   return Eigen::Vector3d(1.0 / variance_m2, 1.0 / variance_m2, 1.0 / variance_rad2).asDiagonal();
 }
 
 struct Content {
   NodeId id;
   Pose2 map_from_node;
-  double way_m;  // travelled before it
+  double path_m;  // travelled before it
 };
 
 // Submap k holds the content between k and k + 2 half lengths of the way. The last one begins where its predecessor does not reach the end.
@@ -28,10 +29,10 @@ std::vector<Submap> submaps_along(const std::vector<Content>& content, const Ses
   std::vector<Submap> submaps;
   std::size_t begin = 0;
   while (begin < content.size()) {
-    const double start_m = content[begin].way_m;
-    const auto beyond = [&](double way_m) {
+    const double start_m = content[begin].path_m;
+    const auto beyond = [&](double path_m) {
       return static_cast<std::size_t>(std::partition_point(content.begin() + static_cast<std::ptrdiff_t>(begin), content.end(),
-                                                           [&](const Content& c) { return c.way_m - start_m <= way_m; }) -
+                                                           [&](const Content& c) { return c.path_m - start_m <= path_m; }) -
                                       content.begin());
     };
     const std::size_t end = beyond(length_m);
@@ -55,7 +56,7 @@ Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<Trac
   map.nodes.reserve(scans.size());
   std::vector<Content> content;
   const Pose2 origin = scans.empty() ? Pose2{} : scans.front().map_from_robot;
-  double way_m = 0.0;
+  double path_m = 0.0;
   Pose2 previous;
   std::vector<Constraint> matched;
   for (std::size_t i = 0; i < scans.size(); ++i) {
@@ -66,7 +67,7 @@ Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<Trac
     if (i > 0) {
       const NodeId before{session, static_cast<std::uint32_t>(i - 1)};
       const Pose2 motion = between(previous, map_from_node);
-      way_m += std::hypot(motion.x, motion.y);
+      path_m += std::hypot(motion.x, motion.y);
       matched.push_back(
           planar_constraint({ConstraintKind::scan_match, before, node, 0}, motion, information_of(motion, options.scan_match)));
       if (scan.previous_from_this)
@@ -85,7 +86,7 @@ Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<Trac
     std::shared_ptr<const Payload> payload;
     if (shows_something_new) {
       payload = std::make_shared<const Payload>(std::move(scan.scan));
-      content.push_back({node, map_from_node, way_m});
+      content.push_back({node, map_from_node, path_m});
     }
     map.nodes.set(node, {node, scan.stamp, spatial(map_from_node), std::move(payload)});
   }

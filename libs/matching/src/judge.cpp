@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kInverseSight = 1.0 / SubmapModel::kSightResolution;
 
-struct OneWay {
+struct OneDirection {
   std::size_t inliers = 0, contradicted = 0, unclear = 0;
   double longest_m = 0.0;
   Eigen::Matrix2d normals = Eigen::Matrix2d::Zero();  // sum over inliers, in a's frame
@@ -48,8 +48,8 @@ double longest_run(std::vector<std::pair<int, int>> cells) {
 }
 
 // The walls of `from` seen by `to`.
-OneWay look(const SubmapModel& to, const SubmapModel& from, const Pose2& to_from_from, bool rotate_normals) {
-  OneWay result;
+OneDirection look(const SubmapModel& to, const SubmapModel& from, const Pose2& to_from_from, bool rotate_normals) {
+  OneDirection result;
   std::vector<std::pair<int, int>> contradicted;
   const double c = std::cos(to_from_from.phi), s = std::sin(to_from_from.phi);
   const auto& sight = to.sight();
@@ -164,13 +164,13 @@ std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& wa
 
 Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
   Evidence evidence;
-  const OneWay b_in_a = look(a, b, a_from_b, true), a_in_b = look(b, a, inverse(a_from_b), false);
+  const OneDirection b_in_a = look(a, b, a_from_b, true), a_in_b = look(b, a, inverse(a_from_b), false);
   const std::size_t common = common_cells(a, b, a_from_b);
   constexpr double kCell = SubmapModel::kSightResolution * SubmapModel::kSightResolution;
   evidence.overlap_m2 = static_cast<double>(common) * kCell;
   evidence.overlap = std::min(1.0, share(common, std::max<std::size_t>(1, std::min(a.known_cells(), b.known_cells()))));
-  const auto inliers = [](const OneWay& way) { return share(way.inliers, way.inliers + way.contradicted + way.unclear); };
-  const auto conflict = [](const OneWay& way) { return share(way.contradicted, way.inliers + way.contradicted + way.unclear); };
+  const auto inliers = [](const OneDirection& one) { return share(one.inliers, one.inliers + one.contradicted + one.unclear); };
+  const auto conflict = [](const OneDirection& one) { return share(one.contradicted, one.inliers + one.contradicted + one.unclear); };
   evidence.inliers = std::min(inliers(b_in_a), inliers(a_in_b));
   evidence.conflict = std::max(conflict(b_in_a), conflict(a_in_b));
   evidence.longest_contradiction_m[0] = a_in_b.longest_m;

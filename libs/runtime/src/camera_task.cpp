@@ -78,8 +78,9 @@ class Camera {
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
       CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
-      if (part.ways.empty()) part.ways.push_back({report_.label, {}});
-      part.ways.front().frames.push_back({frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
+      if (part.trajectories.empty()) part.trajectories.push_back({report_.label, {}});
+      part.trajectories.front().frames.push_back(
+          {frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
     MAPWEAVE_EXPECT(published.size() == own.size(), "each session has told of its map");
     for (std::size_t i = 0; i < own.size(); ++i) {
@@ -133,7 +134,10 @@ class Camera {
 std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
                                      const rig::RigOptions& options, std::vector<std::string>& notes) {
   std::vector<rig::RigMember> members;
-  for (CameraMap& part : parts) members.push_back({part.ways.front().label, std::move(part.map), std::move(part.ways.front().frames)});
+  for (CameraMap& part : parts) {
+    FrameTrajectory& trajectory = part.trajectories.front();
+    members.push_back({trajectory.label, std::move(part.map), std::move(trajectory.frames)});
+  }
   rig::RigMerge rig = rig::merge_rig(members, odometry, options);
   notes = std::move(rig.notes);
   std::vector<CameraMap> result;
@@ -143,16 +147,17 @@ std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, c
     map.map.id = MapId(result.size() == 1 ? robot.str() : robot.str() + "." + std::to_string(result.size() - 1));
     for (std::size_t i = 0; i < merged.members.size(); ++i) {
       const std::string& label = members[merged.members[i]].camera;
-      auto way = std::find_if(map.ways.begin(), map.ways.end(), [&](const CameraWay& known) { return known.label == label; });
-      if (way == map.ways.end()) way = map.ways.insert(way, {label, {}});
-      way->frames.insert(way->frames.end(), merged.frames[i].begin(), merged.frames[i].end());
-      std::stable_sort(way->frames.begin(), way->frames.end(),
+      auto trajectory = std::find_if(map.trajectories.begin(), map.trajectories.end(),
+                                     [&](const FrameTrajectory& known) { return known.label == label; });
+      if (trajectory == map.trajectories.end()) trajectory = map.trajectories.insert(trajectory, {label, {}});
+      trajectory->frames.insert(trajectory->frames.end(), merged.frames[i].begin(), merged.frames[i].end());
+      std::stable_sort(trajectory->frames.begin(), trajectory->frames.end(),
                        [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; });
     }
-    map.way = robot_way(map.map, map.ways, odometry, options.way);
-    if (map.ways.size() == 1) continue;
+    map.trajectory = robot_trajectory_of(map.map, map.trajectories, odometry, options.trajectory);
+    if (map.trajectories.size() == 1) continue;
     map.rig = {{}, merged.extrinsic_constraints, merged.apart_before_m, merged.apart_after_m, merged.solved};
-    for (const CameraWay& way : map.ways) map.rig.cameras.push_back(way.label);
+    for (const FrameTrajectory& trajectory : map.trajectories) map.rig.cameras.push_back(trajectory.label);
   }
   return result;
 }
@@ -177,8 +182,8 @@ std::string sensor_name(const std::string& label) {
   return name.empty() ? "camera" : name;
 }
 
-std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
-                                   const rig::RobotTrajectoryOptions& options) {
+std::vector<StampedPose> robot_trajectory_of(const Map& map, const std::vector<FrameTrajectory>& trajectories,
+                                             const std::vector<StampedPose>& odometry, const rig::RobotTrajectoryOptions& options) {
   // A camera is heard by how much its keyframes see, above all of depth.
   constexpr double kDepth = 3.0;
   std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
@@ -187,9 +192,9 @@ std::vector<StampedPose> robot_way(const Map& map, const std::vector<CameraWay>&
     for (const LandmarkSighting& sighting : landmark.seen)
       seen[sighting.node.session.client.sensor.str()].first += sighting.inverse_depth != 0 ? 1.0 + kDepth : 1.0;
   std::vector<rig::CameraTrajectory> cameras;
-  for (const CameraWay& way : ways) {
-    const auto [sightings, keyframes] = seen[sensor_name(way.label)];
-    cameras.push_back({way.frames, (1.0 + sightings) / (1.0 + keyframes)});
+  for (const FrameTrajectory& trajectory : trajectories) {
+    const auto [sightings, keyframes] = seen[sensor_name(trajectory.label)];
+    cameras.push_back({trajectory.frames, (1.0 + sightings) / (1.0 + keyframes)});
   }
   return rig::robot_trajectory(cameras, odometry, options);
 }

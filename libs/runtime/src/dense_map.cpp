@@ -1,6 +1,6 @@
 #include "dense_map.h"
 
-#include "team_ways.h"
+#include "team_trajectories.h"
 
 #include <mapweave/core/files.h>
 #include <mapweave/core/interrupt.h>
@@ -21,15 +21,18 @@ Pose3 pose_or(const std::vector<StampedPose>& frames, const StampedPose& frame, 
   return pose_at(frames, stamp, kSameTime_s).value_or(frame.map_from_robot);
 }
 
-std::vector<DepthWay> ways_of(const CameraMap& part, const CamerasOutcome& cameras, const std::vector<CameraWay>& ways) {
-  std::vector<DepthWay> result;
-  for (const CameraWay& way : ways) {
+std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const CamerasOutcome& cameras,
+                                             const std::vector<FrameTrajectory>& trajectories) {
+  std::vector<DepthTrajectory> result;
+  for (const FrameTrajectory& trajectory : trajectories) {
     const auto camera =
-        std::find_if(cameras.cameras.begin(), cameras.cameras.end(), [&](const CameraResult& c) { return c.report.label == way.label; });
-    if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || way.frames.empty()) continue;
-    DepthWay depth{cameras.robot, camera->chosen, {camera->report.readout_s, camera->report.inverse_depth_offset}, way.frames, {}};
+        std::find_if(cameras.cameras.begin(), cameras.cameras.end(),
+                     [&](const CameraResult& c) { return c.report.label == trajectory.label; });
+    if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || trajectory.frames.empty()) continue;
+    const visual::SensorCalibration calibration{camera->report.readout_s, camera->report.inverse_depth_offset};
+    DepthTrajectory depth{cameras.robot, camera->chosen, calibration, trajectory.frames, {}};
     for (const auto& [id, node] : part.map.nodes)
-      if (id.session.client.sensor.str() == sensor_name(way.label)) depth.keyframes.push_back(node.stamp);
+      if (id.session.client.sensor.str() == sensor_name(trajectory.label)) depth.keyframes.push_back(node.stamp);
     std::sort(depth.keyframes.begin(), depth.keyframes.end());
     result.push_back(std::move(depth));
   }
@@ -39,10 +42,10 @@ std::vector<DepthWay> ways_of(const CameraMap& part, const CamerasOutcome& camer
 // A camera on its second way.
 class Revisit {
  public:
-  Revisit(const DepthWay& way, const RunConfiguration& configuration)
-      : way_(way), dense_(configuration.output.dense), packer_({way.chosen.label, way.chosen.kind}) {
+  Revisit(const DepthTrajectory& trajectory, const RunConfiguration& configuration)
+      : trajectory_(trajectory), dense_(configuration.output.dense), packer_({trajectory.chosen.label, trajectory.chosen.kind}) {
     const visual::ClientOptions& client = configuration.visual.client;
-    options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, way.calibration};
+    options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, trajectory.calibration};
   }
 
   // What a picture that is wanted shows, in the map, and where its camera stood.
@@ -51,12 +54,13 @@ class Revisit {
     std::vector<exporters::ColouredPoint> points_in_map;
   };
   std::optional<Seen> operator()(const rawlog::Record& record) {
-    if (record.observation->sensorLabel != way_.chosen.label) return std::nullopt;
-    const auto placed = std::lower_bound(way_.frames.begin(), way_.frames.end(), record.stamp,
+    if (record.observation->sensorLabel != trajectory_.chosen.label) return std::nullopt;
+    const auto placed = std::lower_bound(trajectory_.frames.begin(), trajectory_.frames.end(), record.stamp,
                                          [](const StampedPose& frame, Stamp stamp) { return frame.stamp < stamp; });
-    if (placed == way_.frames.end() || placed->stamp != record.stamp) return std::nullopt;
-    const bool wanted = dense_.every_frames > 0 ? (placed - way_.frames.begin()) % dense_.every_frames == 0
-                                                : std::binary_search(way_.keyframes.begin(), way_.keyframes.end(), record.stamp);
+    if (placed == trajectory_.frames.end() || placed->stamp != record.stamp) return std::nullopt;
+    const bool wanted = dense_.every_frames > 0 ? (placed - trajectory_.frames.begin()) % dense_.every_frames == 0
+                                                : std::binary_search(trajectory_.keyframes.begin(), trajectory_.keyframes.end(),
+                                                                     record.stamp);
     if (!wanted) return std::nullopt;
     const auto frame = packer_(record);
     if (!frame) return std::nullopt;
@@ -67,13 +71,13 @@ class Revisit {
   Seen seen(const visual::Frame& frame, const visual::CameraRig& rig, const StampedPose& placed) const {
     const Pose3& robot_from_camera = rig.robot_from_camera;
     const Pose3 map_from_camera = compose(placed.map_from_robot, robot_from_camera);
-    const Pose3 map_from_depth = compose(pose_or(way_.frames, placed, frame.depth.delay_s), robot_from_camera);
+    const Pose3 map_from_depth = compose(pose_or(trajectory_.frames, placed, frame.depth.delay_s), robot_from_camera);
     const auto depths = visual::depth_picture_of(frame, rig, options_, between(map_from_depth, map_from_camera));
     Seen result{map_from_camera.t, {}};
     for (int y = dense_.step_px / 2; y < depths.height; y += dense_.step_px) {
       // Rows are exposed one after the other, the middle one at the frame's stamp.
-      const double later_s = (y - 0.5 * depths.height) / depths.height * way_.calibration.readout_s;
-      const Pose3 map_from_row = compose(pose_or(way_.frames, placed, later_s), robot_from_camera);
+      const double later_s = (y - 0.5 * depths.height) / depths.height * trajectory_.calibration.readout_s;
+      const Pose3 map_from_row = compose(pose_or(trajectory_.frames, placed, later_s), robot_from_camera);
       for (int x = dense_.step_px / 2; x < depths.width; x += dense_.step_px) {
         const float depth_m = depths.row(y)[x];
         if (depth_m == 0.0F) continue;
@@ -86,7 +90,7 @@ class Revisit {
     return result;
   }
 
-  const DepthWay& way_;
+  const DepthTrajectory& trajectory_;
   const DenseOptions& dense_;
   visual::FramePacker packer_;
   visual::DepthPictureOptions options_;
@@ -116,31 +120,33 @@ void note_coarser(const std::string& file, double asked_m, double made_m, double
 
 }  // namespace
 
-std::vector<DepthWay> depth_ways(const CameraMap& part, const CamerasOutcome& cameras) { return ways_of(part, cameras, part.ways); }
+std::vector<DepthTrajectory> depth_trajectories(const CameraMap& part, const CamerasOutcome& cameras) {
+  return trajectories_of(part, cameras, part.trajectories);
+}
 
-std::vector<DepthWay> depth_ways(const Map& map, const Table<MapId, double>& scales, const CamerasOutcome& cameras) {
-  std::vector<DepthWay> result;
+std::vector<DepthTrajectory> depth_trajectories(const Map& map, const Table<MapId, double>& scales, const CamerasOutcome& cameras) {
+  std::vector<DepthTrajectory> result;
   for (const CameraMap& part : cameras.maps) {
     const double* scale = scales.find(part.map.id);
     if (scale != nullptr && *scale != 1.0) continue;
-    std::vector<CameraWay> ways = part.ways;
-    for (CameraWay& way : ways) way.frames = carried_along(part, way, map, 1.0);
-    for (DepthWay& way : ways_of(part, cameras, ways)) result.push_back(std::move(way));
+    std::vector<FrameTrajectory> trajectories = part.trajectories;
+    for (FrameTrajectory& trajectory : trajectories) trajectory.frames = carried_along(part, trajectory, map, 1.0);
+    for (DepthTrajectory& trajectory : trajectories_of(part, cameras, trajectories)) result.push_back(std::move(trajectory));
   }
   return result;
 }
 
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthWay>& ways,
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>& trajectories,
                                          const RunConfiguration& configuration, Progress& progress) {
   const OutputOptions& output = configuration.output;
-  MAPWEAVE_EXPECT(!ways.empty(), "somebody saw depth");
+  MAPWEAVE_EXPECT(!trajectories.empty(), "somebody saw depth");
   std::vector<std::string> notes;
   exporters::DepthCloud cloud(output.dense.cloud);
   exporters::OctoMapWriter octomap(output.dense.octomap);
   std::size_t pictures = 0;
-  for (auto first = ways.begin(), last = first; first != ways.end(); first = last) {
+  for (auto first = trajectories.begin(), last = first; first != trajectories.end(); first = last) {
     std::deque<Revisit> cameras;
-    for (; last != ways.end() && last->robot.log == first->robot.log; ++last) cameras.emplace_back(*last, configuration);
+    for (; last != trajectories.end() && last->robot.log == first->robot.log; ++last) cameras.emplace_back(*last, configuration);
     try {
       revisit(first->robot, cameras, configuration.reading, progress, [&](const Revisit::Seen& seen) {
         if (output.ply) cloud.add(seen.points_in_map);

@@ -7,7 +7,7 @@
 namespace mapweave::runtime {
 
 // One camera's part of a map.
-struct DepthWay {
+struct DepthTrajectory {
   PlannedRobot robot;
   ChosenCamera chosen;
   visual::SensorCalibration calibration;
@@ -17,12 +17,12 @@ struct DepthWay {
 
 // Of the cameras that see depth, in their own map, or in one that holds their keyframes: those of maps whose lengths grew by one of
 // `scales` are left out, as their depth is of another scale.
-std::vector<DepthWay> depth_ways(const CameraMap&, const CamerasOutcome&);
-std::vector<DepthWay> depth_ways(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
+std::vector<DepthTrajectory> depth_trajectories(const CameraMap&, const CamerasOutcome&);
+std::vector<DepthTrajectory> depth_trajectories(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
 
 // map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are ways. What was not as
 // expected is answered for people. Memory: that of the options, and one picture. Throws Interrupted.
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthWay>&, const RunConfiguration&,
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>&, const RunConfiguration&,
                                          Progress&);
 
 }  // namespace mapweave::runtime

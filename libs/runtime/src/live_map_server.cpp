@@ -84,7 +84,7 @@ struct LiveMapServer::State {
                     has_work.notify_all();
                   });
     std::thread([this] {
-      give_way();
+      lower_priority();
       merge_pool.emplace(options.merge_threads);
     }).join();
     advance();
@@ -285,7 +285,7 @@ struct LiveMapServer::State {
   }
 
   void merge_maps() {
-    give_way();
+    lower_priority();
     std::unique_lock lock(maps_mutex);
     while (true) {
       maps_changed.wait(lock, [&] { return merging_ends || maps.pending(); });

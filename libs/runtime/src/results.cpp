@@ -1,5 +1,5 @@
 #include "results.h"
-#include "team_ways.h"
+#include "team_trajectories.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/exporters/g2o_file.h>
@@ -88,28 +88,28 @@ void Results::add_camera_map(const std::filesystem::path& folder, const std::str
   const OutputOptions& output = configuration_.output;
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
-  const auto write_keyframes = [&](const std::filesystem::path& place, const CameraWay& way) {
+  const auto write_keyframes = [&](const std::filesystem::path& place, const FrameTrajectory& trajectory) {
     for (const exporters::SessionTrajectory& keyframes : exporters::session_trajectories(part.map))
-      if (keyframes.session.client.sensor.str() == sensor_name(way.label))
+      if (keyframes.session.client.sensor.str() == sensor_name(trajectory.label))
         write_file(place / "keyframes.tum", exporters::tum_text(keyframes.poses));
   };
   if (output.tum) {
-    write_file(top / "trajectory.tum", exporters::tum_text(part.way));
-    write_keyframes(top, part.ways.front());
+    write_file(top / "trajectory.tum", exporters::tum_text(part.trajectory));
+    write_keyframes(top, part.trajectories.front());
   }
-  for (const CameraWay& way : part.ways) {
-    if (!output.tum || part.ways.size() == 1) continue;
-    const std::filesystem::path place = top / "cameras" / sensor_name(way.label);
+  for (const FrameTrajectory& trajectory : part.trajectories) {
+    if (!output.tum || part.trajectories.size() == 1) continue;
+    const std::filesystem::path place = top / "cameras" / sensor_name(trajectory.label);
     std::filesystem::create_directories(place);
-    write_file(place / "trajectory.tum", exporters::tum_text(way.frames));
-    write_keyframes(place, way);
+    write_file(place / "trajectory.tum", exporters::tum_text(trajectory.frames));
+    write_keyframes(place, trajectory);
   }
-  draw_landmarks(folder, title, part.map, {{{{part.map.robots().front(), SensorId()}, 0}, part.way}});
+  draw_landmarks(folder, title, part.map, {{{{part.map.robots().front(), SensorId()}, 0}, part.trajectory}});
   store(folder.string(), part.map);
 }
 
 void Results::draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
-                             const std::vector<exporters::SessionTrajectory>& ways) {
+                             const std::vector<exporters::SessionTrajectory>& trajectories) {
   const OutputOptions& output = configuration_.output;
   const std::filesystem::path top = folder_.staging() / folder;
   const auto landmarks = exporters::landmark_cloud(map);
@@ -118,7 +118,7 @@ void Results::draw_landmarks(const std::filesystem::path& folder, const std::str
   if (!output.png) return;
   exporters::PictureOptions picture = output.picture;
   if (picture.title.empty()) picture.title = title;
-  write_file(top / "map.png", exporters::top_view_png(landmarks, ways, picture));
+  write_file(top / "map.png", exporters::top_view_png(landmarks, trajectories, picture));
 }
 
 void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map) {
@@ -129,11 +129,11 @@ void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem
              exporters::top_view_png(exporters::landmark_cloud(map), exporters::session_trajectories(map), picture, &grid));
 }
 
-void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthWay>& ways) {
-  if (interrupted_ || ways.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;
+void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthTrajectory>& trajectories) {
+  if (interrupted_ || trajectories.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;
   saw_depth_ = true;
   try {
-    for (const std::string& note : write_dense_map(folder_.staging() / folder, ways, configuration_, progress_))
+    for (const std::string& note : write_dense_map(folder_.staging() / folder, trajectories, configuration_, progress_))
       notes_.push_back(title + ": " + note);
   } catch (const Interrupted&) {
     interrupted_ = true;
@@ -143,7 +143,7 @@ void Results::draw_dense(const std::filesystem::path& folder, const std::string&
 
 void Results::add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
   const Stopwatch watch;
-  draw_dense(folder, title, depth_ways(map, {}, cameras));
+  draw_dense(folder, title, depth_trajectories(map, {}, cameras));
   output_seconds_ += watch.seconds();
 }
 
@@ -151,15 +151,16 @@ void Results::draw_seen(const std::string& folder, const std::string& title, boo
                         const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
-  const auto ways = team_ways(component, cameras, configuration_.rig.way);
+  const auto trajectories = team_trajectories(component, cameras, configuration_.rig.trajectory);
   if (configuration_.output.tum) {
-    write_file(top / "trajectory.tum", exporters::tum_text(ways));
+    write_file(top / "trajectory.tum", exporters::tum_text(trajectories));
     if (robot_trajectories) std::filesystem::create_directories(top / "trajectories");
-    for (std::size_t i = 0; robot_trajectories && i < ways.size(); ++i)
-      if (i == 0 || ways[i - 1].session.client.robot != ways[i].session.client.robot)
-        write_file(top / "trajectories" / (ways[i].session.client.robot.str() + ".tum"), exporters::tum_text(ways[i].poses));
+    for (std::size_t i = 0; robot_trajectories && i < trajectories.size(); ++i)
+      if (i == 0 || trajectories[i - 1].session.client.robot != trajectories[i].session.client.robot)
+        write_file(top / "trajectories" / (trajectories[i].session.client.robot.str() + ".tum"),
+                   exporters::tum_text(trajectories[i].poses));
   }
-  draw_landmarks(folder, title, component.map, ways);
+  draw_landmarks(folder, title, component.map, trajectories);
 }
 
 void Results::add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras) {
@@ -168,13 +169,13 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
     const std::string apart = std::to_string(i), name = i == 0 ? title : title + ", apart " + apart;
     const std::filesystem::path place = i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
     add_camera_map(place, name, cameras.maps[i]);
-    if (dense) draw_dense(place, name, depth_ways(cameras.maps[i], cameras));
+    if (dense) draw_dense(place, name, depth_trajectories(cameras.maps[i], cameras));
   }
   for (const std::string& note : cameras.notes) notes_.push_back(title + ": " + note);
   if (cameras.maps.size() > 1 && cameras.notes.empty())
     notes_.push_back(title + ": its cameras left " + std::to_string(cameras.maps.size()) +
                      " maps that stayed apart: one was lost, went on elsewhere and came to no place that it knew");
-  const std::string& first = cameras.maps.front().ways.front().label;
+  const std::string& first = cameras.maps.front().trajectories.front().label;
   for (const CameraResult& camera : cameras.cameras) {
     for (const std::string& note : camera.notes) notes_.push_back(title + ", camera " + camera.report.label + ": " + note);
     if (!configuration_.output.png || camera.sheet.empty()) continue;
@@ -220,9 +221,10 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
       draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
     else
       draw(place, name, robot_trajectories, map, conflicts);
-    std::vector<DepthWay> depth;
+    std::vector<DepthTrajectory> depth;
     for (const CamerasOutcome& outcome : cameras)
-      for (DepthWay& way : depth_ways(map, fused.components[i].scales, outcome)) depth.push_back(std::move(way));
+      for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
+        depth.push_back(std::move(trajectory));
     if (tier == cloud_tier()) draw_dense(place, name, depth);
     mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused, own_maps_, requests_));
   }

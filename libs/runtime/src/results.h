@@ -48,10 +48,10 @@ class Results {
  private:
   OccupancyGrid grid_of(const std::string& title, const Map& map);
   void add_camera_map(const std::filesystem::path& folder, const std::string& title, const CameraMap& map);
-  void draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthWay>& ways);
+  void draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthTrajectory>& trajectories);
   void store(const std::string& folder, const Map& map);
   void draw_landmarks(const std::filesystem::path& folder, const std::string& title, const Map& map,
-                      const std::vector<exporters::SessionTrajectory>& ways);
+                      const std::vector<exporters::SessionTrajectory>& trajectories);
   // Of a map of both kinds: instead of the grid alone.
   void draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map);
   void draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,

@@ -10,7 +10,7 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point then);
 
 // Of this thread and those that it starts; one that may not ask for it goes on as it is.
-void give_way();
+void lower_priority();
 
 // Adds the thread's processor time until its end.
 class Spending {

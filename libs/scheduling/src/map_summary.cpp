@@ -22,7 +22,7 @@ class Sketch {
   }
   void see(const Point& where, bool is_wall) { seen_.push_back({where, is_wall}), reach(where); }
 
-  MapSummary summary(const std::vector<Point>& way) const {
+  MapSummary summary(const std::vector<Point>& path) const {
     MapSummary result;
     if (!(low_.x <= high_.x)) return result;
     const double columns = std::floor(high_.x / kCell_m) - std::floor(low_.x / kCell_m) + 1.0,
@@ -39,8 +39,8 @@ class Sketch {
     for (const auto& [from, to] : rays_) {
       const double length = std::hypot(to.x - from.x, to.y - from.y);
       constexpr double kStep_m = 0.5 * kCell_m;
-      for (double way_m = 0.0; way_m < length - kStep_m; way_m += kStep_m)
-        ++at(from.x + (to.x - from.x) * way_m / length, from.y + (to.y - from.y) * way_m / length).passed;
+      for (double path_m = 0.0; path_m < length - kStep_m; path_m += kStep_m)
+        ++at(from.x + (to.x - from.x) * path_m / length, from.y + (to.y - from.y) * path_m / length).passed;
       ++at(to.x, to.y).hit;
     }
     for (const auto& [where, is_wall] : seen_) is_wall ? ++at(where.x, where.y).hit : ++at(where.x, where.y).passed;
@@ -48,7 +48,7 @@ class Sketch {
       result.cells.push_back(count.passed + count.hit == 0               ? Cell::unknown
                              : kPassesOfAWall * count.hit > count.passed ? Cell::wall
                                                                          : Cell::free);
-    describe(way, result);
+    describe(path, result);
     return result;
   }
 
@@ -64,12 +64,12 @@ class Sketch {
   }
 
   // Looks from a few points that are spread over the way.
-  static void describe(const std::vector<Point>& way, MapSummary& summary) {
+  static void describe(const std::vector<Point>& path, MapSummary& summary) {
     using Look = MapSummary::Look;
     constexpr double kApart_m = 3.0;
     const std::vector<Point> walls = walls_of(summary);
     std::vector<Point> from;
-    for (const Point& point : way)
+    for (const Point& point : path)
       if (std::none_of(from.begin(), from.end(), [&](const Point& p) { return std::hypot(p.x - point.x, p.y - point.y) < kApart_m; }))
         from.push_back(point);
     const std::size_t step = (from.size() + MapSummary::kMostLooks - 1) / MapSummary::kMostLooks;
@@ -123,7 +123,7 @@ void see(const Map& map, const Landmark& landmark, Sketch& sketch) {
 
 MapSummary summary_of(const Map& map) {
   Sketch sketch;
-  std::vector<Point> way;
+  std::vector<Point> path;
   constexpr double kMoved_m = 0.4, kTurned_rad = 0.5;  // nodes between add little
   std::optional<Pose2> last;
   for (const auto& [id, node] : map.nodes) {
@@ -137,10 +137,10 @@ MapSummary summary_of(const Map& map) {
       if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) see(node, *scan, sketch);
     }
     last = pose;
-    way.push_back({pose.x, pose.y});
+    path.push_back({pose.x, pose.y});
   }
   for (const auto& [id, landmark] : map.landmarks) see(map, landmark, sketch);
-  return sketch.summary(way);
+  return sketch.summary(path);
 }
 
 MapSummary summary_of_route(const std::vector<Waypoint>& route, double range_m) {

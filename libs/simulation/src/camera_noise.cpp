@@ -42,9 +42,9 @@ class Motion {
 void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from_first, const Pose3& world_from_middle,
           const Pose3& world_from_last, std::vector<float>& blurred) {
   // No pixel moves by more than its turn and its shift could, at the nearest depth, in a picture of up to 1 rad beside its axis.
-  const Pose3 way = between(world_from_first, world_from_last);
+  const Pose3 motion = between(world_from_first, world_from_last);
   const float nearest = *std::max_element(view.inverse_depth.begin(), view.inverse_depth.end());
-  const double most = camera.intrinsics().fx * (4.0 * way.q.vec().norm() + 2.0 * way.t.norm() * static_cast<double>(nearest));
+  const double most = camera.intrinsics().fx * (4.0 * motion.q.vec().norm() + 2.0 * motion.t.norm() * static_cast<double>(nearest));
   if (most < static_cast<double>(kLeastBlur)) return;
   const Motion first(between(world_from_first, world_from_middle)), last(between(world_from_last, world_from_middle));
   const float fx = static_cast<float>(camera.intrinsics().fx), fy = static_cast<float>(camera.intrinsics().fy);
@@ -64,8 +64,8 @@ void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from
       dv[static_cast<std::size_t>(column)] = fy * (by - ay);
     }
     for (int column = 0; column < view.width; ++column) {
-      const float way_u = du[static_cast<std::size_t>(column)], way_v = dv[static_cast<std::size_t>(column)];
-      const float length = std::sqrt(way_u * way_u + way_v * way_v);
+      const float motion_u = du[static_cast<std::size_t>(column)], motion_v = dv[static_cast<std::size_t>(column)];
+      const float length = std::sqrt(motion_u * motion_u + motion_v * motion_v);
       const float* in = view.values.data() + view.at(row, column) * channels;
       float* out = blurred.data() + view.at(row, column) * channels;
       if (!(length >= kLeastBlur)) {
@@ -78,8 +78,8 @@ void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from
       float sum[3] = {0.0f, 0.0f, 0.0f};
       for (int i = 0; i < samples; ++i) {
         const float t = (static_cast<float>(i) + 0.5f) * step - 0.5f;
-        const float u = std::clamp(static_cast<float>(column) + t * way_u, 0.0f, last_u - 0.001f);
-        const float v = std::clamp(static_cast<float>(row) + t * way_v, 0.0f, last_v - 0.001f);
+        const float u = std::clamp(static_cast<float>(column) + t * motion_u, 0.0f, last_u - 0.001f);
+        const float v = std::clamp(static_cast<float>(row) + t * motion_v, 0.0f, last_v - 0.001f);
         if (samples > 4) {
           const float* pixel = view.values.data() + view.at(static_cast<int>(v + 0.5f), static_cast<int>(u + 0.5f)) * channels;
           for (std::size_t c = 0; c < channels; ++c) sum[c] += pixel[c];

@@ -78,8 +78,8 @@ void CameraRecording::take(double seconds, const Pose3& left_from_camera, double
   const auto pose = [&](double at) { return compose(world_from_camera(at), left_from_camera); };
   render(scene, moving, model_, pose(seconds), options_.colour ? Channels::colour : Channels::grey, view);
   const double half = 0.5e-3 * options_.image.exposure_ms;
-  const Pose3 first = pose(seconds - half), last = pose(seconds + half), way = between(first, last);
-  if (way.t.norm() > 1e-5 || way.q.vec().norm() > 1e-5) blur(view, model_, first, pose(seconds), last, workspace.blurred);
+  const Pose3 first = pose(seconds - half), last = pose(seconds + half), motion = between(first, last);
+  if (motion.t.norm() > 1e-5 || motion.q.vec().norm() > 1e-5) blur(view, model_, first, pose(seconds), last, workspace.blurred);
   expose(view, vignette_, gain, options_.image.noise, noise, frame, picture);
 }
 

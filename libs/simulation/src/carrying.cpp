@@ -7,7 +7,7 @@ namespace mapweave::simulation {
 
 SimulatedTrajectory carried_away(const SimulatedTrajectory& planned, const RobotOptions& robot, std::vector<Carry>& carries) {
   std::vector<SimulatedTrajectory::Knot> knots;
-  double way_m = 0.0, delay_s = 0.0;
+  double path_m = 0.0, delay_s = 0.0;
   auto next = robot.kidnappings.begin();
   const auto& all = planned.knots();
   const auto step_of = [&](std::size_t i) {
@@ -15,13 +15,13 @@ SimulatedTrajectory carried_away(const SimulatedTrajectory& planned, const Robot
     return std::hypot(b.x - a.x, b.y - a.y);
   };
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (i > 0) way_m += step_of(i);
+    if (i > 0) path_m += step_of(i);
     knots.push_back(all[i]);
     knots.back().seconds += delay_s;
-    if (next == robot.kidnappings.end() || way_m < next->after_m) continue;
-    const double down_m = way_m + next->skip_m;
+    if (next == robot.kidnappings.end() || path_m < next->after_m) continue;
+    const double down_m = path_m + next->skip_m;
     std::size_t down = i;
-    while (down + 1 < all.size() && way_m < down_m) way_m += step_of(++down);
+    while (down + 1 < all.size() && path_m < down_m) path_m += step_of(++down);
     const double picked_up_s = knots.back().seconds, duration_s = std::max(next->duration_s, 0.001);
     ++next;
     if (down == i || down + 1 >= all.size()) continue;  // nowhere to go on from

@@ -118,9 +118,9 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
 }
 
 bool LandmarkField::is_in_sight(const Vector3d& eye, const SimulatedLandmark& landmark) const {
-  const Vector3d way = landmark.point_in_world - eye;
-  const double length = way.norm();
-  return length <= kBeforeSurface || walls_.is_in_sight(eye, eye + way * (1.0 - kBeforeSurface / length));
+  const Vector3d ray = landmark.point_in_world - eye;
+  const double length = ray.norm();
+  return length <= kBeforeSurface || walls_.is_in_sight(eye, eye + ray * (1.0 - kBeforeSurface / length));
 }
 
 template <class Visit>
@@ -184,14 +184,14 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
   const std::uint64_t missed = static_cast<std::uint64_t>(options_.missed * 0x1p32);
   field_->for_each_in(box, [&](std::uint32_t i) {
     const SimulatedLandmark& landmark = field_->landmarks()[i];
-    const Vector3d way = landmark.point_in_world - eye, p = camera_from_world * way;
+    const Vector3d ray = landmark.point_in_world - eye, p = camera_from_world * ray;
     if (p.z() < 0.05 || p.z() > options_.farthest_m) return;
     const double x = p.x() / p.z(), y = p.y() / p.z();
     if (x < view.low_x || x > view.high_x || y < view.low_y || y > view.high_y) return;
     const double pixels = focal * landmark.size_m / p.z();
     if (pixels < kLeastPixels || pixels >= most_pixels) return;
-    const double facing = landmark.normal.dot(way);
-    if (facing * facing < kLeastCosine * kLeastCosine * way.squaredNorm()) return;
+    const double facing = landmark.normal.dot(ray);
+    if (facing * facing < kLeastCosine * kLeastCosine * ray.squaredNorm()) return;
     const std::uint64_t luck = mixed(salt ^ mixed(i));
     if ((luck >> 32) < missed) return;
     const auto pixel = model_.project(p);

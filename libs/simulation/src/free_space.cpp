@@ -105,7 +105,7 @@ std::optional<Point2> FreeSpace::nearest_free(Point2 wanted) const {
   return best;
 }
 
-bool FreeSpace::is_straight_way_free(Point2 from, Point2 to, double distance_m) const {
+bool FreeSpace::is_straight_path_free(Point2 from, Point2 to, double distance_m) const {
   const double length = std::hypot(to.x - from.x, to.y - from.y);
   const int steps = static_cast<int>(std::ceil(length / kSampleStep));
   for (int i = 0; i <= steps; ++i) {
@@ -169,7 +169,7 @@ std::optional<std::vector<Point2>> FreeSpace::path(Point2 from, Point2 to) const
     double bottleneck = std::min({kPreferred, distance_to_walls(cells[anchor]), distance_to_walls(cells[reached])});
     while (reached + 1 < cells.size()) {
       bottleneck = std::min(bottleneck, distance_to_walls(cells[reached + 1]));
-      if (!is_straight_way_free(cells[anchor], cells[reached + 1], bottleneck)) break;
+      if (!is_straight_path_free(cells[anchor], cells[reached + 1], bottleneck)) break;
       ++reached;
     }
     corners.push_back(cells[reached]);

@@ -19,7 +19,7 @@ double distance(Point2 a, Point2 b) { return std::hypot(b.x - a.x, b.y - a.y); }
 // spot.
 struct Station {
   Pose2 pose;
-  double way_m;  // since the start
+  double path_m;  // since the start
   double speed;
 };
 
@@ -90,7 +90,7 @@ class Course {
     for (int i = 1; i <= steps; ++i) {
       const double t = static_cast<double>(i) / steps;
       stations_.push_back({{start.pose.x + t * (to.x - start.pose.x), start.pose.y + t * (to.y - start.pose.y), start.pose.phi},
-                           start.way_m + t * length,
+                           start.path_m + t * length,
                            speed});
     }
   }
@@ -101,7 +101,7 @@ class Course {
     const int steps = static_cast<int>(std::ceil(radius * std::abs(turn) / kArcStep));
     const double chord = 2.0 * radius * std::sin(0.5 * std::abs(turn) / steps);
     for (int i = 1; i <= steps; ++i) {
-      stations_.push_back({on_arc(start.pose, turn * i / steps, radius), start.way_m + i * chord, slow});
+      stations_.push_back({on_arc(start.pose, turn * i / steps, radius), start.path_m + i * chord, slow});
     }
   }
 
@@ -109,7 +109,7 @@ class Course {
     const Station start = stations_.back();
     const int steps = static_cast<int>(std::ceil(std::abs(turn) / kTurnStep));
     for (int i = 1; i <= steps; ++i) {
-      stations_.push_back({{start.pose.x, start.pose.y, wrap_angle(start.pose.phi + turn * i / steps)}, start.way_m, 0.0});
+      stations_.push_back({{start.pose.x, start.pose.y, wrap_angle(start.pose.phi + turn * i / steps)}, start.path_m, 0.0});
     }
   }
 
@@ -119,13 +119,13 @@ class Course {
 };
 
 void cut_at(std::vector<Station>& stations, double length_m) {
-  const auto after = std::find_if(stations.begin(), stations.end(), [&](const Station& station) { return station.way_m >= length_m; });
+  const auto after = std::find_if(stations.begin(), stations.end(), [&](const Station& station) { return station.path_m >= length_m; });
   if (after == stations.end() || after == stations.begin()) return;
   const Station& last = *std::prev(after);
-  const double t = (length_m - last.way_m) / (after->way_m - last.way_m);
+  const double t = (length_m - last.path_m) / (after->path_m - last.path_m);
   after->pose = {last.pose.x + t * (after->pose.x - last.pose.x), last.pose.y + t * (after->pose.y - last.pose.y),
                  wrap_angle(last.pose.phi + t * wrap_angle(after->pose.phi - last.pose.phi))};
-  after->way_m = length_m;
+  after->path_m = length_m;
   stations.erase(std::next(after), stations.end());
 }
 
@@ -169,21 +169,21 @@ SimulatedTrajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, 
   std::vector<double> speeds(count, 0.0);
   for (std::size_t i = 1; i + 1 < count; ++i) speeds[i] = std::min(stations[i].speed, stations[i + 1].speed);
   const auto limit = [&](double speed, std::size_t i) {
-    return std::sqrt(speed * speed + 2.0 * motion.acceleration_m_per_s2 * (stations[i].way_m - stations[i - 1].way_m));
+    return std::sqrt(speed * speed + 2.0 * motion.acceleration_m_per_s2 * (stations[i].path_m - stations[i - 1].path_m));
   };
   for (std::size_t i = 1; i < count; ++i) speeds[i] = std::min(speeds[i], limit(speeds[i - 1], i));
   for (std::size_t i = count - 1; i > 0; --i) speeds[i - 1] = std::min(speeds[i - 1], limit(speeds[i], i));
 
   std::vector<SimulatedTrajectory::Knot> knots{{0.0, stations[0].pose, 0.0}};
   for (std::size_t i = 1; i < count; ++i) {
-    const double way = stations[i].way_m - stations[i - 1].way_m;
+    const double path = stations[i].path_m - stations[i - 1].path_m;
     double seconds;
-    if (way <= 0.0) {
+    if (path <= 0.0) {
       seconds = std::abs(wrap_angle(stations[i].pose.phi - stations[i - 1].pose.phi)) / (motion.turn_rate_deg_per_s * (M_PI / 180.0));
     } else if (speeds[i - 1] + speeds[i] > 0.0) {
-      seconds = 2.0 * way / (speeds[i - 1] + speeds[i]);
+      seconds = 2.0 * path / (speeds[i - 1] + speeds[i]);
     } else {  // from rest to rest within one step
-      seconds = std::max(2.0 * std::sqrt(way / motion.acceleration_m_per_s2), way / stations[i].speed);
+      seconds = std::max(2.0 * std::sqrt(path / motion.acceleration_m_per_s2), path / stations[i].speed);
     }
     if (seconds > 0.0) knots.push_back({knots.back().seconds + seconds, stations[i].pose, speeds[i]});
   }

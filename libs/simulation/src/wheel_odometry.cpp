@@ -28,14 +28,14 @@ Pose2 WheelOdometry::step(const Pose2& world_from_robot) {
   const std::uint64_t index = steps_++;
   if (index > 0) {
     const Pose2 last_from_robot = between(world_from_last_, world_from_robot);
-    const double way = std::hypot(last_from_robot.x, last_from_robot.y), turn = std::abs(last_from_robot.phi);
+    const double path = std::hypot(last_from_robot.x, last_from_robot.y), turn = std::abs(last_from_robot.phi);
     RandomNumbers numbers = numbers_.at(index);
-    const double along = numbers.normal() * options_.noise_m * std::sqrt(way),
-                 across = numbers.normal() * options_.noise_m * std::sqrt(way);
+    const double along = numbers.normal() * options_.noise_m * std::sqrt(path),
+                 across = numbers.normal() * options_.noise_m * std::sqrt(path);
     const double yaw = numbers.normal() * kRadians *
-                       std::sqrt(options_.yaw_noise_deg * options_.yaw_noise_deg * way +
+                       std::sqrt(options_.yaw_noise_deg * options_.yaw_noise_deg * path +
                                  options_.turn_noise_deg * options_.turn_noise_deg * turn / (2.0 * M_PI));
-    const double rolled = way + kHalfAxle * turn;
+    const double rolled = path + kHalfAxle * turn;
     double slip = 0.0;
     if (numbers.uniform() < -std::expm1(-options_.slips_per_100_m * rolled / 100.0)) {
       slip = numbers.uniform(options_.slip_min_deg, std::max(options_.slip_min_deg, options_.slip_max_deg)) * kRadians;
@@ -43,7 +43,7 @@ Pose2 WheelOdometry::step(const Pose2& world_from_robot) {
       ++slips_;
     }
     odometry_from_last_ = compose(odometry_from_last_, {last_from_robot.x * scale_ + along, last_from_robot.y * scale_ + across,
-                                                        last_from_robot.phi * turn_scale_ + drift_rad_per_m_ * way + yaw + slip});
+                                                        last_from_robot.phi * turn_scale_ + drift_rad_per_m_ * path + yaw + slip});
   }
   world_from_last_ = world_from_robot;
   return odometry_from_last_;

@@ -82,8 +82,8 @@ std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stam
     for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) enqueue(std::move(update));
   }
   for (Message& message : outbox_) {
-    if (message.on_its_way) continue;
-    message.on_its_way = true;
+    if (message.in_flight) continue;
+    message.in_flight = true;
     sent.push_back(counted(message.bytes));
   }
   return sent;
@@ -91,8 +91,8 @@ std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stam
 
 void CameraAgent::put_back(const std::string& update) {
   for (Message& message : outbox_) {
-    if (!message.on_its_way || message.bytes != update) continue;
-    message.on_its_way = false;
+    if (!message.in_flight || message.bytes != update) continue;
+    message.in_flight = false;
     sent_bytes_ -= update.size();
     allowance_.give_back(update.size());
     return;
@@ -105,11 +105,11 @@ void CameraAgent::stored(const Receipt& receipt) {
     known->second.confirmed = std::max(known->second.confirmed, receipt.stored);
   if (receipt.awaited == 0) return;
   for (Message& message : outbox_)
-    if (message.map == receipt.origin.map && message.sequence == receipt.awaited) message.on_its_way = false;
+    if (message.map == receipt.origin.map && message.sequence == receipt.awaited) message.in_flight = false;
 }
 
 void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts) {
-  for (Message& message : outbox_) message.on_its_way = false;
+  for (Message& message : outbox_) message.in_flight = false;
   std::map<MapId, std::uint64_t> stored_of;
   for (const Receipt& receipt : receipts)
     if (visual::session_of(place_.client, receipt.origin.map)) stored_of[receipt.origin.map] = receipt.stored;

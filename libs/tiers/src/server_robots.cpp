@@ -17,7 +17,7 @@ constexpr std::int64_t kStepsBetween = 5;
 constexpr double kFastest_m_per_s = 2.0;  // where a camera says it went faster, its rig cameras are waited for
 
 struct Cameras {
-  std::map<SensorId, std::vector<StampedPose>> ways;  // in the team, by stamp
+  std::map<SensorId, std::vector<StampedPose>> trajectories;  // in the team, by stamp
   int speaking = 0;
   Stamp first, last;  // of the newest poses of those that are
 };
@@ -31,8 +31,8 @@ std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, dou
   const auto step_ns = static_cast<std::int64_t>(1e9 * period_s) / kStepsBetween;
   for (std::int64_t step = kRemembered * kStepsBetween; step >= 0; --step) {
     const Stamp stamp{end.ns - step * step_ns};
-    for (const auto& [camera, way] : cameras.ways)
-      if (const auto pose = pose_at(way, stamp, kSilentAfter * period_s)) robot.add(camera, {stamp, *pose});
+    for (const auto& [camera, trajectory] : cameras.trajectories)
+      if (const auto pose = pose_at(trajectory, stamp, kSilentAfter * period_s)) robot.add(camera, {stamp, *pose});
   }
   return robot.now();
 }
@@ -41,10 +41,10 @@ std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, dou
 StampedPose gone_on(const StampedPose& from, const Cameras& cameras, double period_s) {
   const rig::RobotTrajectoryOptions policy;
   StampedPose best = from;
-  for (const auto& [camera, way] : cameras.ways) {
-    const StampedPose& newest = way.back();
+  for (const auto& [camera, trajectory] : cameras.trajectories) {
+    const StampedPose& newest = trajectory.back();
     if (newest.stamp <= best.stamp) continue;
-    const auto then = pose_at(way, from.stamp, kSilentAfter * period_s);
+    const auto then = pose_at(trajectory, from.stamp, kSilentAfter * period_s);
     if (!then) continue;
     const Pose3 off = between(*then, from.map_from_robot), since = between(*then, newest.map_from_robot);
     if (off.t.norm() > policy.doubt_m || off.q.angularDistance(Eigen::Quaterniond::Identity()) > policy.doubt_rad) continue;
@@ -85,9 +85,9 @@ std::optional<RobotInTeam> VisualServer::robot(const RobotId& robot) const {
     for (const ClientView& view : client->seen_at)
       if (const auto place = State::in_team(*state.view, *client, view.map, view.map_from_robot)) {
         where = &all[place->component];
-        where->ways[camera].push_back({view.stamp, place->team_from_robot});
+        where->trajectories[camera].push_back({view.stamp, place->team_from_robot});
       }
-    if (where != nullptr) newest.emplace_back(where->ways[camera].back().stamp, where);
+    if (where != nullptr) newest.emplace_back(where->trajectories[camera].back().stamp, where);
   }
   if (newest.empty()) return std::nullopt;
   std::sort(newest.begin(), newest.end(), [](const auto& a, const auto& b) { return b.first < a.first; });

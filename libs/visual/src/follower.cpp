@@ -56,10 +56,10 @@ Attempt Follower::follow(const Frame& frame, const Pyramid& picture, double inte
 }
 
 Departure Follower::departure_to(const View& found, int among, Stamp now) const {
-  const Station here{now, way, found};
-  if (among == session) return departure({last_stamp, last_way, view}, here, options.session);
+  const Station here{now, driven, found};
+  if (among == session) return departure({last_stamp, last_driven, view}, here, options.session);
   const Keyframe& left = map.keyframe(newest_of(map, among));
-  return departure({left.stamp, left.way, left.view}, here, options.session);
+  return departure({left.stamp, left.driven, left.view}, here, options.session);
 }
 
 Attempt Follower::find_again(const Pyramid& picture, Stamp now, Attempt best) {
@@ -75,7 +75,7 @@ Attempt Follower::find_again(const Pyramid& picture, Stamp now, Attempt best) {
     const Motion speed = among == session ? motion_of(*found * view.inverse(), interval_s) : Motion();
     Attempt attempt = locate(picture, among, *found, speed);
     if (answer == Allowed::yes) return attempt;
-    if (is_good(attempt)) way.refused_m = std::min(way.refused_m, off.error_m);
+    if (is_good(attempt)) driven.refused_m = std::min(driven.refused_m, off.error_m);
     return Attempt();
   };
   if (is_good(best) && allowed(departure_to(best.pose.view, session, now), repeats_m) != Allowed::yes) best = Attempt();

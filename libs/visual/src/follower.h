@@ -23,12 +23,12 @@ struct Follower {
   // Of the last frame that was tracked.
   Pyramid last;
   Stamp last_stamp;
-  Way last_way;
+  DrivenMotion last_driven;
   View view, motion;  // camera_from_map; view from the view before
   std::vector<Match> matches;
   int session = 0;
   int reference = -1;   // the newest keyframe, or the one where the camera found itself again
-  Way way;              // to the frame that is looked at
+  DrivenMotion driven;  // to the frame that is looked at
   double lost_s = 0.0;  // of seeing something since
 
   // From the frame before: pictures are laid on each other.

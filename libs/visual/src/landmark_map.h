@@ -2,9 +2,9 @@
 // What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used again once empty,
 // so that memory stays bounded; serial numbers are never used again.
 
+#include "driven_motion.h"
 #include "patch.h"
 #include "pose_from_points.h"
-#include "way.h"
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/stamp.h>
@@ -70,7 +70,7 @@ View frame_from_keyframe(const AnchoredFrame& frame);
 struct Keyframe {
   Stamp stamp;
   View view;
-  Way way;
+  DrivenMotion driven;
   std::uint32_t serial = 0;
   int session = 0;
   bool gone = false;

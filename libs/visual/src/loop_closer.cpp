@@ -69,24 +69,24 @@ NodeId id_of(int keyframe) {
 }
 
 // Along ties, metres from one keyframe to another; infinite where nothing leads there.
-double way_between(const LandmarkMap& map, int from, int to) {
+double path_between(const LandmarkMap& map, int from, int to) {
   std::vector<std::vector<int>> neighbours(map.keyframes.size());
   for (const Tie& tie : ties_of(map, map.keyframe(from).session, kTied)) {
     neighbours[static_cast<std::size_t>(tie.from)].push_back(tie.to);
     neighbours[static_cast<std::size_t>(tie.to)].push_back(tie.from);
   }
-  std::vector<double> way(map.keyframes.size(), std::numeric_limits<double>::infinity());
+  std::vector<double> path(map.keyframes.size(), std::numeric_limits<double>::infinity());
   using Entry = std::pair<double, int>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
-  open.emplace(way[static_cast<std::size_t>(from)] = 0.0, from);
+  open.emplace(path[static_cast<std::size_t>(from)] = 0.0, from);
   while (!open.empty()) {
     const auto [length, here] = open.top();
     open.pop();
     if (here == to) return length;
-    if (length > way[static_cast<std::size_t>(here)]) continue;
+    if (length > path[static_cast<std::size_t>(here)]) continue;
     for (int next : neighbours[static_cast<std::size_t>(here)]) {
       const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
-      if (longer < way[static_cast<std::size_t>(next)]) open.emplace(way[static_cast<std::size_t>(next)] = longer, next);
+      if (longer < path[static_cast<std::size_t>(next)]) open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
     }
   }
   return std::numeric_limits<double>::infinity();
@@ -259,18 +259,18 @@ Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop
   if (here == there) {
     const View correction = correction_of(map, loop);
     const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
-    const double way = way_between(map, loop.newest, loop.earlier);
+    const double path = path_between(map, loop.newest, loop.earlier);
     // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The loop tells which, and
     // how far the way since then may have led astray.
-    const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * way;
-    const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * way;
+    const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * path;
+    const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * path;
     return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};
   }
   const auto [left, begun] = nearest_in_time(map, there, here);
   const Keyframe &last = map.keyframe(left), &first = map.keyframe(begun);
   const View first_as_claimed = stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
-  Departure off = departure({last.stamp, last.way, last.view}, {first.stamp, first.way, first_as_claimed}, options_.session);
-  off.reach_m += drift * (way_between(map, left, loop.earlier) + way_between(map, begun, loop.newest));
+  Departure off = departure({last.stamp, last.driven, last.view}, {first.stamp, first.driven, first_as_claimed}, options_.session);
+  off.reach_m += drift * (path_between(map, left, loop.earlier) + path_between(map, begun, loop.newest));
   return off;
 }
 

@@ -68,8 +68,8 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   for (std::size_t i = 1; i < order.size(); ++i) {
     const Keyframe &last = map.keyframe(keyframes_[order[i - 1]].slot), &here = map.keyframe(keyframes_[order[i]].slot);
     driven_m[i] = driven_m[i - 1], mapped_m[i] = mapped_m[i - 1];
-    if (!last.way.odometry_from_camera || !here.way.odometry_from_camera) continue;
-    const double step_m = between(*last.way.odometry_from_camera, *here.way.odometry_from_camera).t.norm();
+    if (!last.driven.odometry_from_camera || !here.driven.odometry_from_camera) continue;
+    const double step_m = between(*last.driven.odometry_from_camera, *here.driven.odometry_from_camera).t.norm();
     constexpr double kLeast_m = 0.02;  // less tells of noise
     if (step_m > kLeast_m) driven_m[i] += step_m, mapped_m[i] += (here.view.centre() - last.view.centre()).norm();
   }

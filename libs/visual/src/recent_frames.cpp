@@ -20,7 +20,7 @@ void RecentFrames::add(const Station& station, double share) {
 }
 
 bool RecentFrames::contradict(const Attempt& attempt, const Station& now, const SessionOptions& options) const {
-  if (frames_.empty() || !now.way.odometry_from_camera || !oldest().way.odometry_from_camera) return false;
+  if (frames_.empty() || !now.driven.odometry_from_camera || !oldest().driven.odometry_from_camera) return false;
   const bool torn =
       share_of(attempt) < kTorn || std::any_of(frames_.begin(), frames_.end(), [](const Recent& one) { return one.share < kTorn; });
   const Departure off = departure(oldest(), now, options);

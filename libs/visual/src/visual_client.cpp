@@ -62,7 +62,7 @@ struct VisualClient::State : Follower {
       if (closer) closer->remove(keyframe);
     });
     reference = newest_of(map, session);
-    view = there.view, motion = View(), last_stamp = there.stamp, last_way = there.way;
+    view = there.view, motion = View(), last_stamp = there.stamp, last_driven = there.driven;
     drop_what_is_gone();
   }
 
@@ -84,7 +84,7 @@ struct VisualClient::State : Follower {
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
     reference = add_keyframe(map, session, frame, picture, view, speed, dynamic_outliers, matches, options);
-    map.keyframe(reference).way = way;
+    map.keyframe(reference).driven = driven;
     look_for_borrowed(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
@@ -193,7 +193,7 @@ struct VisualClient::State : Follower {
       std::swap(matches, none), view = before;
       return false;
     }
-    map.keyframe(made).way = way;
+    map.keyframe(made).driven = driven;
     reference = made, reference_landmarks = matches.size();
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, reference);
@@ -207,7 +207,7 @@ struct VisualClient::State : Follower {
     const auto made = mono_start.add(map, number, frame, picture, seen, options);
     if (!made) return false;
     matches = std::move(seen);
-    map.keyframe(made->first).way = map.keyframe(made->second).way = way;
+    map.keyframe(made->first).driven = map.keyframe(made->second).driven = driven;
     reference = made->second, reference_landmarks = matches.size(), view = map.keyframe(reference).view;
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, made->first), closer->add(map, made->second);
@@ -217,8 +217,8 @@ struct VisualClient::State : Follower {
   }
 
   Tracked kept(Stamp stamp, bool keyframe) {
-    way.refused_m = std::numeric_limits<double>::infinity();
-    last_stamp = stamp, last_way = way, lost_s = 0.0, lost_stamp = stamp;
+    driven.refused_m = std::numeric_limits<double>::infinity();
+    last_stamp = stamp, last_driven = driven, lost_s = 0.0, lost_stamp = stamp;
     exchange.clear();
     map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
     if (const auto most = static_cast<std::size_t>(options.memory.frames); ++frames > most) frames = thin_frames(map, most);
@@ -255,7 +255,7 @@ struct VisualClient::State : Follower {
 
   Tracked add(const Frame& frame, Pyramid picture) {
     if (!begun) begun = frame.stamp;
-    go_on(way, frame.odometry_from_camera);
+    go_on(driven, frame.odometry_from_camera);
     if (!noted_delay && !frame.depth.image.empty() && std::abs(frame.depth.delay_s) > kLongestInterval_s) {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
@@ -270,7 +270,7 @@ struct VisualClient::State : Follower {
     Attempt attempt = follow(frame, picture, interval_s);
     const bool just_now = lost_stamp == last_stamp || (lost_s == 0.0 && interval_s < kCarried_s);
     bool followed = just_now && is_good(attempt, true);
-    if (followed && !map.monocular && recent.contradict(attempt, {frame.stamp, way, attempt.pose.view}, options.session))
+    if (followed && !map.monocular && recent.contradict(attempt, {frame.stamp, driven, attempt.pose.view}, options.session))
       followed = false, attempt = Attempt(), go_back(Station(recent.oldest()));
     if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
@@ -296,7 +296,7 @@ struct VisualClient::State : Follower {
     const bool keyframe = keyframe_is_due();
     if (keyframe) make_keyframe(frame, picture, attempt.motion);
     last = std::move(picture);
-    recent.add({frame.stamp, way, view}, share);
+    recent.add({frame.stamp, driven, view}, share);
     return kept(frame.stamp, keyframe);
   }
 
@@ -334,7 +334,7 @@ struct VisualClient::State : Follower {
     map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
     matches = std::move(checked->matches), view = checked->view, motion = View();
     reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
-    map.keyframe(reference).way = way;
+    map.keyframe(reference).driven = driven;
     reference_landmarks = matches.size(), session = number;
     if (begins) sessions_begun = number + 1, reanchored.push_back({number, answer.map}), map.reanchored.push_back(number);
     if (closer) closer->add(map, reference);

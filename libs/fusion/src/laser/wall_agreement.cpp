@@ -245,11 +245,11 @@ double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::arra
         double sum = 0.0;
         for (std::size_t side = 0; side < 2; ++side) {
           const std::size_t count = std::min(kMostShiftedWalls, known[side].size());
-          const double way = side == 0 ? 1.0 : -1.0;
+          const double direction = side == 0 ? 1.0 : -1.0;
           std::size_t hits = 0;
           for (std::size_t i = 0; i < count; ++i) {
             const WallPoint& wall = known[side][i * known[side].size() / count];
-            hits += sides[1 - side].at(wall.x + way * shift.x(), wall.y + way * shift.y());
+            hits += sides[1 - side].at(wall.x + direction * shift.x(), wall.y + direction * shift.y());
           }
           if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
         }

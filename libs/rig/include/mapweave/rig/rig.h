@@ -27,7 +27,7 @@ struct RigOptions {
   int least_shared = kCovisibleMotion.least_shared;
   double wrong_m = 0.05, wrong_share = 0.12, wrong_rad = 0.05;
   double most_wrong = 0.5;
-  RobotTrajectoryOptions way;
+  RobotTrajectoryOptions trajectory;
   template <class Visitor>
   void describe(Visitor& v) {
     v.flag("enabled", enabled, "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
@@ -75,7 +75,7 @@ struct RigOptions {
     v.fraction("most_wrong", most_wrong,
                "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong extrinsics, and the "
                "maps stay apart");
-    v.section("way", way, "the robot's trajectory averaged over its cameras");
+    v.section("way", trajectory, "the robot's trajectory averaged over its cameras");
   }
 };
 

@@ -25,7 +25,7 @@ struct CameraResult {
 };
 
 // Poses of the robot by one camera's frames.
-struct CameraWay {
+struct FrameTrajectory {
   std::string label;
   std::vector<StampedPose> frames;
 };
@@ -34,15 +34,15 @@ struct CameraWay {
 std::string sensor_name(const std::string& label);
 
 struct CameraMap {
-  Map map;                       // keyframes and landmarks
-  std::vector<CameraWay> ways;   // of its cameras; the first one gave the frame
-  std::vector<StampedPose> way;  // the robot's, by all of them
-  RigReport rig;                 // of several
+  Map map;                                    // keyframes and landmarks
+  std::vector<FrameTrajectory> trajectories;  // of its cameras; the first one gave the frame
+  std::vector<StampedPose> trajectory;        // the robot's, by all of them
+  RigReport rig;                              // of several
 };
 
 // One way of all: `ways` are those of the map's cameras, or what became of them elsewhere.
-std::vector<StampedPose> robot_way(const Map&, const std::vector<CameraWay>& ways, const std::vector<StampedPose>& odometry,
-                                   const rig::RobotTrajectoryOptions&);
+std::vector<StampedPose> robot_trajectory_of(const Map&, const std::vector<FrameTrajectory>& trajectories,
+                                             const std::vector<StampedPose>& odometry, const rig::RobotTrajectoryOptions&);
 
 struct CamerasOutcome {
   PlannedRobot robot;

@@ -38,7 +38,7 @@ class FreeSpace {
   // A path with few corners that keeps the clearance all the way and prefers the middle of passages. Both ends must be free. A*.
   std::optional<std::vector<Point2>> path(Point2 from, Point2 to) const;
   // True where every point between keeps at least this distance from walls (known up to 1 m; conservative to within a cell).
-  bool is_straight_way_free(Point2 from, Point2 to, double distance_m) const;
+  bool is_straight_path_free(Point2 from, Point2 to, double distance_m) const;
   // A lower bound, to within 8 cm, of the distance to the nearest wall, or 1 m where it is farther; 0 outside of the building.
   double distance_to_walls(Point2) const;
   double clearance_m() const { return clearance_m_; }

@@ -62,7 +62,7 @@ class CameraAgent {
     MapId map;
     std::uint64_t sequence = 0;
     std::string bytes;
-    bool on_its_way = false;
+    bool in_flight = false;
   };
   struct Numbers {
     std::uint64_t published = 0, confirmed = 0;

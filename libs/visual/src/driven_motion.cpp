@@ -1,31 +1,31 @@
-#include "way.h"
+#include "driven_motion.h"
 
 #include <algorithm>
 #include <cmath>
 
 namespace mapweave::visual {
 
-void go_on(Way& way, const std::optional<Pose3>& odometry_from_camera) {
-  if (way.odometry_from_camera && odometry_from_camera) {
-    const Pose3 moved = between(*way.odometry_from_camera, *odometry_from_camera);
-    way.metres += moved.t.norm(), way.radians += Eigen::AngleAxisd(moved.q).angle();
+void go_on(DrivenMotion& driven, const std::optional<Pose3>& odometry_from_camera) {
+  if (driven.odometry_from_camera && odometry_from_camera) {
+    const Pose3 moved = between(*driven.odometry_from_camera, *odometry_from_camera);
+    driven.metres += moved.t.norm(), driven.radians += Eigen::AngleAxisd(moved.q).angle();
   }
-  way.odometry_from_camera = odometry_from_camera;
+  driven.odometry_from_camera = odometry_from_camera;
 }
 
 Departure departure(const Station& from, const Station& to, const SessionOptions& options) {
   constexpr double kReach_m = 0.5, kOdometry_m = 0.3, kOdometry_rad = 0.1;
-  if (!from.way.odometry_from_camera || !to.way.odometry_from_camera)
+  if (!from.driven.odometry_from_camera || !to.driven.odometry_from_camera)
     return {(to.view.centre() - from.view.centre()).norm(),
             kReach_m + options.carried_m_per_s * std::abs(seconds_between(from.stamp, to.stamp)),
             options.alike_m > 0.0 ? options.alike_m : kUnique_m};
-  const View expected = view_of(between(*from.way.odometry_from_camera, *to.way.odometry_from_camera)) * from.view;
-  const double metres = std::abs(to.way.metres - from.way.metres), radians = std::abs(to.way.radians - from.way.radians);
+  const View expected = view_of(between(*from.driven.odometry_from_camera, *to.driven.odometry_from_camera)) * from.view;
+  const double metres = std::abs(to.driven.metres - from.driven.metres), radians = std::abs(to.driven.radians - from.driven.radians);
   const double reach_rad = kOdometry_rad + options.odometry_drift * radians;
   const double reach_m = kOdometry_m + (options.odometry_drift + reach_rad) * metres;
   if (!(Eigen::AngleAxisd(to.view.rotation * expected.rotation.transpose()).angle() < reach_rad))
     return {std::numeric_limits<double>::infinity(), reach_m};
-  const double refused_m = from.stamp < to.stamp ? to.way.refused_m : from.way.refused_m;
+  const double refused_m = from.stamp < to.stamp ? to.driven.refused_m : from.driven.refused_m;
   return {(to.view.centre() - expected.centre()).norm(), std::min(reach_m, 0.5 * refused_m)};
 }
 

@@ -1,4 +1,4 @@
-#include "way.h"
+#include "driven_motion.h"
 
 #include <support/painted_room.h>
 
@@ -11,25 +11,25 @@ namespace {
 Station station(double seconds, const Pose3& map_from_camera, const std::optional<Pose3>& odometry, double metres) {
   Station result;
   result.stamp = stamp_from_seconds(seconds);
-  result.way.odometry_from_camera = odometry, result.way.metres = metres;
+  result.driven.odometry_from_camera = odometry, result.driven.metres = metres;
   result.view = view_of(map_from_camera);
   return result;
 }
 Pose3 ahead(double metres, double turned = 0.0) { return test::standing(0.0, metres, turned); }
 
-TEST(Way, adds_up_what_odometry_says) {
-  Way way;
-  go_on(way, std::nullopt);
-  go_on(way, ahead(1.0));
-  go_on(way, ahead(1.5, 0.2));
-  EXPECT_NEAR(way.metres, 0.5, 1e-9);
-  EXPECT_NEAR(way.radians, 0.2, 1e-9);
-  go_on(way, std::nullopt);
-  go_on(way, ahead(9.0));
-  EXPECT_NEAR(way.metres, 0.5, 1e-9) << "nothing is known of the way while odometry is silent";
+TEST(DrivenMotion, adds_up_what_odometry_says) {
+  DrivenMotion driven;
+  go_on(driven, std::nullopt);
+  go_on(driven, ahead(1.0));
+  go_on(driven, ahead(1.5, 0.2));
+  EXPECT_NEAR(driven.metres, 0.5, 1e-9);
+  EXPECT_NEAR(driven.radians, 0.2, 1e-9);
+  go_on(driven, std::nullopt);
+  go_on(driven, ahead(9.0));
+  EXPECT_NEAR(driven.metres, 0.5, 1e-9) << "nothing is known of the way while odometry is silent";
 }
 
-TEST(Way, odometry_allows_more_the_farther_it_drove) {
+TEST(DrivenMotion, odometry_allows_more_the_farther_it_drove) {
   const Station start = station(0, ahead(0), ahead(5), 0);
   for (const double driven : {0.0, 2.0, 4.0}) {
     const Departure right = departure(start, station(9, ahead(driven), ahead(5 + driven), driven), {});
@@ -42,15 +42,15 @@ TEST(Way, odometry_allows_more_the_farther_it_drove) {
   EXPECT_EQ(allowed(departure(start, station(9, ahead(0, 0.5), ahead(5), 0), {}), kUnique_m), Allowed::no) << "it looks elsewhere";
 }
 
-TEST(Way, drift_does_not_lead_to_what_was_refused) {
+TEST(DrivenMotion, drift_does_not_lead_to_what_was_refused) {
   const Station start = station(0, ahead(0), ahead(0), 0);
   Station later = station(9, ahead(3.6), ahead(3), 3);
   EXPECT_EQ(allowed(departure(start, later, {}), kUnique_m), Allowed::yes);
-  later.way.refused_m = 0.6;
+  later.driven.refused_m = 0.6;
   EXPECT_EQ(allowed(departure(start, later, {}), kUnique_m), Allowed::no);
 }
 
-TEST(Way, without_odometry_time_decides) {
+TEST(DrivenMotion, without_odometry_time_decides) {
   const Station start = station(0, ahead(0), std::nullopt, 0);
   EXPECT_EQ(allowed(departure(start, station(1, ahead(1), std::nullopt, 0), {}), kUnique_m), Allowed::yes);
   EXPECT_EQ(allowed(departure(start, station(1, ahead(2), std::nullopt, 0), {}), kUnique_m), Allowed::no);
@@ -61,7 +61,7 @@ TEST(Way, without_odometry_time_decides) {
   EXPECT_EQ(allowed(departure(start, station(4, ahead(1), std::nullopt, 0), unique), kUnique_m), Allowed::yes);
 }
 
-TEST(Way, what_a_twin_explains_as_well_is_unclear) {
+TEST(DrivenMotion, what_a_twin_explains_as_well_is_unclear) {
   EXPECT_EQ(allowed({1.0, 2.0}, kUnique_m), Allowed::yes);
   EXPECT_EQ(allowed({1.0, 2.0}, 4.0), Allowed::yes);
   EXPECT_EQ(allowed({2.5, 3.0}, 4.0), Allowed::unclear);

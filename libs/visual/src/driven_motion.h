@@ -16,19 +16,19 @@ namespace mapweave::visual {
 inline constexpr double kUnique_m = std::numeric_limits<double>::infinity();
 
 // Up to a frame, since the first one.
-struct Way {
+struct DrivenMotion {
   std::optional<Pose3> odometry_from_camera;
   double metres = 0.0, radians = 0.0;  // driven by odometry
   // Places that look as the camera does now were refused so near, at least, since it was lost. Odometry drifts, but not towards them.
   double refused_m = std::numeric_limits<double>::infinity();
 };
 // To the next frame.
-void go_on(Way& way, const std::optional<Pose3>& odometry_from_camera);
+void go_on(DrivenMotion& driven, const std::optional<Pose3>& odometry_from_camera);
 
 // A camera in a map.
 struct Station {
   Stamp stamp;
-  Way way;
+  DrivenMotion driven;
   View view;
 };
 

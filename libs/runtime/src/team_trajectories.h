@@ -8,11 +8,11 @@
 namespace mapweave::runtime {
 
 // Of each member's robot; of keyframes alone where `cameras` do not hold a member (stored maps).
-std::vector<exporters::SessionTrajectory> team_ways(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
-                                                    const rig::RobotTrajectoryOptions& options);
+std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
+                                                            const rig::RobotTrajectoryOptions& options);
 
 // One camera's frames in the team's map. `scale`: by which the member's lengths grew.
-std::vector<StampedPose> carried_along(const CameraMap& part, const CameraWay& way, const Map& team, double scale);
+std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTrajectory& trajectory, const Map& team, double scale);
 
 bool has_keyframes(const Map&);
 
