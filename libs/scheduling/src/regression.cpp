@@ -63,17 +63,17 @@ Regression fit(const Eigen::MatrixXd& basis, const Eigen::VectorXd& measured) {
   Regression best;
   best.coefficients.assign(static_cast<std::size_t>(columns), 0.0);
   best.inverse_normal = Eigen::MatrixXd::Zero(columns, columns);
-  const Eigen::VectorXd lengths = basis.colwise().norm().transpose();  // columns of length 1 keep their digits
+  const Eigen::VectorXd norms = basis.colwise().norm().transpose();  // columns of length 1 keep their digits
   Eigen::VectorXd left = measured;
   double least = measured.squaredNorm();
   for (unsigned choice = 1; choice < 1u << columns; ++choice) {
     std::vector<Eigen::Index> free;
     for (Eigen::Index i = 0; i < columns; ++i)
       if ((choice >> i & 1u) != 0) free.push_back(i);
-    const bool nothing = std::any_of(free.begin(), free.end(), [&](Eigen::Index i) { return lengths[i] == 0.0; });
+    const bool nothing = std::any_of(free.begin(), free.end(), [&](Eigen::Index i) { return norms[i] == 0.0; });
     if (nothing || static_cast<Eigen::Index>(free.size()) > rows) continue;
     Eigen::MatrixXd part(rows, static_cast<Eigen::Index>(free.size()));
-    for (std::size_t i = 0; i < free.size(); ++i) part.col(static_cast<Eigen::Index>(i)) = basis.col(free[i]) / lengths[free[i]];
+    for (std::size_t i = 0; i < free.size(); ++i) part.col(static_cast<Eigen::Index>(i)) = basis.col(free[i]) / norms[free[i]];
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver(part);
     if (solver.rank() < part.cols()) continue;
     const Eigen::VectorXd found = solver.solve(measured), off = measured - part * found;
@@ -85,10 +85,10 @@ Regression fit(const Eigen::MatrixXd& basis, const Eigen::VectorXd& measured) {
     best.inverse_normal = Eigen::MatrixXd::Zero(columns, columns);
     const Eigen::MatrixXd inverse = (part.transpose() * part).inverse();
     for (std::size_t i = 0; i < free.size(); ++i) {
-      best.coefficients[static_cast<std::size_t>(free[i])] = found[static_cast<Eigen::Index>(i)] / lengths[free[i]];
+      best.coefficients[static_cast<std::size_t>(free[i])] = found[static_cast<Eigen::Index>(i)] / norms[free[i]];
       for (std::size_t j = 0; j < free.size(); ++j)
         best.inverse_normal(free[i], free[j]) =
-            inverse(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) / (lengths[free[i]] * lengths[free[j]]);
+            inverse(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) / (norms[free[i]] * norms[free[j]]);
     }
     best.degrees_of_freedom = static_cast<std::size_t>(rows) - free.size();
   }

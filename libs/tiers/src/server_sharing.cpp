@@ -62,7 +62,7 @@ bool VisualServer::State::has_scale_of_others(const Client& client) const {
   });
 }
 
-void VisualServer::State::note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
+void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const {
   if (std::exchange(part.owners_by, views) == views) return;
   std::set<SessionId> not_shared{to};
   // A camera that measures its scale would come to rest on the scale that a rig camera has from itself.
@@ -80,7 +80,7 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
-  note_lenders(part, to, member);
+  note_owners(part, to, member);
   const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.owner_of_session[seen.session] << 32 | seen.index; };
   const matching::Frustum seen_from = frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is told

@@ -154,7 +154,7 @@ struct VisualServer::State {
                                            const Pose3& map_from_robot);
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
-  void note_lenders(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
+  void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
   void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view, const TeamView::Member& member,
                        const Node& near, std::size_t most, Share& share) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
