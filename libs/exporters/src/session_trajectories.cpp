@@ -17,7 +17,7 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
     trajectories.back().poses.push_back({node.stamp, node.map_from_node});
     (keyframe_of(node) != nullptr ? seeing : scanning).insert(id.session);
   }
-  // The way of a robot that has a laser too is told once.
+  // The trajectory of a robot that has a laser too is written once.
   const auto is_known = [&](const SessionTrajectory& trajectory) {
     return seeing.count(trajectory.session) != 0 && std::any_of(scanning.begin(), scanning.end(), [&](const SessionId& session) {
              return session.client.robot == trajectory.session.client.robot && seeing.count(session) == 0;

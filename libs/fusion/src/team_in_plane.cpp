@@ -148,7 +148,7 @@ std::vector<Constraint> TeamInPlane::constraints_between(const TeamMembers& memb
   return constraints;
 }
 
-// What lasers alone joined lies well enough to match scans: their graph of submaps bent it.
+// What lasers alone merged lies well enough to match scans: their graph of submaps bent it.
 bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
   const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front());
   return lasers != nullptr && lasers->maps == members.maps &&

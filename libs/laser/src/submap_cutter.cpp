@@ -24,7 +24,8 @@ struct Content {
   double path_m;  // travelled before it
 };
 
-// Submap k holds the content between k and k + 2 half lengths of the way. The last one begins where its predecessor does not reach the end.
+// Submap k holds the content between k and k + 2 half lengths of the path. The last one begins where its predecessor does not reach the
+// end.
 std::vector<Submap> submaps_along(const std::vector<Content>& content, const SessionId& session, double length_m) {
   std::vector<Submap> submaps;
   std::size_t begin = 0;

@@ -187,7 +187,7 @@ std::string encode(const Share& share) {
 }
 
 std::string encode(const Sensed& sensed) {
-  MAPWEAVE_EXPECT(is_valid_name(sensed.robot.str()) && sensed.sequence > 0, "a robot numbers what it tells");
+  MAPWEAVE_EXPECT(is_valid_name(sensed.robot.str()) && sensed.sequence > 0, "a robot numbers what it sends");
   form::Exchange form;
   auto& content = *form.mutable_sensed();
   content.set_robot(sensed.robot.str());

@@ -1,5 +1,5 @@
 #pragma once
-// Progress through a log, by the bytes of its file; and the place where Ctrl-C is heard.
+// Progress through a log, by the bytes of its file; and the place where Ctrl-C is noticed.
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/progress.h>

@@ -150,7 +150,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     cameras.push_back(std::move(robots[i]->cameras));
   }
 
-  // Edges, where they join, fuse what their robots left and tell the cloud, which fuses everything again.
+  // Edges, where they join, fuse what their robots left and send it to the cloud, which fuses everything again.
   std::vector<tiers::EdgeServer> edges;
   tiers::CloudMerger cloud(cloud_tier(), configuration.fusion);
   std::vector<StartedMap> started;
@@ -214,7 +214,7 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
       report.work.fusing_s += process_cpu_seconds() - received_s;
     }
   };
-  // Who has no edge tells the cloud; in mode cloud-only that is everyone.
+  // Who has no edge sends to the cloud; in mode cloud-only that is everyone.
   const auto send_to_cloud = [&] {
     for (std::size_t i = 0; i < outcomes.size(); ++i) {
       if (configuration.mode != Mode::cloud_only && !report.work.robots[i].edge.empty()) continue;
@@ -276,8 +276,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     const std::string name = pushed.robot.str();
     fusion::FusionResult pushed_map;
     pushed_map.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, pushed_map, cameras,
-                           report);
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, pushed_map,
+                           cameras, report);
   }
   results.commit("run", effective(configuration, given), inputs, report);
   return report;

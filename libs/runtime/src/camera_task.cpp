@@ -82,7 +82,7 @@ class Camera {
       part.trajectories.front().frames.push_back(
           {frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
     }
-    MAPWEAVE_EXPECT(published.size() == own.size(), "each session has told of its map");
+    MAPWEAVE_EXPECT(published.size() == own.size(), "each session has published its map");
     for (std::size_t i = 0; i < own.size(); ++i) {
       own[i].map = std::move(published[i]);
       maps.push_back(std::move(own[i]));

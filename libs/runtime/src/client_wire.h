@@ -24,7 +24,7 @@ struct LiveMapServer::Link::Wire {
   double spent_s = 0.0;  // of handlers' time, or as much as others that waited when it came to wait
   ClientCounts counts;   // with its session from hello on
 
-  // What it has to hear. Thread-safe.
+  // What it has to receive. Thread-safe.
   void post(ServerMessage message);
   bool has_room(std::size_t most_bytes);
   void end();

@@ -39,7 +39,7 @@ std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const Camera
   return result;
 }
 
-// A camera on its second way.
+// A camera on its second pass.
 class Revisit {
  public:
   Revisit(const DepthTrajectory& trajectory, const RunConfiguration& configuration)

@@ -137,7 +137,7 @@ std::string heading(const ReportedPair& pair) {
   if (count > 1) return format("the %zu most probable hypotheses%s:\n", count, alone.c_str());
   if (count == 1) return "the hypothesis" + alone + " there was:\n";
   if (pair.reason == Reason::excluded || pair.reason == Reason::same_recording) return "no hypothesis: the two were not compared\n";
-  if (pair.is_accepted) return "no hypothesis is told\n";
+  if (pair.is_accepted) return "no hypothesis is reported\n";
   return "no hypothesis" + alone + ": no place of both was found that fits\n";
 }
 

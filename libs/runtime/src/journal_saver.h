@@ -1,5 +1,5 @@
 #pragma once
-// Puts what a server has heard on the disk, and tells who waits for that. A thread of its own: a disk may take its time.
+// Puts what a server has received on the disk, and informs who waits for that. A thread of its own: a disk may take its time.
 
 #include <mapweave/mapdb/update_journal.h>
 
@@ -34,7 +34,7 @@ class JournalSaver {
   std::size_t unsaved_bytes() const { return unsaved_bytes_; }
   double cpu_seconds() const;
   std::string trouble() const;  // why nothing can be saved now; it tries again. Empty: it can
-  // What waits is saved first, unless that fails: then nobody is told.
+  // What waits is saved first, unless that fails: then nobody is informed.
   void finish();
 
  private:

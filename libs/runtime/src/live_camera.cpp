@@ -63,7 +63,7 @@ bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   const auto run = client.run(place_);
   if (!run) return false;
   if (!greeted_) greeted_ = send(Kind::hello, encode(Hello{*run, matching::shipped_vocabulary().hash()}));
-  if (!welcome_) return true;  // what the server has already is not told again
+  if (!welcome_) return true;  // what the server has already is not published again
   bool is_taken = true;
   const std::vector<std::string> updates = agent_.updates(client, now);
   for (const std::string& update : updates) {

@@ -57,7 +57,7 @@ struct LiveMapServer::State {
   std::vector<SessionId> left;  // whom the maps have not forgotten yet
   ServerCounts counts;
   bool handling_ends = false, merging_ends = false;
-  std::optional<JournalSaver> saver;  // told under maps_mutex: what is in the journal has the order in which maps took it
+  std::optional<JournalSaver> saver;  // filled under maps_mutex: what is in the journal has the order in which maps took it
   std::vector<std::thread> handlers;
   std::thread merger;
   std::once_flag finished;
@@ -113,7 +113,7 @@ struct LiveMapServer::State {
         maps.receive(entry.from, entry.update);
       } catch (const Error& error) {
         throw Error(ErrorCode::kCorrupt, std::string("an update of it does not fit: ") + error.what(), path.string(),
-                    "begin another journal; clients that are still there tell all again");
+                    "begin another journal; clients that are still there publish all again");
       }
     });
     const JournalSaver::Entries all = entries_of(maps.snapshot(), maps.vetoed());
@@ -329,9 +329,9 @@ struct LiveMapServer::State {
     return {};
   }
 
-  // What could not be joined now may be once there is more: clients go on, and what was joined before stays.
+  // What could not be merged now may be once there is more: clients go on, and what was merged before stays.
   void note_merge(double spent_s, double lasted_s, const std::string& trouble, std::vector<std::string> notes) {
-    if (!trouble.empty()) log(LogLevel::error, "the maps could not be joined: " + trouble);
+    if (!trouble.empty()) log(LogLevel::error, "the maps could not be merged: " + trouble);
     for (const std::string& note : notes)
       if (noted.insert(without_numbers(note)).second) log(LogLevel::warning, note);
     const std::lock_guard counting(mutex);

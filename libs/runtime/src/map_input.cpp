@@ -62,7 +62,7 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   if (ending == ".mwj") {
     MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path), {}};
     if (input.maps.empty())
-      throw Error(ErrorCode::kBadInput, "there is no map in it: no client told its server anything", path.string(),
+      throw Error(ErrorCode::kBadInput, "there is no map in it: no client published anything to its server", path.string(),
                   "take a journal that holds maps");
     return input;
   }

@@ -1,5 +1,5 @@
 #pragma once
-// What merges.json tells of one pair of maps, read back to be explained.
+// What merges.json reports of one pair of maps, read back to be explained.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/judgement.h>

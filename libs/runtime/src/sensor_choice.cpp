@@ -95,7 +95,7 @@ ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfigur
                 nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
   }
   if (wanted == CameraKind::automatic && configuration.sensor != SensorChoice::cameras)
-    return {true, {}};  // a laser may still come, and its absence is told by who maps with it
+    return {true, {}};  // a laser may still come, and its absence is reported by who maps with it
   throw Error(ErrorCode::kBadInput,
               "the log has no " + (wanted == CameraKind::automatic ? "camera" : in_words(wanted)) + "; it has " + in_words(found),
               log.string(), "choose another sensor, or leave the choice to auto");

@@ -1,6 +1,6 @@
 #pragma once
-// Robots' cameras that tell their edge's map server what they see while they see it, and hear what others know: by data time, so that
-// neither threads nor the order of robots change a byte.
+// Robots' cameras that publish to their edge's map server what they see while they see it, and receive what others know: by data time, so
+// that neither threads nor the order of robots change a byte.
 
 #include <mapweave/runtime/camera_task.h>
 

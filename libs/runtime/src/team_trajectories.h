@@ -1,5 +1,5 @@
 #pragma once
-// The ways of a team's robots by their cameras' frames: fusion moves keyframes, and each frame moves with the keyframes around it.
+// The trajectories of a team's robots by their cameras' frames: fusion moves keyframes, and each frame moves with the keyframes around it.
 
 #include <mapweave/exporters/session_trajectories.h>
 #include <mapweave/fusion/fuse.h>
@@ -11,7 +11,7 @@ namespace mapweave::runtime {
 std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
                                                             const rig::RobotTrajectoryOptions& options);
 
-// One camera's frames in the team's map. `scale`: by which the member's lengths grew.
+// One camera's frames in the team's map. `scale`: by which the member was rescaled.
 std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTrajectory& trajectory, const Map& team, double scale);
 
 bool has_keyframes(const Map&);

@@ -63,7 +63,7 @@ class Sketch {
     high_ = {std::max(high_.x, point.x), std::max(high_.y, point.y)};
   }
 
-  // Looks from a few points that are spread over the way.
+  // Looks from a few points that are spread over the path.
   static void describe(const std::vector<Point>& path, MapSummary& summary) {
     using Look = MapSummary::Look;
     constexpr double kApart_m = 3.0;

@@ -8,7 +8,7 @@
 
 namespace mapweave::simulation {
 
-// Averages the view's values along each pixel's way during the exposure, of which the view shows the middle. `blurred` gives its memory.
+// Averages the view's values along each pixel's motion during the exposure, of which the view shows the middle. `blurred` gives its memory.
 void blur(RenderedView&, const CameraModel&, const Pose3& world_from_first, const Pose3& world_from_middle, const Pose3& world_from_last,
           std::vector<float>& blurred);
 

@@ -15,7 +15,7 @@ namespace {
 constexpr double kCell = 0.1;         // metres
 constexpr double kFarthest = 1.0;     // distances are known up to here
 constexpr double kPreferred = 0.7;    // paths like to stay this far from walls
-constexpr double kSampleStep = 0.04;  // along a straight way
+constexpr double kSampleStep = 0.04;  // along a straight path
 constexpr double kWithinCell =
     0.5 * kCell * M_SQRT2 + 0.5 * kSampleStep;  // a cell's points, and those between samples, may be nearer by this
 constexpr double kSearchRadius = 2.0;           // for a free point near a wanted one

@@ -29,7 +29,7 @@ class Course {
 
   std::vector<Station> follow(const std::vector<Leg>& legs) {
     std::vector<Point2> points;
-    std::vector<double> speeds;  // of the way to each point
+    std::vector<double> speeds;  // of the path to each point
     for (const Leg& leg : legs) {
       for (const Point2 p : leg.path) {
         if (!points.empty() && distance(points.back(), p) < 1e-6) continue;

@@ -22,7 +22,7 @@ struct MapMerge {
   std::vector<Judgement> kept_judgements;
   std::vector<fusion::PreviousMerge> teams;
   std::vector<std::string> notes;                     // why cameras of one robot stay apart
-  std::size_t keyframes = 0, adjusted_keyframes = 0;  // joined; and when all were adjusted last
+  std::size_t keyframes = 0, adjusted_keyframes = 0;  // merged; and when all were adjusted last
   std::shared_ptr<const TeamView> view;
 
   void run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options, WorkerPool& pool);

@@ -22,8 +22,8 @@ struct Cameras {
   Stamp first, last;  // of the newest poses of those that are
 };
 
-// At a moment up to which all who speak have come. Each told its poses at times of its own, and a robot turns in between: they are compared
-// as if they had spoken together, and often.
+// At a moment up to which all who speak have come. Each reported its poses at times of its own, and a robot turns in between: they are
+// compared as if they had spoken together, and often.
 std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, double period_s) {
   rig::RobotTrajectoryOptions policy;
   policy.longest_gap_s = 0.5 * period_s, policy.hand_over_s = kSilentAfter * period_s;

@@ -14,7 +14,7 @@ constexpr std::uint32_t kHeldFor = 20;    // shares out of view: clients forget 
 constexpr std::uint32_t kSweepEvery = 4;  // shares
 constexpr std::size_t kMostHeld = 2500;   // clients hold 3000
 constexpr std::uint64_t kNobody = 0;      // shares
-constexpr double kResent_m = 0.01;        // a landmark that moved by more is told again
+constexpr double kResent_m = 0.01;        // a landmark that moved by more is sent again
 constexpr double kUnchanged_m = 0.05;     // a client whose keyframes moved by more since the merge began knows better
 constexpr double kLandmarkBytes = 70.0;   // on the wire, about
 
@@ -83,7 +83,7 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
   note_owners(part, to, member);
   const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.owner_of_session[seen.session] << 32 | seen.index; };
   const matching::Frustum seen_from = frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
-  std::vector<std::uint64_t> keys;  // of what is told
+  std::vector<std::uint64_t> keys;  // of what is shared
   const auto all = landmarks.look(seen_from, options.retrieval, to.client);
   for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
   for (const matching::LandmarkIndex::Seen& seen : all) {

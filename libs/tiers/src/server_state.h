@@ -14,14 +14,14 @@ namespace mapweave::tiers {
 
 inline std::string name_of(const SessionId& session) { return "client " + to_string(session); }
 
-// Where a robot is in the team, and the way back: by its camera, which alone goes with the lengths of its map.
+// Where a robot is in the team, and back: by its camera, which alone goes with the scale of its map.
 inline Pose3 carried(const Sim3& team_from_map, const Pose3& map_from_robot, const Pose3& robot_from_camera) {
   const Pose3 map_from_camera = compose(map_from_robot, robot_from_camera);
   return compose(compose(team_from_map.pose, Pose3{team_from_map.scale * map_from_camera.t, map_from_camera.q}),
                  inverse(robot_from_camera));
 }
 
-// Landmarks that a client may still be told.
+// Landmarks that a client may still be sent.
 std::size_t landmarks_within(const ByteAllowance& downlink);
 // So many of them, from all over.
 template <class T>
@@ -100,8 +100,8 @@ struct VisualServer::State {
   std::shared_ptr<const TeamView> view;
   std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
   std::uint64_t views = 0;                          // counted
-  std::size_t keyframes = 0, merged_keyframes = 0;  // told; told when the maps were joined last
-  std::size_t counted = 0;                          // of those told, at the last advance
+  std::size_t keyframes = 0, merged_keyframes = 0;  // published; when the maps were merged last
+  std::size_t counted = 0;                          // of those published, at the last advance
   std::optional<Stamp> published_at;                // any of them, at an advance
   std::set<SessionId> published_since;              // clients that published any of them since
   bool vetoed_since = false;
@@ -136,7 +136,7 @@ struct VisualServer::State {
   // Runs of other cameras of its robot.
   using Entry = std::pair<const SessionId, Client>;
   std::vector<const Entry*> rig_cameras(const ClientId& camera) const;
-  // Whether the team gave one of its maps the lengths of others: a single camera does not measure them.
+  // Whether the team gave one of its maps the scale of others: a single camera does not measure them.
   bool has_scale_of_others(const Client& client) const;
 
   // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.

@@ -14,7 +14,7 @@ class SharedLandmarkTable {
   struct Shared {
     std::uint64_t key = 0;  // not 0
     Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
-    float resent_m = 0.0F;     // is told again once it lies farther off
+    float resent_m = 0.0F;     // is sent again once it lies farther off
     std::uint32_t wanted = 0;  // the share, counted, that it was in the view of last
   };
 

@@ -1,5 +1,5 @@
 #pragma once
-// What maps look like once they are joined, ready to be asked: where a client is in it, what it may see there, where a picture was taken.
+// What maps look like once they are merged, ready to be asked: where a client is in it, what it may see there, where a picture was taken.
 
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/fusion/place_finder.h>
@@ -14,7 +14,7 @@ namespace mapweave::tiers {
 
 class TeamView {
  public:
-  // `input`: what was joined to `result`.
+  // `input`: what was merged to `result`.
   TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
            const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool);
 
@@ -43,7 +43,7 @@ class TeamView {
   // Where a client's map lies in the team.
   struct Member {
     const Component* component;
-    double scale = 1.0;              // of the team's lengths in those of the map
+    double scale = 1.0;              // of the team, in units of the map
     Table<NodeId, Pose3> published;  // of its nodes, as its client said when the merge began
     struct Placed {
       NodeId id;
@@ -60,7 +60,7 @@ class TeamView {
 };
 
 // The map's frame in the team's around one of its keyframes: maps bend, so a single transform holds for a part of it alone. Of the camera
-// and of what it sees: the robot under it does not grow with its map's lengths.
+// and of what it sees: the robot under it does not grow with its map's scale.
 Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member);
 
 }  // namespace mapweave::tiers

@@ -33,7 +33,7 @@ std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes,
     if (next.update.sequence <= stored_) continue;
     try {
       store(next.update);
-    } catch (const Error&) {  // awaited again: its sender hears of it then
+    } catch (const Error&) {  // awaited again: its sender is informed then
       break;
     }
     stored.push_back(std::move(next.update));

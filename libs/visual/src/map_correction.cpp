@@ -256,7 +256,7 @@ void join_sessions(LandmarkMap& map, FoundLoop& loop) {
   const View newest = map.keyframe(loop.newest).view;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const int kept = std::min(here, there), moved = std::max(here, there);
-  // One camera in both maps, and how its lengths grow.
+  // One camera in both maps, and how its scale grows.
   const View from = moved == here ? newest : loop.view, to = moved == here ? loop.view : newest;
   const double scale = moved == here ? loop.scale : 1.0 / loop.scale;
   for (Landmark& landmark : map.landmarks)

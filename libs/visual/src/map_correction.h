@@ -13,7 +13,7 @@ class MapCorrection {
  public:
   MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px);
   void run();  // pure; on any thread, once
-  // After run(). What was added since moves along with the keyframe before it. Answers by how much the lengths of each keyframe have grown.
+  // After run(). What was added since moves along with the keyframe before it. Answers by how much the scale of each keyframe has grown.
   std::vector<double> apply(LandmarkMap& map) const;
   const FoundLoop& loop() const { return loop_; }
 
@@ -34,21 +34,21 @@ class MapCorrection {
   std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out
 };
 
-// Where a keyframe is to be, and how its lengths grow.
+// Where a keyframe is to be, and how its scale grows.
 struct KeyframeMotion {
   int keyframe = 0;
   View view;
   double scale = 1.0;
 };
-// Of a session's keyframes to where others say that the robot was (Share::corrected, in the frame of the map that is told); nothing where
-// that is not sound, or not about keyframes of `own`.
+// Of a session's keyframes to where others say that the robot was (Share::corrected, in the frame of the map that is published); nothing
+// where that is not sound, or not about keyframes of `own`.
 std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own, const std::vector<MovedNode>& corrected,
                                        const Pose3& robot_from_camera, double scale);
 // The other keyframes of the session move along with the one before them (those before the first stay), landmarks with the keyframe that
-// saw them first, and what is measured in the map's lengths grows with them. Answers the scales, by slot.
+// saw them first, and what is measured in the map's unit grows with them. Answers the scales, by slot.
 std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions);
 
-// A view whose camera's lengths grow: (view from the other) with its translation so much longer.
+// A view whose camera's scale grows: (view from the other) with its translation so much longer.
 inline View stretched(View view, double scale) {
   view.translation *= scale;
   return view;

@@ -12,9 +12,9 @@ constexpr double kMoved_m = 0.002, kMoved_rad = 0.001;
 constexpr double kLandmarkMoved = 0.003;  // of its distance
 constexpr double kLevelScale = 1.2;       // of the features' pyramid
 
-// What is told of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form on a wire is short where
-// all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: borrowed landmarks are found by
-// them.
+// What is published of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form on a wire is short
+// where all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: borrowed landmarks are
+// found by them.
 constexpr std::uint16_t kDepthSteps = 4, kAngleSteps = 4;
 
 std::uint16_t coarse(std::uint16_t units, std::uint16_t steps) {
@@ -108,7 +108,7 @@ LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observa
   result.u = pixel_units(std::clamp(pixel.x(), 0.0, map.camera.width - 1.0));
   result.v = pixel_units(std::clamp(pixel.y(), 0.0, map.camera.height - 1.0));
   const double inverse_depth = sighting.inverse_depth - map.calibration.inverse_depth_offset;
-  // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: nobody else is told.
+  // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: they are not published.
   const bool is_sure = !map.monocular && (map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_);
   if (sighting.inverse_depth_sigma > 0.0 && is_sure && inverse_depth > 0.0) result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);
   // The sighting's deviation is 2^level times that of level 0.
@@ -193,7 +193,7 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   }
 }
 
-// Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not told unless all is.
+// Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not published unless all is.
 void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail detail) {
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;
   borrowed_.resize(std::max(borrowed_.size(), map.landmarks.size()));

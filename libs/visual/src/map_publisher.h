@@ -1,5 +1,5 @@
 #pragma once
-// What others are told of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3: light updates).
+// What is published of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3: light updates).
 
 #include "landmark_map.h"
 
@@ -22,7 +22,7 @@ class MapPublisher {
   MapPublisher(ClientPlace place, SessionId session, double sigma_px, double inverse_depth_sigma);
   // What changed since the last call, one update for each map that it touches.
   std::vector<MapUpdate> take(const LandmarkMap& map, PublishedDetail detail);
-  // Of one map, what was told: the next update of it says all, and builds on nothing.
+  // Of one map, what was published: the next update of it says all, and builds on nothing.
   void forget(int part);
 
  private:

@@ -149,7 +149,7 @@ struct VisualClient::State : Follower {
     drop_what_is_gone();
   }
 
-  // As `move` does with the map: answers by how much the lengths of each keyframe grow.
+  // As `move` does with the map: answers by how much the scale of each keyframe grows.
   template <class Move>
   void carry_view(const Move& move) {
     const View view_from_reference = view * map.keyframe(reference).view.inverse();

@@ -20,7 +20,7 @@ constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
-constexpr int kMostMendings = 6, kMostMendingsAlone = 2;  // of a team; of two groups that are not joined yet
+constexpr int kMostMendings = 6, kMostMendingsAlone = 2;  // of a team; of two groups that are not merged yet
 constexpr std::size_t kFewestToMend = 3;                  // matches
 constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says

@@ -1,4 +1,4 @@
-// What is told of a pair of maps beside the decision: the hypotheses there were, and what became of a prior.
+// What is reported of a pair of maps beside the decision: the hypotheses there were, and what became of a prior.
 
 #include "laser_team.h"
 

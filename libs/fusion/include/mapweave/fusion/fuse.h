@@ -40,10 +40,10 @@ struct FusionInput {
   std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
   std::set<Hash> vetoed;  // judgements not to be believed
   TierId by;              // who asks; stands in the verdicts
-  // Judgements made when the maps were smaller: keyframes that know their lengths are not judged again where one of these names both. For
+  // Judgements made when the maps were smaller: keyframes of metric scale are not judged again where one of these names both. For
   // previews of maps that grow; who wants a sealed result gives none.
   std::vector<Judgement> judged = {};
-  // For the same previews, of maps that know their lengths: only keyframes that are new are compared, each with the few of all other maps
+  // For the same previews, of metric maps: only keyframes that are new are compared, each with the few of all other maps
   // that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new says that they lie
   // elsewhere.
   std::vector<PreviousMerge> teams = {};
@@ -62,7 +62,7 @@ struct Component {
   // Of each member's map frame after fusion, by its first node. Where lengths grew, of what cameras saw and of where they were: a point of
   // the map, times the scale, lies there; robots are under their cameras, which sit on them in metres whatever lengths the map has.
   Table<MapId, Pose3> team_from_map;
-  Table<MapId, double> scales;  // of members whose lengths grew: one camera does not know its scale, and a grid's may be wrong
+  Table<MapId, double> scales;  // of members that were rescaled: one camera does not know its scale, and a grid's may be wrong
   // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The members' own maps
   // still hold them, so that a join can be undone.
   Table<LandmarkId, LandmarkId> same_as;

@@ -13,7 +13,7 @@ namespace mapweave::fusion {
 Map map_of_grid(MapId id, const OccupancyGrid& grid);
 
 bool is_grid(const Map&);
-// Such a map with all lengths times `scale`, its cells too.
+// Such a map rescaled by `scale`, its cells too.
 Map rescaled_grid(const Map&, double scale);
 // Where the tiles of such a map lay before anything bent it: the first as believed, the others by what holds them.
 std::map<NodeId, Pose2> unbent_tiles(const Map&);

@@ -1,5 +1,5 @@
 #pragma once
-// The engines by name, and what each can be told.
+// The engines by name, and the options of each.
 
 #include <mapweave/laser/external_mapper.h>
 #include <mapweave/laser/graph_mapper.h>

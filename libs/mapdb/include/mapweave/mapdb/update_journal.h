@@ -1,6 +1,6 @@
 #pragma once
-// What a server was told by its clients and has said it would keep: an SQLite file (.mwj) that grows by every update and survives a kill at
-// any moment. Journals of schema 1 (without vetoes) become those of schema 2 when they are opened.
+// What a server received from its clients and has said it would keep: an SQLite file (.mwj) that grows by every update and survives a kill
+// at any moment. Journals of schema 1 (without vetoes) become those of schema 2 when they are opened.
 
 #include <mapweave/core/hash.h>
 #include <mapweave/core/ids.h>

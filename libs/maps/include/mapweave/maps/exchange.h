@@ -1,7 +1,7 @@
 #pragma once
-// What robots and servers tell each other beside MapUpdates, and how that goes over a wire: what camera clients ask and hear (CVS III-B,
+// What robots and servers send each other beside MapUpdates, and how that goes over a wire: what camera clients ask and receive (CVS III-B,
 // III-C), small, so with less precision than maps are kept with; what robots sense that do not map themselves (RecSLAM III-B), whole; and
-// what a coordinator hears of maps.
+// what a coordinator receives of maps.
 
 #include <mapweave/core/error.h>
 #include <mapweave/maps/map_summary.h>
@@ -51,7 +51,7 @@ struct PlaceRequest {
 struct PlaceAnswer {
   Stamp stamp;                               // of the request
   MapId map;                                 // whose frame the answer is in: the client's own, or another's, where it begins a session
-  Pose3 map_from_robot;                      // of the frame asked for; lengths are true
+  Pose3 map_from_robot;                      // of the frame asked for; at true scale
   std::vector<DescribedLandmark> landmarks;  // that it should show, in that frame
 };
 
@@ -60,7 +60,7 @@ struct Share {
   MapId map;                                 // the client's, whose frame this speaks of
   std::vector<DescribedLandmark> landmarks;  // of others, ascending by id
   std::vector<MovedNode> corrected;          // where the team has the client's own keyframes, ascending by id
-  double scale = 1.0;                        // of the lengths in `corrected`, in those of the client
+  double scale = 1.0;                        // of `corrected`, in units of the client's map
 };
 
 // The last word of a robot. A stream may end early; what came before it counts.

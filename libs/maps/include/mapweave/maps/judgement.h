@@ -87,7 +87,7 @@ struct PairHypothesis {
   };
   std::vector<Place> contradictions;  // longest first
 };
-constexpr std::size_t kMostPairHypotheses = 4;  // that a verdict tells
+constexpr std::size_t kMostPairHypotheses = 4;  // that a verdict reports
 
 // Where somebody said that two maps lie to each other, and what the maps say to it.
 struct PriorCheck {
@@ -123,7 +123,7 @@ struct Verdict {
   double overlap = 0.0, conflict = 0.0, second_best = 0.0;  // of the two maps under the alignment
   std::vector<Hash> witnesses, contradicted;                // judgements that hold, and that were overruled
   double seconds = 0.0;                                     // spent on it; not part of a sealed result
-  // What else is told of the pair; stores do not keep it.
+  // What else is reported of the pair; stores do not keep it.
   std::vector<PairHypothesis> hypotheses;  // most probable first; of the accepted one, as the team has it
   std::optional<PriorCheck> prior;
   std::string detail;  // more on the reason, with numbers; may be empty

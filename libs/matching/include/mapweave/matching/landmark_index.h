@@ -19,7 +19,7 @@ using mapweave::DescribedLandmark;
 // What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero, sigma positive.
 std::string flaw(const DescribedLandmark&);
 inline constexpr double kMostCoordinate_m = 1e6;
-// The same in another map's frame, where lengths are `scale` times as long.
+// The same in another map's frame, whose scale is `scale` times as large.
 DescribedLandmark transformed(const DescribedLandmark&, const Sim3& other_from_map);
 
 struct Frustum {

@@ -40,7 +40,7 @@ struct CameraMap {
   RigReport rig;                              // of several
 };
 
-// One way of all: `ways` are those of the map's cameras, or what became of them elsewhere.
+// The robot's trajectory by all its cameras: `trajectories` are those of the map's cameras, or what became of them elsewhere.
 std::vector<StampedPose> robot_trajectory_of(const Map&, const std::vector<FrameTrajectory>& trajectories,
                                              const std::vector<StampedPose>& odometry, const rig::RobotTrajectoryOptions&);
 

@@ -32,7 +32,7 @@ class LaserTask {
   // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone: after a
   // signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
-  // Another edge maps from now on: it hears all that was sensed, from the beginning. Nothing happens where the robot maps itself.
+  // Another edge maps from now on: it receives all that was sensed, from the beginning. Nothing happens where the robot maps itself.
   void move();
   const std::optional<Error>& trouble() const;
   std::uint64_t scans() const;

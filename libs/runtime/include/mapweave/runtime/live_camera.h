@@ -12,7 +12,7 @@ namespace mapweave::runtime {
 struct LiveCameraOptions {
   visual::ClientOptions client;
   tiers::UplinkOptions uplink;
-  double share_rate_hz = 2.0;  // of data: how often it tells and hears
+  double share_rate_hz = 2.0;  // of data: how often it publishes and receives
 };
 
 // Goes on whether or not anybody listens. All calls are thread-safe.
@@ -25,10 +25,10 @@ class LiveCamera {
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
   void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
   int dropped() const { return client_.dropped(); }
-  // To a server that is there again, or another one: says hello, and tells what that has not stored, its maps from the beginning where need
-  // be.
+  // To a server that is there again, or another one: says hello, and publishes what that has not stored, its maps from the beginning where
+  // need be.
   void reconnect(std::shared_ptr<LiveMapServer::Link> link);
-  // No more frames come. Tells the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
+  // No more frames come. Publishes the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
 
   // To be read after finish().
@@ -36,7 +36,7 @@ class LiveCamera {
   const std::string& refusal() const { return refusal_; }  // the last one, of the server's or because a message can never be sent
 
  private:
-  // Whether it had anything to tell.
+  // Whether it had anything to publish.
   bool publish(visual::VisualClient& client, Stamp now);
   void ask(visual::VisualClient& client);
   void receive(visual::VisualClient& client, std::chrono::milliseconds patience);

@@ -1,6 +1,6 @@
 #pragma once
 // An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client, handlers that take from
-// them in turn, and maps that are joined aside. What it says it has stored is in its journal.
+// them in turn, and maps that are merged aside. What it says it has stored is in its journal.
 
 #include <mapweave/maps/exchange.h>
 #include <mapweave/tiers/visual_server.h>
@@ -50,9 +50,9 @@ struct ServerMessage {
 struct ClientCounts {
   SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
   std::uint64_t received_bytes = 0, sent_bytes = 0;
-  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: told to repeat later
+  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: asked to repeat later
   double update_s = 0.0;                                                                   // decoding them and adding them to its maps
-  double retrieval_s = 0.0;                                                                // what to tell it at its views
+  double retrieval_s = 0.0;                                                                // what to send it at its views
   double sending_s = 0.0;                                                                  // encoding that
   double place_s = 0.0;                                                                    // finding places
   double waited_s = 0.0, longest_wait_s = 0.0;                                             // updates, from coming to being handled
@@ -67,7 +67,7 @@ struct ServerCounts {
   double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of the merge thread; longest: from begin to end
   double saving_s = 0.0;                          // processor time
   double longest_hold_s = 0.0;                    // of the maps by one who changed or read them
-  bool is_merging = false;                        // or rests from it, before what came since is joined, if that is enough
+  bool is_merging = false;                        // or rests from it, before what came since is merged, if that is enough
   std::vector<std::string> notes;                 // of the last merge, for people: why cameras of one robot are not tied
   std::string trouble;                            // why it saves or joins nothing any more; empty: it does
 };
@@ -96,8 +96,8 @@ class LiveMapServer {
   std::optional<tiers::RobotInTeam> robot(const RobotId& robot) const;
 
   ServerCounts counts() const;
-  // What has been handled is saved, what waits in queues is dropped (no client was told that it is stored), threads end. Links are closed.
-  // What it knows may be read from then on.
+  // What has been handled is saved, what waits in queues is dropped (no client was informed that it is stored), threads end. Links are
+  // closed. What it knows may be read from then on.
   tiers::VisualServer& finish();
 
  private:
@@ -112,7 +112,7 @@ class LiveMapServer::Link {
   // link is closed. Never waits.
   enum class Sent { taken, later, never };
   Sent send(ClientMessage message);
-  // What there is to hear, as soon as there is something; empty when nothing came for so long, or the link is closed.
+  // What there is to receive, as soon as there is something; empty when nothing came for so long, or the link is closed.
   std::vector<ServerMessage> take(std::chrono::milliseconds patience);
   bool is_closed() const;
 

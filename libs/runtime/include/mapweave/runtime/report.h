@@ -1,5 +1,5 @@
 #pragma once
-// What a run, a slam or a merge has to tell: for people, and as summary.json and merges.json (the contract of the command line).
+// What a run, a slam or a merge reports: for people, and as summary.json and merges.json (the contract of the command line).
 
 #include <mapweave/core/exit_code.h>
 #include <mapweave/fusion/fuse.h>
@@ -54,7 +54,7 @@ struct RobotReport {
   double real_time_factor() const { return wall_seconds > 0.0 ? log_seconds / wall_seconds : 0.0; }
 };
 
-// How maps joined at one tier.
+// How maps merged at one tier.
 struct FusionReport {
   TierId tier;
   std::vector<std::vector<MapId>> components;  // members, largest component first
@@ -72,7 +72,7 @@ struct StageReport {
 struct CoordinationReport {
   std::string method, at;  // "default", "cloud"
   std::vector<tiers::CoordinatorDecision> decisions;
-  std::uint64_t summary_bytes = 0;  // of what it heard of maps
+  std::uint64_t summary_bytes = 0;  // of what it received of maps
   double cpu_seconds = 0.0;
   double recorded_s = 0.0;  // of data, until the last log ended
 };

@@ -73,7 +73,7 @@ struct ProcessorOptions {
   }
 };
 
-// Where everything is joined, and who hears of it.
+// Where everything is merged, and who receives the result.
 struct CloudEntry {
   std::string at;
   std::vector<std::string> push_to;
@@ -88,7 +88,7 @@ struct CloudEntry {
   }
 };
 
-// What was done, in seconds of one core of this machine, and what was told.
+// What was done, in seconds of one core of this machine, and what was sent.
 struct RobotWork {
   RobotId id;
   TierId edge;
@@ -162,7 +162,7 @@ struct TimelineOptions {
   std::uint64_t seed = 1;
 };
 
-// Robots without an edge map on board and tell the cloud, in every mode. Throws what reading a link's trace throws.
+// Robots without an edge map on board and send to the cloud, in every mode. Throws what reading a link's trace throws.
 Timeline timeline(const TimelineOptions&, const Work&);
 
 nlohmann::ordered_json timeline_json(const Timeline&, const Work&);

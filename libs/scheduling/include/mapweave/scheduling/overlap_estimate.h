@@ -1,5 +1,5 @@
 #pragma once
-// How much do two maps share, as far as their summaries tell (RecSLAM IV-A, V)? Guesses for scheduling: no map is joined by them. Pure
+// How much do two maps share, as far as their summaries tell (RecSLAM IV-A, V)? Guesses for scheduling: no map is merged by them. Pure
 // functions; thread-safe.
 
 #include <mapweave/core/geometry.h>

@@ -1,6 +1,6 @@
 #pragma once
-// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it hears. The client itself
-// goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
+// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it receives. The client
+// itself goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
 
 #include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/update_inbox.h>
@@ -37,12 +37,13 @@ class CameraAgent {
   // much is under way that nobody has confirmed: the client keeps it together meanwhile. None is longer than the shortest queue of a live
   // server, but for one of a single keyframe that is. `now`: of data.
   std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
-  // Of those, one that did not get onto the wire: it is told again.
+  // Of those, one that did not get onto the wire: it is sent again.
   void put_back(const std::string& update);
-  // The client has ended: what it still has to tell is bounded by nothing.
+  // The client has ended: what it still has to publish is bounded by nothing.
   void lift_limit() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
-  // A server that lacks what was confirmed before, or has what was never told, is another one: it is told such a map from the beginning.
+  // A server that lacks what was confirmed before, or has what was never published, is another one: such a map is published to it from the
+  // beginning.
   void stored(const Receipt& receipt);
   void reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts);
   // Where the client is; nullopt while it has no place.

@@ -1,6 +1,6 @@
 #pragma once
-// The coordinator's role (RecSLAM III-D, IV): hears what robots' maps show and what edges and wires are like, and tells which robot's data
-// go to which edge; again when the world changes, where that is worth it, and why. A state machine: no thread, no clock, no file.
+// The coordinator's role (RecSLAM III-D, IV): receives what robots' maps show and what edges and wires are like, and decides which robot's
+// data go to which edge; again when the world changes, where that is worth it, and why. A state machine: no thread, no clock, no file.
 
 #include <mapweave/maps/map_summary.h>
 #include <mapweave/scheduling/overlap_estimate.h>
@@ -21,7 +21,7 @@ struct CoordinatorOptions {
   double hysteresis = 0.1;  // robots are moved where that saves more than this share of the expected time
 };
 
-// What the coordinator hears.
+// What the coordinator receives.
 struct RobotComes {
   RobotId robot;
   std::optional<MapSummary> route;  // announced, before there is a map
@@ -55,7 +55,7 @@ struct CoordinatorDecision {
     TierId from, to;  // empty: nowhere; the robot maps on board
   };
   double at_s = 0.0;
-  std::vector<std::string> because;  // in words, in the order in which it was heard
+  std::vector<std::string> because;  // in words, in the order in which it was received
   bool is_new_plan = false;          // else robots stay, but for those that have no edge
   std::vector<Move> moves;           // by robot
   std::map<RobotId, TierId> edge_of;
@@ -63,7 +63,7 @@ struct CoordinatorDecision {
   // what no plan undercuts.
   double expected_s = 0.0, staying_s = 0.0, lower_bound_s = 0.0;
   double cut_weight = 0.0, algorithm_s = 0.0;
-  std::vector<scheduling::OverlapEstimator::Overlap> overlaps;  // as summaries told them
+  std::vector<scheduling::OverlapEstimator::Overlap> overlaps;  // as summaries reported them
 };
 
 class Coordinator {
@@ -72,7 +72,7 @@ class Coordinator {
 
   // Robots and edges that were not named before come first; ContractViolation for a report or a link of one that is unknown.
   void receive(CoordinatorEvent);
-  // nullopt where nothing was heard since the last decision that could change it. Pure in what was heard, but for algorithm_s. Throws
+  // nullopt where nothing was received since the last decision that could change it. Pure in what was received, but for algorithm_s. Throws
   // Error what make_plan throws of a method that cannot do what is asked.
   std::optional<CoordinatorDecision> decide(double now_s);
 

@@ -1,5 +1,5 @@
 #pragma once
-// The edge's role: keeps the maps of its robots, fuses them (RecSLAM's preparative fusion) and tells the cloud. Its commitments are
+// The edge's role: keeps the maps of its robots, fuses them (RecSLAM's preparative fusion) and sends to the cloud. Its commitments are
 // provisional: what travels are the robots' own maps and the judgements made here. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>

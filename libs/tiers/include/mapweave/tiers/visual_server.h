@@ -1,8 +1,8 @@
 #pragma once
-// The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients tell, joins it by fuse(), and tells each client
-// what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3): what is believed of all lies beside them, so
-// that nobody waits while it is computed. Clients whose robot is the same are cameras of one robot (CVS III-D): their maps are tied first
-// (rig/robot_rigs.h), and where one of them is the others are. A state machine: no thread, no clock, no file.
+// The edge's map server for cameras (CORB-SLAM 2.2, 2.3; CVS III): keeps what its clients publish, merges it by fuse(), and sends each
+// client what others know of where it is. Clients write their own maps and no others (CORB-SLAM 2.3): what is believed of all lies beside
+// them, so that nobody waits while it is computed. Clients whose robot is the same are cameras of one robot (CVS III-D): their maps are
+// tied first (rig/robot_rigs.h), and where one of them is the others are. A state machine: no thread, no clock, no file.
 
 #include <mapweave/core/background_work.h>
 #include <mapweave/fusion/fuse.h>
@@ -21,7 +21,7 @@
 
 namespace mapweave::tiers {
 
-// none: clients are kept and joined. view: they are lent landmarks that they may see, and told where they are when they ask.
+// none: clients are kept and merged. view: they receive shared landmarks that they may see, and their places when they ask.
 // full: besides, where the team has their keyframes.
 enum class Sharing { none, view, full };
 
@@ -80,8 +80,8 @@ struct ServerOptions {
 // Where a robot is, by all of its cameras.
 struct RobotInTeam {
   Stamp stamp;            // of the newest word of where it was
-  Pose3 team_from_robot;  // of its base, as maps were joined last: merging them again may move it
-  MapId team;             // the lowest of the maps that are joined there: the first member of its component
+  Pose3 team_from_robot;  // of its base, as maps were merged last: merging them again may move it
+  MapId team;             // the lowest of the maps that are merged there: the first member of its component
   int cameras = 0;        // that it rests on
 };
 
@@ -95,13 +95,13 @@ class VisualServer {
   // where its vocabulary is another one, kBadInput where there are too many clients.
   std::vector<Receipt> greet(const Hello&);
 
-  // It has gone, perhaps to come back: its maps stay; what waits for a missing update, what was shared with it, and a client that told
-  // nothing, are forgotten.
+  // It has gone, perhaps to come back: its maps stay; what waits for a missing update, what was shared with it, and a client that
+  // published nothing, are forgotten.
   void leave(const SessionId& session);
 
   struct Received {
     Receipt receipt;                  // what to repeat
-    std::vector<std::string> stored;  // updates to be kept, in order, before the client is told that they are
+    std::vector<std::string> stored;  // updates to be kept, in order, before the client is informed that they are
   };
   // An encoded MapUpdate; of one map in any order and more than once. Throws Error, nothing is stored then, and other clients do not
   // notice: kMissing for who has not greeted, kCorrupt or kUnsupported for what cannot be decoded, kBadInput for what does not fit, and for
@@ -114,16 +114,16 @@ class VisualServer {
   void advance(Stamp now, WorkerPool& pool, bool may_begin = true);
   // The merge under way, to be run on any thread while the server goes on; null: none. advance() does it itself where nobody did.
   std::shared_ptr<BackgroundWork> pending() const;
-  // Of a merge that threw: what was joined before it stays, and the next one begins once there is enough new.
+  // Of a merge that threw: what was merged before it stays, and the next one begins once there is enough new.
   void abandon();
 
-  // What there is to tell a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
+  // What there is to send a client at this place; nothing where it knows all of it, or sharing is off. Throws Error(kMissing, kBadInput) as
   // receive.
   std::optional<Share> share(const SessionId& to, const ClientView& view);
-  // Of a client that is told nothing now: where it is. Throws as share.
+  // Of a client that is sent nothing now: where it is. Throws as share.
   void note(const SessionId& from, const ClientView& view);
   // Where the picture was taken: as it is known again, else by where another camera of the robot said it was within half a second; nullopt
-  // where neither tells, nothing is known of what the camera should see there, or sharing is off.
+  // where neither says it, nothing is known of what the camera should see there, or sharing is off.
   std::optional<PlaceAnswer> place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const;
   // The same in two steps: the search, to be run on any thread while the server goes on, and the answer, after it. null: as nullopt.
   class PlaceSearch;
@@ -132,8 +132,8 @@ class VisualServer {
 
   // By the views of its cameras' newest runs, whatever is shared; one with a single camera too. Which cameras are believed, and how one
   // hands over to the others: fusion/robot_pose.h. One is silent once two views in a row did not come (share_rate_hz). Where their maps are
-  // not joined to one, those speak that are the most, else those that spoke last. Views are stamped by one clock. nullopt: no camera said
-  // where it is, or no map that it is in is among those that were joined last.
+  // not merged to one, those speak that are the most, else those that spoke last. Views are stamped by one clock. nullopt: no camera said
+  // where it is, or no map that it is in is among those that were merged last.
   std::optional<RobotInTeam> robot(const RobotId& robot) const;
 
   // A judgement that is not to be believed from the next merge on: what rested on it comes apart.
@@ -145,13 +145,13 @@ class VisualServer {
   Snapshot snapshot() const;
   // The same of the maps as they are now, encoded where it is called: on any thread, while the server goes on.
   std::function<Snapshot()> snapshot_to_encode() const;
-  // Every client's own map, as told; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
+  // Every client's own map, as published; ids are those of the clients', unless one was there before (of another run): "alpha.front-2".
   std::vector<Map> maps() const;
   // Of the last merge, for people: why cameras of one robot are not tied.
   std::vector<std::string> notes() const;
-  // As joined last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
+  // As merged last; empty before. Members are clients' own maps, tied or not; verdicts name tied ones by the member that began first.
   const fusion::FusionResult& merged() const;
-  // All joined now. Neither the order in which updates came nor threads change a byte.
+  // All merged now. Neither the order in which updates came nor threads change a byte.
   fusion::FusionResult seal(WorkerPool& pool, Progress& progress);
 
  private:

@@ -1,6 +1,7 @@
 #pragma once
 // What a camera client takes from a server (CVS III-B, III-C): landmarks that others made, and its own place where it does not know it.
-// Coordinates are those of the map that the client tells (VisualClient::take_updates): of the robot's base at the session's first keyframe.
+// Coordinates are those of the map that the client publishes (VisualClient::take_updates): of the robot's base at the session's first
+// keyframe.
 
 #include <mapweave/maps/exchange.h>
 
@@ -8,13 +9,13 @@
 
 namespace mapweave::visual {
 
-// Whose camera it is, and where on the robot: what others are told hangs on the robot.
+// Whose camera it is, and where on the robot: what others receive hangs on the robot.
 struct ClientPlace {
   ClientId client;
   Pose3 robot_from_camera;
 };
 
-// Sessions are told as maps of their own, named after the client: "alpha.front", "alpha.front.1".
+// Sessions are published as maps of their own, named after the client: "alpha.front", "alpha.front.1".
 MapId map_of(const ClientId& client, int session);
 std::optional<int> session_of(const ClientId& client, MapId map);  // nullopt for a map of others
 

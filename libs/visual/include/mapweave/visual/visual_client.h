@@ -52,7 +52,7 @@ struct SeenLandmark {
   double depth_m = 0.0;
 };
 
-// light: small motions and landmarks that one keyframe alone saw are not told; exact: everything, for the end.
+// light: small motions and landmarks that one keyframe alone saw are not published; exact: everything, for the end.
 enum class PublishedDetail { light, exact };
 
 // Not thread-safe; without threads or clocks of its own. A map's frame is the camera's at its first keyframe. A camera that stays lost
@@ -79,18 +79,18 @@ class VisualClient {
   // that is touched: sessions that are apart have maps of their own, named after the client ("alpha.front", "alpha.front.1"). Node and
   // landmark ids name the client's one run and never change. `place` is the same at each call (contract).
   std::vector<MapUpdate> take_updates(const ClientPlace& place, PublishedDetail detail);
-  // Of a map that was told: the next take_updates() says all of it, with base 0. What it saw of borrowed landmarks that it has forgotten
-  // since is not told again.
+  // Of a map that was published: the next take_updates() says all of it, with base 0. What it saw of borrowed landmarks that it has
+  // forgotten since is not published again.
   void publish_again(const ClientPlace& place, const MapId& map);
 
-  // Every session's whole map, whatever was told before: as take_updates() on a client that has told nothing yet.
+  // Every session's whole map, whatever was published before: as take_updates() on a client that has published nothing yet.
   std::vector<Map> maps(const ClientPlace& place) const;
   // Of which run its ids speak: from the first frame on.
   std::optional<SessionId> run(const ClientPlace& place) const;
 
   // Landmarks of others for a session's map, to track by: keyframes look for them by their descriptors, frames follow how those show them.
   // They are never altered: a known one that is sent again takes its new place, what does not fit what the client sees is dropped, what
-  // stays out of view for long is forgotten, all of a session's when it is corrected after a loop. take_updates() tells what keyframes
+  // stays out of view for long is forgotten, all of a session's when it is corrected after a loop. take_updates() says what keyframes
   // saw of them (MapUpdate::borrowed). How many are kept is answered: its own ones, those for a session that is not kept, and what is not
   // sound are left out.
   int borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks);
@@ -98,7 +98,7 @@ class VisualClient {
   std::optional<ClientView> view(const ClientPlace& place) const;
   // Where others say that a session's keyframes are, whose loops they closed (Share::corrected; `scale` as there): the rest of its map
   // moves along, what it borrowed is forgotten. False, and nothing done, while a loop correction is pending, and for what is not sound: no
-  // such session, keyframes of others, or lengths that a camera measured itself.
+  // such session, keyframes of others, or a scale that a camera measured itself.
   bool correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale);
   std::size_t borrowed() const;       // that the client holds
   std::size_t borrowed_seen() const;  // that keyframes see
