@@ -1,5 +1,5 @@
 #include <mapweave/runtime/live_camera.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
 #include <gmock/gmock.h>

@@ -1,7 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 #include <support/killed.h>
 #include <support/temporary_folder.h>
 
@@ -15,14 +15,14 @@ namespace {
 
 using Sent = LiveMapServer::Link::Sent;
 using Kind = ClientMessage::Kind;
-using test::heard;
-using test::Heard;
 using test::hello_of;
+using test::received_updates;
+using test::ReceivedUpdate;
 using namespace std::chrono_literals;
 
 std::set<SessionId> sessions() {
   std::set<SessionId> result;
-  for (const Heard& one : heard()) result.insert(one.from);
+  for (const ReceivedUpdate& one : received_updates()) result.insert(one.from);
   return result;
 }
 
@@ -43,7 +43,7 @@ class Client {
   }
   void tell_all(
       const std::function<void()>& acknowledged = [] {}, bool looks = false) {
-    for (const Heard& one : heard()) {
+    for (const ReceivedUpdate& one : received_updates()) {
       if (one.from != session_) continue;
       const MapUpdate update = decode_map_update(one.bytes, "test");
       while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
@@ -92,7 +92,7 @@ void await_merge(const LiveMapServer& server) {
 
 std::string sealed_in_lockstep() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   return test::sealed(server);
 }
 
@@ -129,13 +129,13 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
     });
   };
   std::mt19937 random(3);
-  std::string garbage(3000, ' '), spoilt = heard().front().bytes;
+  std::string garbage(3000, ' '), spoilt = received_updates().front().bytes;
   for (char& letter : garbage) letter = static_cast<char>(random());
   spoilt[spoilt.size() / 2] ^= 0x10;
   flood("garbage", true, {Kind::update, garbage});
   flood("spoilt", true, {Kind::update, spoilt});
   flood("rude", false, {Kind::view, garbage});
-  flood("thief", true, {Kind::update, heard().front().bytes});  // another's map
+  flood("thief", true, {Kind::update, received_updates().front().bytes});  // another's map
   flood("echo", true, {Kind::hello, encode(hello_of(stranger("echo")))});
   while (put_off < 3) std::this_thread::sleep_for(1ms);
   tell_all(server);
@@ -164,7 +164,7 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
   options.answers_kb = 64;
   LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
   await_merge(server);
   const ServerCounts joined = server.counts();
@@ -233,7 +233,7 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   const auto path = folder.path() / "edge.mwj";
   LiveServerOptions options;
   options.journal_kb = GetParam();
-  ASSERT_GT(heard().size(), 8U);
+  ASSERT_GT(received_updates().size(), 8U);
   std::mt19937 random(5);
   tiers::ServerOptions sharing;
   sharing.share = tiers::Sharing::full, sharing.fuse_after = 5;
@@ -256,12 +256,12 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   std::size_t entries = 0;
   mapdb::UpdateJournal(path).replay([&](const mapdb::JournalEntry&) { ++entries; });
   if (GetParam() == 1) {  // one that begins writes the journal anew too, so a long one may be as short
-    EXPECT_LT(entries, heard().size() / 2);
+    EXPECT_LT(entries, received_updates().size() / 2);
   }
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
   for (const SessionId& session : sessions()) {
     Client client(again, session);
-    for (const Heard& one : heard())
+    for (const ReceivedUpdate& one : received_updates())
       if (one.from == session) {
         EXPECT_GE(client.stored(decode_map_update(one.bytes, "test").origin.map), sequence_of(one.bytes));
       }

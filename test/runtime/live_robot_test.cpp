@@ -1,6 +1,6 @@
 // What the live map server knows of a robot with two cameras, each a client of its own.
 #include <mapweave/runtime/live_map_server.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <gmock/gmock.h>
 #include <atomic>

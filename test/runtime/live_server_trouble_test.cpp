@@ -2,7 +2,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 #include <support/killed.h>
 #include <support/temporary_folder.h>
 
@@ -18,9 +18,9 @@ namespace {
 
 using Kind = ClientMessage::Kind;
 using Sent = LiveMapServer::Link::Sent;
-using test::heard;
-using test::Heard;
 using test::hello_of;
+using test::received_updates;
+using test::ReceivedUpdate;
 using namespace std::chrono_literals;
 
 SessionId stranger(std::int64_t run) { return {{RobotId("stranger"), SensorId("camera")}, run}; }
@@ -65,14 +65,14 @@ TEST(LiveServerTrouble, confirms_nothing_while_the_disk_is_full_and_all_once_the
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "edge.mwj";
   LiveMapServer server(TierId("edge"), {}, {}, {}, path);
-  const SessionId session = heard().front().from;
+  const SessionId session = received_updates().front().from;
   const auto link = server.connect();
   link->send({Kind::hello, encode(hello_of(session))});
   stored_of(*link, 500ms);
   std::uint64_t last = 0;
   {
     const SmallDisk full(std::filesystem::file_size(path.string() + "-wal"));
-    for (const Heard& one : heard())
+    for (const ReceivedUpdate& one : received_updates())
       if (one.from == session) {
         while (link->send({Kind::update, one.bytes}) == Sent::later) std::this_thread::sleep_for(1ms);
         last = decode_map_update(one.bytes, "test").sequence;
@@ -124,15 +124,16 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   eager.fuse_after = 2, eager.fuse_share = 0.0;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
   std::map<SessionId, std::shared_ptr<LiveMapServer::Link>> links;
-  for (const Heard& one : heard())
+  for (const ReceivedUpdate& one : received_updates())
     if (auto& link = links[one.from]; link == nullptr) link = server.connect(), link->send({Kind::hello, encode(hello_of(one.from))});
   request_interrupt();  // merges throw
-  const std::size_t half = heard().size() / 2;
-  for (std::size_t i = 0; i < half; ++i) links[heard()[i].from]->send({Kind::update, heard()[i].bytes});
+  const std::size_t half = received_updates().size() / 2;
+  for (std::size_t i = 0; i < half; ++i) links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return !server.counts().trouble.empty(); }));
   clear_interrupt();
   EXPECT_EQ(server.counts().merges, 0);
-  for (std::size_t i = half; i < heard().size(); ++i) links[heard()[i].from]->send({Kind::update, heard()[i].bytes});
+  for (std::size_t i = half; i < received_updates().size(); ++i)
+    links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return server.counts().merges > 0 && server.counts().trouble.empty(); }));
   for (auto& [session, link] : links) EXPECT_GT(stored_of(*link, 200ms), 0U);
   for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 0U);

@@ -3,7 +3,7 @@
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/merge_runner.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 #include <support/killed.h>
 #include <support/temporary_folder.h>
 
@@ -13,19 +13,19 @@
 namespace mapweave::runtime {
 namespace {
 
-using test::heard;
-using test::Heard;
+using test::received_updates;
+using test::ReceivedUpdate;
 namespace fs = std::filesystem;
 
 std::vector<mapdb::JournalEntry> entries() {
   std::vector<mapdb::JournalEntry> result;
-  for (const Heard& one : heard()) result.push_back({one.from, one.bytes});
+  for (const ReceivedUpdate& one : received_updates()) result.push_back({one.from, one.bytes});
   return result;
 }
 
 std::vector<Map> maps_of_the_server() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
   return server.maps();
 }
 

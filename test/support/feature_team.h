@@ -164,11 +164,11 @@ class FeatureTeam {
   }
 
   void exchange() {
-    for (Robot& robot : robots) tell(robot);
+    for (Robot& robot : robots) publish(robot);
     for (Robot& robot : robots) ask(robot);
   }
 
-  void tell(Robot& robot) {
+  void publish(Robot& robot) {
     if (robot.client->trajectory().empty() && !robot.client->run(robot.place)) return;
     if (now_ < robot.last) now_ = robot.last;
     for (const std::string& bytes : robot.agent->updates(*robot.client, now_)) {
@@ -194,9 +194,9 @@ class FeatureTeam {
     if (robot.cut_off || !robot.client->run(robot.place) || robot.client->view(robot.place)) return;
     if (const auto request = robot.agent->place_request(*robot.client)) {
       greet(robot);
-      PlaceRequest heard = decode_place_request(*request, "test");
-      if (garbled) garbled(heard);
-      if (const auto answer = server.place(*robot.client->run(robot.place), heard, pool)) {
+      PlaceRequest asked = decode_place_request(*request, "test");
+      if (garbled) garbled(asked);
+      if (const auto answer = server.place(*robot.client->run(robot.place), asked, pool)) {
         ++robot.answered;
         robot.placed += robot.agent->receive_place(*robot.client, encode(*answer)) == visual::PlaceVerdict::taken;
       }

@@ -1,7 +1,7 @@
 #include <mapweave/tiers/camera_agent.h>
 
 #include <mapweave/core/error.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <gmock/gmock.h>
 
@@ -121,7 +121,7 @@ TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of
 }
 
 // What a server hears of a drive, twice a second, over a wire of so many bytes a second (0: any).
-struct Heard {
+struct Received {
   double kB_per_s = 0.0;
   std::size_t rounds = 0, views = 0, corrections = 0;
   std::size_t behind = 0;                // rounds after which the server lacked a keyframe, or had one elsewhere than the client
@@ -155,45 +155,46 @@ bool correct(Drive& drive) {
   return drive.client.correct(drive.robot.place, 0, corrected, 1.0);
 }
 
-Heard heard_over(double bytes_per_s) {
+Received received_over(double bytes_per_s) {
   UplinkOptions uplink;
   uplink.most_bytes_per_s = bytes_per_s;
   Drive drive(400, uplink);
   VisualServer server(TierId("edge"), {}, {});
   drive.go(1), drive.meet(server);
-  Heard heard;
+  Received received;
   std::size_t nodes = 0;
   bool was_behind = false;
   while (drive.next < drive.robot.count) {
     drive.go(6);
-    heard.corrections += heard.rounds % 20 == 19 && correct(drive);
+    received.corrections += received.rounds % 20 == 19 && correct(drive);
     const Stamp now = drive.client.trajectory().back().stamp;
     for (const std::string& update : drive.agent.updates(drive.client, now)) {
       for (const Node& node : decode_map_update(update, "test").nodes) {
         const std::size_t features = keyframe_of(node)->points.size();
-        heard.features += static_cast<double>(features), ++nodes;
-        if (was_behind) heard.most_features_behind = std::max(heard.most_features_behind, features);
+        received.features += static_cast<double>(features), ++nodes;
+        if (was_behind) received.most_features_behind = std::max(received.most_features_behind, features);
       }
       drive.agent.stored(server.receive(drive.hello().session, update).receipt);
     }
-    heard.views += drive.agent.view(drive.client).has_value();
+    received.views += drive.agent.view(drive.client).has_value();
     was_behind = lacking(drive, server) > 0;
-    ++heard.rounds, heard.behind += was_behind;
+    ++received.rounds, received.behind += was_behind;
   }
-  heard.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
-  heard.features /= static_cast<double>(nodes);
+  received.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
+  received.features /= static_cast<double>(nodes);
   drive.agent.lift_limit(), drive.tell(server);
-  for (const Map& map : server.maps()) heard.keyframes += map.nodes.size();
-  heard.kept = drive.client.keyframes().size();
-  heard.lacking = lacking(drive, server);
+  for (const Map& map : server.maps()) received.keyframes += map.nodes.size();
+  received.kept = drive.client.keyframes().size();
+  received.lacking = lacking(drive, server);
   std::printf("bound %.1f kB/s: %.1f kB/s, %.0f features a keyframe (%zu at most when behind), behind after %zu of %zu rounds, %zu views\n",
-              1e-3 * bytes_per_s, heard.kB_per_s, heard.features, heard.most_features_behind, heard.behind, heard.rounds, heard.views);
-  return heard;
+              1e-3 * bytes_per_s, received.kB_per_s, received.features, received.most_features_behind, received.behind, received.rounds,
+              received.views);
+  return received;
 }
 
 // The order in which it tells less: features, then keyframes and where they are, never where the client is.
 TEST(CameraAgent, tells_fewer_features_first_then_keyframes_later_and_always_where_it_is) {
-  const Heard wide = heard_over(0.0), narrow = heard_over(25e3), narrowest = heard_over(10e3);
+  const Received wide = received_over(0.0), narrow = received_over(25e3), narrowest = received_over(10e3);
   EXPECT_GT(wide.kB_per_s, 30.0) << "or there is nothing to save";
   EXPECT_EQ(wide.behind, 0U);
   EXPECT_LT(narrow.features, 0.5 * wide.features);
@@ -203,11 +204,11 @@ TEST(CameraAgent, tells_fewer_features_first_then_keyframes_later_and_always_whe
   EXPECT_EQ(narrowest.most_features_behind, UplinkOptions().least_features) << "who is late has given up all features that he may";
   EXPECT_LT(narrow.kB_per_s, 1.2 * 25.0);
   EXPECT_LT(narrowest.kB_per_s, 1.2 * 10.0);
-  for (const Heard& heard : {wide, narrow, narrowest}) {
-    EXPECT_EQ(heard.views, heard.rounds);
-    EXPECT_GT(heard.corrections, 4U);
-    EXPECT_EQ(heard.keyframes, heard.kept);
-    EXPECT_EQ(heard.lacking, 0U) << "in the end";
+  for (const Received& received : {wide, narrow, narrowest}) {
+    EXPECT_EQ(received.views, received.rounds);
+    EXPECT_GT(received.corrections, 4U);
+    EXPECT_EQ(received.keyframes, received.kept);
+    EXPECT_EQ(received.lacking, 0U) << "in the end";
   }
 }
 

@@ -1,5 +1,5 @@
 // Several cameras of one robot, each a client of its own, at one map server.
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <gmock/gmock.h>
 

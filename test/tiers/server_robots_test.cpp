@@ -1,7 +1,7 @@
 // Where a robot is by all of its cameras, as their map server knows it.
 #include <mapweave/core/error.h>
 #include <mapweave/core/stamped_pose.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <gmock/gmock.h>
 
@@ -79,13 +79,13 @@ struct Replay {
 };
 
 // Answers beside what is true.
-struct Heard {
+struct Received {
   std::vector<RobotInTeam> answers;
   std::vector<double> seconds;
   std::vector<Pose3> off;
   int late = 0;  // of a moment before the newest view
 
-  Heard(Replay& replay, const std::vector<Said>& all) {
+  Received(Replay& replay, const std::vector<Said>& all) {
     const auto& ahead = three_cameras().robots[0];
     std::map<Stamp, Pose3> world_from_robot;
     for (std::size_t i = 0; i < ahead.count; ++i) {
@@ -131,18 +131,18 @@ TEST(ServerRobots, knows_a_robot_by_all_of_its_cameras_whether_or_not_they_speak
     Replay replay;
     replay.join();
     ASSERT_EQ(replay.server.merged().components.size(), 1U);
-    const Heard heard(replay, said(frames_between));
-    std::printf("%zu frames between cameras: %.3f m, %.3f rad off at most, %d of %zu answers late\n", frames_between, heard.farthest_m(),
-                heard.farthest_rad(), heard.late, heard.answers.size());
-    EXPECT_LT(heard.farthest_m(), 0.06);
-    EXPECT_LT(heard.farthest_rad(), 0.05);
-    EXPECT_LT(heard.late, 6);
+    const Received received(replay, said(frames_between));
+    std::printf("%zu frames between cameras: %.3f m, %.3f rad off at most, %d of %zu answers late\n", frames_between, received.farthest_m(),
+                received.farthest_rad(), received.late, received.answers.size());
+    EXPECT_LT(received.farthest_m(), 0.06);
+    EXPECT_LT(received.farthest_rad(), 0.05);
+    EXPECT_LT(received.late, 6);
     // The third one is lost from the seventh second on, begins another map in the 33rd, and is lost once more in the 47th.
-    EXPECT_GT(heard.share(3, 1.0, 7.0), 0.9);
-    EXPECT_GT(heard.share(2, 8.5, 33.0), 0.9);
-    EXPECT_GT(heard.share(3, 35.0, 47.0), 0.9);
-    EXPECT_GT(heard.share(2, 48.5, 53.0), 0.9);
-    for (const RobotInTeam& answer : heard.answers) EXPECT_EQ(answer.team, MapId("alpha.ahead"));
+    EXPECT_GT(received.share(3, 1.0, 7.0), 0.9);
+    EXPECT_GT(received.share(2, 8.5, 33.0), 0.9);
+    EXPECT_GT(received.share(3, 35.0, 47.0), 0.9);
+    EXPECT_GT(received.share(2, 48.5, 53.0), 0.9);
+    for (const RobotInTeam& answer : received.answers) EXPECT_EQ(answer.team, MapId("alpha.ahead"));
   }
 }
 
@@ -155,15 +155,15 @@ TEST(ServerRobots, goes_on_by_one_camera_where_another_falls_silent) {
   for (const SensorId& silent : {kAhead, kBack}) {
     Replay replay;
     replay.join();
-    const Heard heard(replay, without(said(1), [&](const Said& one) {
+    const Received received(replay, without(said(1), [&](const Said& one) {
                         return one.camera == kAside || (one.camera == silent && one.seconds > 10.0 && one.seconds < 20.0);
-                      }));
-    EXPECT_GT(heard.share(2, 1.0, 10.0), 0.9);
-    EXPECT_EQ(heard.share(1, 11.5, 20.0), 1.0);
-    EXPECT_GT(heard.share(2, 21.0, 50.0), 0.9);
-    EXPECT_LT(heard.farthest_m(), 0.07);
-    EXPECT_LT(heard.farthest_rad(), 0.05);
-    EXPECT_LT(heard.late, 6);
+                            }));
+    EXPECT_GT(received.share(2, 1.0, 10.0), 0.9);
+    EXPECT_EQ(received.share(1, 11.5, 20.0), 1.0);
+    EXPECT_GT(received.share(2, 21.0, 50.0), 0.9);
+    EXPECT_LT(received.farthest_m(), 0.07);
+    EXPECT_LT(received.farthest_rad(), 0.05);
+    EXPECT_LT(received.late, 6);
   }
 }
 
@@ -179,10 +179,10 @@ TEST(ServerRobots, does_not_follow_one_of_three_that_errs) {
       std::vector<Said> all = without(said(error.frames_between), [](const Said& one) { return one.seconds > 6.9; });
       for (Said& one : all)
         if (one.camera == errs && one.seconds > 3.0) one.view.map_from_robot.t.y() += error.aside_m;
-      const Heard heard(replay, all);
-      EXPECT_GT(heard.share(3, 1.0, 2.9), 0.9);
-      EXPECT_EQ(heard.share(2, 4.1, 7.0), 1.0);
-      EXPECT_LT(heard.farthest_m(), 0.06) << errs.str() << ", " << error.aside_m << " m aside";
+      const Received received(replay, all);
+      EXPECT_GT(received.share(3, 1.0, 2.9), 0.9);
+      EXPECT_EQ(received.share(2, 4.1, 7.0), 1.0);
+      EXPECT_LT(received.farthest_m(), 0.06) << errs.str() << ", " << error.aside_m << " m aside";
     }
 }
 
@@ -204,7 +204,7 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
   const auto& components = replay.server.merged().components;
   ASSERT_THAT(components.front().members, testing::ElementsAre(MapId("alpha.ahead"), MapId("alpha.back")));
   const std::vector<Said> all = said(1);
-  const Heard together(replay, without(all, [](const Said& one) { return one.seconds > 6.9; }));
+  const Received together(replay, without(all, [](const Said& one) { return one.seconds > 6.9; }));
   EXPECT_GT(together.share(2, 1.0, 7.0), 0.9);
   EXPECT_EQ(together.share(3, 0.0, 7.0), 0.0);
   EXPECT_LT(together.farthest_m(), 0.06);
@@ -282,11 +282,11 @@ TEST(ServerRobots, hears_a_client_that_is_told_nothing_now) {
 TEST(ServerRobots, knows_a_robot_with_one_camera) {
   Replay replay({}, [](const MapUpdate& update) { return update.nodes.front().id.session.client.sensor == kBack; });
   replay.join();
-  const Heard heard(replay, without(said(0), [](const Said& one) { return one.camera != kBack; }));
-  EXPECT_GT(heard.answers.size(), 100U);
-  EXPECT_EQ(heard.share(1, 0.0, 100.0), 1.0);
-  EXPECT_EQ(heard.late, 0);
-  EXPECT_LT(heard.farthest_m(), 0.1);
+  const Received received(replay, without(said(0), [](const Said& one) { return one.camera != kBack; }));
+  EXPECT_GT(received.answers.size(), 100U);
+  EXPECT_EQ(received.share(1, 0.0, 100.0), 1.0);
+  EXPECT_EQ(received.late, 0);
+  EXPECT_LT(received.farthest_m(), 0.1);
 }
 
 TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_whose_lengths_are_its_own) {
@@ -302,10 +302,10 @@ TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_whose_lengths_are_its
   const Eigen::Vector3d back_m = three_cameras().robots[1].place.robot_from_camera.t;
   std::vector<Said> all = without(said(0), [](const Said& one) { return one.camera != kBack; });
   for (Said& one : all) one.view.map_from_robot = test::single(one.view.map_from_robot, back_m, kScale);
-  const Heard heard(replay, all);
-  EXPECT_GT(heard.answers.size(), 100U);
-  std::printf("%.3f m off at most\n", heard.farthest_m());
-  EXPECT_LT(heard.farthest_m(), 0.1);
+  const Received received(replay, all);
+  EXPECT_GT(received.answers.size(), 100U);
+  std::printf("%.3f m off at most\n", received.farthest_m());
+  EXPECT_LT(received.farthest_m(), 0.1);
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // A map server that is killed again and again, with a journal of what it was told.
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <mapweave/mapdb/update_journal.h>
 #include <support/killed.h>
@@ -11,9 +11,9 @@
 namespace mapweave::tiers {
 namespace {
 
-using test::heard;
-using test::Heard;
 using test::hello_of;
+using test::received_updates;
+using test::ReceivedUpdate;
 
 // A server begins with what its journal holds.
 void restore(VisualServer& server, mapdb::UpdateJournal& journal) {
@@ -29,7 +29,7 @@ void serve(const std::filesystem::path& path, int acknowledged) {
   VisualServer server(TierId("edge"), {}, {});
   restore(server, journal);
   int appended = 0;
-  for (const Heard& one : heard()) {
+  for (const ReceivedUpdate& one : received_updates()) {
     const MapUpdate update = decode_map_update(one.bytes, "test");
     std::uint64_t stored = 0;
     for (const Receipt& receipt : server.greet(hello_of(one.from)))
@@ -51,7 +51,7 @@ TEST(StoredServer, ends_with_the_same_map_however_often_it_is_killed) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "edge.mwj";
   VisualServer whole(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
   std::mt19937 random(11);
   std::size_t acknowledged = 0;
   for (int kill = 0; kill < 20; ++kill) {
@@ -61,7 +61,7 @@ TEST(StoredServer, ends_with_the_same_map_however_often_it_is_killed) {
     VisualServer server(TierId("edge"), {}, {});
     restore(server, journal);
     std::uint64_t stored = 0;
-    for (const Heard& one : heard()) {
+    for (const ReceivedUpdate& one : received_updates()) {
       const MapUpdate update = decode_map_update(one.bytes, "test");
       for (const Receipt& receipt : server.greet(hello_of(one.from)))
         stored += receipt.origin.map == update.origin.map && update.sequence <= receipt.stored;

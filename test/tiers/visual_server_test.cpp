@@ -1,5 +1,5 @@
 #include <mapweave/core/error.h>
-#include <support/heard_updates.h>
+#include <support/received_updates.h>
 
 #include <support/landmark_sharing.h>
 
@@ -79,25 +79,26 @@ TEST(VisualServer, has_every_map_as_its_client_has_it) {
   }
 }
 
-using test::heard;
-using test::Heard;
 using test::hello_of;
+using test::received_updates;
+using test::ReceivedUpdate;
 using test::sealed;
 
 TEST(VisualServer, seals_the_same_whatever_order_updates_come_in) {
   VisualServer in_order(TierId("edge"), {}, {}), shuffled(TierId("edge"), {}, {});
-  std::vector<Heard> mixed = heard();
+  std::vector<ReceivedUpdate> mixed = received_updates();
   ASSERT_GT(mixed.size(), 8U);
   for (std::size_t i = 0; i + 3 < mixed.size(); i += 4) std::swap(mixed[i], mixed[i + 3]);
-  mixed.insert(mixed.end(), heard().begin(), heard().begin() + 5);
+  mixed.insert(mixed.end(), received_updates().begin(), received_updates().begin() + 5);
   for (VisualServer* server : {&in_order, &shuffled}) {
     std::uint64_t awaited = 0;
-    for (const Heard& one : server == &in_order ? heard() : mixed) {
+    for (const ReceivedUpdate& one : server == &in_order ? received_updates() : mixed) {
       server->greet(hello_of(one.from));
       const auto received = server->receive(one.from, one.bytes);
       awaited = std::max(awaited, received.receipt.awaited);
       for (const std::string& stored : received.stored)
-        EXPECT_TRUE(std::any_of(heard().begin(), heard().end(), [&](const Heard& told) { return told.bytes == stored; }));
+        EXPECT_TRUE(std::any_of(received_updates().begin(), received_updates().end(),
+                                [&](const ReceivedUpdate& told) { return told.bytes == stored; }));
     }
     EXPECT_EQ(awaited > 0, server == &shuffled) << "a gap is noticed";
   }
@@ -117,9 +118,10 @@ std::string with_nan(std::string bytes, double number) {
 
 TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   VisualServer server(TierId("edge"), {}, {});
-  const SessionId alpha = heard().front().from;
-  const auto other = std::find_if(heard().begin(), heard().end(), [&](const Heard& one) { return one.from != alpha; });
-  ASSERT_NE(other, heard().end());
+  const SessionId alpha = received_updates().front().from;
+  const auto other = std::find_if(received_updates().begin(), received_updates().end(),
+                                  [&](const ReceivedUpdate& one) { return one.from != alpha; });
+  ASSERT_NE(other, received_updates().end());
   const SessionId beta = other->from;
   const auto code_of = [&](const SessionId& from, const std::string& bytes) {
     try {
@@ -130,42 +132,42 @@ TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
     }
     return ErrorCode::kInternal;
   };
-  EXPECT_EQ(code_of(alpha, heard().front().bytes), ErrorCode::kMissing) << "has not greeted";
+  EXPECT_EQ(code_of(alpha, received_updates().front().bytes), ErrorCode::kMissing) << "has not greeted";
   Hello strange = hello_of(alpha);
   strange.vocabulary.bytes[0] ^= 1;
   EXPECT_THROW(server.greet(strange), Error);
   server.greet(hello_of(alpha)), server.greet(hello_of(beta));
   EXPECT_EQ(code_of(alpha, other->bytes), ErrorCode::kBadInput) << "another client's map";
   EXPECT_EQ(code_of(beta, "garbage"), ErrorCode::kCorrupt);
-  MapUpdate update = decode_map_update(heard().front().bytes, "test");
+  MapUpdate update = decode_map_update(received_updates().front().bytes, "test");
   update.origin.map = visual::map_of(beta.client, 0);
   EXPECT_EQ(code_of(beta, encode(update)), ErrorCode::kBadInput) << "another client's keyframes in its own map";
-  update = decode_map_update(heard().front().bytes, "test");
+  update = decode_map_update(received_updates().front().bytes, "test");
   update.nodes = {update.nodes.front()}, update.nodes.front().payload = nullptr, update.landmarks.clear();
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a node that is no keyframe";
-  update = decode_map_update(heard().front().bytes, "test");
+  update = decode_map_update(received_updates().front().bytes, "test");
   update.nodes.front().map_from_node.t.x() = 1e300;
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a pose beyond the Earth";
-  update = decode_map_update(heard().front().bytes, "test");
+  update = decode_map_update(received_updates().front().bytes, "test");
   update.nodes.front().map_from_node.t.x() = 12.345678;
   EXPECT_EQ(code_of(alpha, with_nan(encode(update), 12.345678)), ErrorCode::kCorrupt) << "a pose that is not a number";
-  update = decode_map_update(heard().front().bytes, "test");
+  update = decode_map_update(received_updates().front().bytes, "test");
   const NodeId unknown{alpha, 4000};
   update.moved.push_back({unknown, {}});
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody told of";
-  std::string newer = heard().front().bytes;
+  std::string newer = received_updates().front().bytes;
   const std::size_t version = newer.find('\x08');  // the header begins with it
   ASSERT_NE(version, std::string::npos);
   newer[version + 1] = 9;
   EXPECT_EQ(code_of(alpha, newer), ErrorCode::kUnsupported);
   EXPECT_TRUE(server.maps().empty());
-  for (const Heard& one : heard()) EXPECT_NO_THROW(server.receive(one.from, one.bytes));
+  for (const ReceivedUpdate& one : received_updates()) EXPECT_NO_THROW(server.receive(one.from, one.bytes));
   EXPECT_EQ(server.maps().size(), 2U);
 }
 
 TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
   VisualServer server(TierId("edge"), {}, {});
-  const SessionId alpha = heard().front().from;
+  const SessionId alpha = received_updates().front().from;
   server.greet(hello_of(alpha));
   MapUpdate late;
   late.sequence = 5, late.base = 4;
@@ -177,8 +179,8 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
   }
   EXPECT_EQ(waiting, 63);
   server.leave(alpha);
-  EXPECT_THROW(server.receive(alpha, heard().front().bytes), Error) << "it told nothing, and left";
-  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  EXPECT_THROW(server.receive(alpha, received_updates().front().bytes), Error) << "it told nothing, and left";
+  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   const std::string before = sealed(server);
   server.leave(alpha);
   EXPECT_EQ(sealed(server), before) << "maps stay";
@@ -187,11 +189,11 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
 
 TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
   VisualServer whole(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
   VisualServer again(TierId("edge"), {}, {});
-  for (std::size_t i = 0; i < heard().size() / 2; ++i)
-    again.greet(hello_of(heard()[i].from)), again.receive(heard()[i].from, heard()[i].bytes);
-  for (const Heard& one : heard()) {  // clients say hello again and repeat what was not stored
+  for (std::size_t i = 0; i < received_updates().size() / 2; ++i)
+    again.greet(hello_of(received_updates()[i].from)), again.receive(received_updates()[i].from, received_updates()[i].bytes);
+  for (const ReceivedUpdate& one : received_updates()) {  // clients say hello again and repeat what was not stored
     std::uint64_t stored = 0;
     const MapUpdate update = decode_map_update(one.bytes, "test");
     for (const Receipt& receipt : again.greet(hello_of(one.from)))
@@ -203,9 +205,9 @@ TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
 
 TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
   VisualServer server(TierId("edge"), {}, {});
-  for (const Heard& one : heard()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   WorkerPool pool(1);
-  server.advance(heard().front().from.run == 0 ? Stamp{} : Stamp{heard().front().from.run}, pool);
+  server.advance(received_updates().front().from.run == 0 ? Stamp{} : Stamp{received_updates().front().from.run}, pool);
   server.pending()->run();
   server.advance({std::numeric_limits<std::int64_t>::max()}, pool);
   ASSERT_EQ(server.merged().components.size(), 1U);
@@ -329,14 +331,14 @@ TEST(VisualServer, joins_a_robot_that_comes_back_another_day) {
 TEST(VisualServer, keeps_within_a_clients_wire_by_sharing_less) {
   auto options = two_in_an_apartment();
   for (auto& robot : options.robots) robot.length_m = 15.0;
-  std::map<double, std::uint64_t> heard;
+  std::map<double, std::uint64_t> received_updates;
   for (const double cap : {0.0, 1.0}) {
     ServerOptions narrow = sharing(Sharing::view);
     narrow.most_bytes_per_s = 1e3 * cap;
     FeatureTeam team(options, narrow);
     team.run();
     for (const auto& robot : team.robots) {
-      heard[cap] += robot.agent->received_bytes();
+      received_updates[cap] += robot.agent->received_bytes();
       const double kB_per_s = 1e-3 * static_cast<double>(robot.agent->received_bytes()) * 12.0 / static_cast<double>(robot.next);
       std::printf("bound %.0f kB/s: %.2f kB/s, %zu borrowed landmarks seen\n", cap, kB_per_s, robot.borrowed_seen);
       if (cap > 0.0) {
@@ -345,7 +347,7 @@ TEST(VisualServer, keeps_within_a_clients_wire_by_sharing_less) {
     }
     EXPECT_GT(team.robots[0].borrowed_seen + team.robots[1].borrowed_seen, 20U);
   }
-  EXPECT_LT(heard[1.0], heard[0.0] / 2);
+  EXPECT_LT(received_updates[1.0], received_updates[0.0] / 2);
 }
 
 }  // namespace

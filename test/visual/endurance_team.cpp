@@ -48,7 +48,7 @@ class Wire {
     const std::uint64_t size = bytes.size();
     put(&kind, sizeof kind), put(&size, sizeof size), put(bytes.data(), bytes.size());
   }
-  Message hear() const {
+  Message receive() const {
     Message message;
     std::uint64_t size = 0;
     get(&message.kind, sizeof message.kind), get(&size, sizeof size);
@@ -123,10 +123,10 @@ class Robot {
         server.say(Kind::place_request, *request);
     }
     server.say(Kind::over, std::to_string(now.ns));
-    for (Message heard = server.hear(); heard.kind != Kind::over; heard = server.hear()) {
-      if (heard.kind == Kind::receipt) agent_.stored(decoded(heard.bytes));
-      if (heard.kind == Kind::share) agent_.receive_share(client_, heard.bytes);
-      if (heard.kind == Kind::place_answer) agent_.receive_place(client_, heard.bytes);
+    for (Message message = server.receive(); message.kind != Kind::over; message = server.receive()) {
+      if (message.kind == Kind::receipt) agent_.stored(decoded(message.bytes));
+      if (message.kind == Kind::share) agent_.receive_share(client_, message.bytes);
+      if (message.kind == Kind::place_answer) agent_.receive_place(client_, message.bytes);
     }
   }
 
@@ -161,13 +161,13 @@ class Server {
     for (std::size_t left = robots.size(); left > 0;) {
       for (std::size_t i = 0; i < robots.size(); ++i) {
         if (ended[i]) continue;
-        std::vector<Message> heard;
-        do heard.push_back(robots[i].hear());
-        while (heard.back().kind != Kind::over && heard.back().kind != Kind::end);
-        if (heard.back().kind == Kind::end)
+        std::vector<Message> messages;
+        do messages.push_back(robots[i].receive());
+        while (messages.back().kind != Kind::over && messages.back().kind != Kind::end);
+        if (messages.back().kind == Kind::end)
           ended[i] = true, --left;
         else
-          answer(robots[i], sessions_[i], heard);
+          answer(robots[i], sessions_[i], messages);
       }
       server_.advance(now_, pool_);
       if (!begun_) begun_ = now_;
@@ -177,8 +177,8 @@ class Server {
   }
 
  private:
-  void answer(const Wire& robot, std::optional<SessionId>& session, const std::vector<Message>& heard) {
-    for (const Message& message : heard) {
+  void answer(const Wire& robot, std::optional<SessionId>& session, const std::vector<Message>& messages) {
+    for (const Message& message : messages) {
       if (message.kind == Kind::hello) {
         const Hello hello = decode_hello(message.bytes, "a robot");
         session = hello.session;
@@ -199,12 +199,12 @@ class Server {
   }
 
   void print(double seconds) {
-    std::size_t told = 0, joined = 0;
-    for (const Map& map : server_.maps()) told += map.nodes.size();
+    std::size_t published = 0, joined = 0;
+    for (const Map& map : server_.maps()) published += map.nodes.size();
     for (const fusion::Component& component : server_.merged().components) joined += component.map.nodes.size();
     std::printf("%8.0f %8s %8s %8.1f %8.1f %10zu  of them joined %zu, in %zu maps; %.0f kB for each\n", seconds / 60.0, "server", "",
-                held_mb() - before_mb_, resident_mb(), told, joined, server_.merged().components.size(),
-                1e3 * (held_mb() - before_mb_) / static_cast<double>(std::max<std::size_t>(1, told)));
+                held_mb() - before_mb_, resident_mb(), published, joined, server_.merged().components.size(),
+                1e3 * (held_mb() - before_mb_) / static_cast<double>(std::max<std::size_t>(1, published)));
     std::fflush(stdout);
   }
 

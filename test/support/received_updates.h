@@ -19,23 +19,23 @@ inline simulation::WorldOptions two_in_an_apartment() {
 }
 
 // Updates of the apartment, as they were stored.
-struct Heard {
+struct ReceivedUpdate {
   SessionId from;
   std::string bytes;
 };
-inline std::vector<Heard> heard_in_the_apartment() {
+inline std::vector<ReceivedUpdate> received_in_the_apartment() {
   auto options = two_in_an_apartment();
   for (auto& robot : options.robots) robot.length_m = 12.0;
   FeatureTeam team(options, tiers::ServerOptions{});
-  std::vector<Heard> heard;
+  std::vector<ReceivedUpdate> received_updates;
   team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
-    heard.push_back({*robot.client->run(robot.place), bytes});
+    received_updates.push_back({*robot.client->run(robot.place), bytes});
   };
   team.run();
-  return heard;
+  return received_updates;
 }
-inline const std::vector<Heard>& heard() {
-  static const std::vector<Heard> all = heard_in_the_apartment();
+inline const std::vector<ReceivedUpdate>& received_updates() {
+  static const std::vector<ReceivedUpdate> all = received_in_the_apartment();
   return all;
 }
 // Where a robot is by a camera without depth, whose lengths are so many times the true ones: those of its way, and of what it sees.
