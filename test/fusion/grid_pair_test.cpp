@@ -44,7 +44,7 @@ TEST(GridPair, finds_a_grid_that_is_turned_scaled_bent_and_of_another_resolution
     ASSERT_EQ(result.reason, Reason::none) << seed << ": " << result.note;
     EXPECT_LT(off_m(result, west, east, kShared), 0.5) << seed;
     EXPECT_NEAR(result.hypotheses.front().a_from_b.scale, 1.0 / 1.06, 0.02) << seed;
-    EXPECT_GT(result.ties.size(), 4U);
+    EXPECT_GT(result.grid_constraints.size(), 4U);
   }
 }
 
@@ -97,7 +97,7 @@ TEST(GridPair, ties_bend_the_joint_graph_so_that_walls_coincide) {
   const auto result = align_grids(grid_a, grid_b);
   ASSERT_EQ(result.reason, Reason::none) << result.note;
   const Map a = map_of_grid(MapId("a"), grid_a), b = map_of_grid(MapId("b"), grid_b);
-  const auto constraints = constraints_of(result.ties, a, b, Hash{});
+  const auto constraints = constraints_of(result.grid_constraints, a, b, Hash{});
   ASSERT_GT(constraints.size(), 4U);
   Map team = a;
   const Pose2 a_from_b = planar(result.alignment->a_from_b.pose);

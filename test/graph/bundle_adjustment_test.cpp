@@ -71,7 +71,7 @@ TEST(BundleAdjustment, holds_what_is_tied) {
   // A view that sees nothing, on a rig with another.
   ring.drifted.views.push_back(ring.drifted.views[5]);
   const Pose3 rig{{0.1, 0.2, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX()))};
-  ring.drifted.ties.push_back({5, 24, rig, 1e-3, 1e-3});
+  ring.drifted.relative_poses.push_back({5, 24, rig, 1e-3, 1e-3});
   adjust(ring.drifted);
   const Pose3 there = between(ring.drifted.views[5].map_from_camera, ring.drifted.views[24].map_from_camera);
   EXPECT_LT((there.t - rig.t).norm(), 1e-3);
@@ -85,7 +85,7 @@ TEST(BundleAdjustment, refuses_what_names_nothing) {
   ring.drifted.sightings.front().view = 99;
   EXPECT_THROW(adjust(ring.drifted), ContractViolation);
   Ring other(4, 10);
-  other.drifted.ties.push_back({0, 77, {}, 1.0, 1.0});
+  other.drifted.relative_poses.push_back({0, 77, {}, 1.0, 1.0});
   EXPECT_THROW(adjust(other.drifted), ContractViolation);
 }
 

@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
   };
   std::vector<Pose3> truth, initial;
   std::vector<graph::SpatialEdge> edges;
-  const auto tie = [&](int from, int to, double metres, double radians) {
+  const auto constraint = [&](int from, int to, double metres, double radians) {
     graph::SpatialEdge edge;
     edge.from = static_cast<std::uint32_t>(from), edge.to = static_cast<std::uint32_t>(to);
     edge.from_from_to =
@@ -36,9 +36,9 @@ int main(int argc, char** argv) {
     const double angle = 2.0 * M_PI * kRounds * i / keyframes;
     truth.push_back({{kRadius_m * std::cos(angle), kRadius_m * std::sin(angle), 0.2 * std::sin(3.0 * angle)},
                      Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()))});
-    for (int before = std::max(0, i - 4); before < i; ++before) tie(before, i, 0.01, 0.003);
+    for (int before = std::max(0, i - 4); before < i; ++before) constraint(before, i, 0.01, 0.003);
     initial.push_back(i == 0 ? truth.back() : compose(initial.back(), edges.back().from_from_to));
-    if (i >= keyframes / kRounds) tie(i - keyframes / kRounds, i, 0.02, 0.01);
+    if (i >= keyframes / kRounds) constraint(i - keyframes / kRounds, i, 0.02, 0.01);
   }
   const auto error_m = [&](const std::vector<Pose3>& poses) {
     double sum = 0.0;

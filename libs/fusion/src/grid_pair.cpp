@@ -25,8 +25,8 @@ constexpr double kConflictDepth_m = 0.6;
 constexpr double kApart_m = 3.0, kApart_rad = 0.15;    // alignments nearer than this are one, found twice
 constexpr double kSubstance = 0.4, kLeastFit_m = 5.0;  // of the placement that fits most: enough to show how much conflict there need be
 constexpr double kUsualConflict = 0.15, kMostConflictWeight = 8.0;
-constexpr double kTie_m = 0.04, kTie_rad = 0.008;          // no tie is surer than this
-constexpr double kSupport_m = 16.8, kSupportSlope = 12.0;  // where each part of the probability is one half, and how fast it rises
+constexpr double kLeastSigma_m = 0.04, kLeastSigma_rad = 0.008;  // no constraint is surer than this
+constexpr double kSupport_m = 16.8, kSupportSlope = 12.0;        // where each part of the probability is one half, and how fast it rises
 constexpr double kUnusual = 0.15, kUnusualSlope = 60.0;
 constexpr double kRival = 0.36, kRivalSlope = 16.0;
 // Of what conflicts as a share of what fits. Little overlap leaves more places to chance: then less of it is no accident.
@@ -216,16 +216,16 @@ Alignment rigid(const PreparedGrid& b, const Verified& best) {
   return alignment;
 }
 
-std::vector<GridTie> ties_of(const PreparedGrid& b, const BentGrid& bend) {
-  std::vector<GridTie> ties;
-  const Eigen::Matrix3d floor = Eigen::Vector3d(kTie_m, kTie_m, kTie_rad).cwiseAbs2().asDiagonal();
+std::vector<GridConstraint> grid_constraints_of(const PreparedGrid& b, const BentGrid& bend) {
+  std::vector<GridConstraint> grid_constraints;
+  const Eigen::Matrix3d floor = Eigen::Vector3d(kLeastSigma_m, kLeastSigma_m, kLeastSigma_rad).cwiseAbs2().asDiagonal();
   for (std::size_t i = 0; i < b.tile_centres.size(); ++i) {
     const Eigen::Matrix3d& held = bend.information[i];
     if (held.topLeftCorner<2, 2>().trace() < 100.0) continue;  // hardly a wall
     const Eigen::Matrix3d bounded = held * (Eigen::Matrix3d::Identity() + floor * held).inverse();
-    ties.push_back({b.tile_centres[i], bend.a_from_tile[i], 0.5 * (bounded + bounded.transpose())});
+    grid_constraints.push_back({b.tile_centres[i], bend.a_from_tile[i], 0.5 * (bounded + bounded.transpose())});
   }
-  return ties;
+  return grid_constraints;
 }
 
 Evidence evidence_of(const PreparedGrid& a, const PreparedGrid& b, const Verified& best, double rival_m) {
@@ -291,12 +291,12 @@ GridPairResult reversed(GridPairResult result) {
   for (auto& counts : result.images) turn(counts);
   std::swap(result.evidence.longest_contradiction_m[0], result.evidence.longest_contradiction_m[1]);
   if (result.alignment) result.alignment = inverse(*result.alignment);
-  for (auto& tie : result.ties) {
-    const Pose2 place_from_a = inverse(tie.a_from_place);
-    const Eigen::Vector2d place_in_a(tie.a_from_place.x, tie.a_from_place.y);
+  for (auto& grid_constraint : result.grid_constraints) {
+    const Pose2 place_from_a = inverse(grid_constraint.a_from_place);
+    const Eigen::Vector2d place_in_a(grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);
     const Eigen::Matrix3d turn_information = adjoint(Pose2(0.0, 0.0, place_from_a.phi));
-    tie = {place_in_a, Pose2(tie.place_in_b.x(), tie.place_in_b.y(), place_from_a.phi),
-           turn_information.transpose() * tie.information * turn_information};
+    grid_constraint = {place_in_a, Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), place_from_a.phi),
+                       turn_information.transpose() * grid_constraint.information * turn_information};
   }
   return result;
 }
@@ -381,7 +381,7 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   result.evidence = evidence_of(a, b, best, rival_m);
   result.alignment = rigid(b, best);
   decide(result, best.counts, std::max(rival_m, 0.0) / support_m, merge_probability);
-  if (result.reason == Reason::none) result.ties = ties_of(b, best.bend);
+  if (result.reason == Reason::none) result.grid_constraints = grid_constraints_of(b, best.bend);
   return result;
 }
 
@@ -394,7 +394,8 @@ GridVerification verify_alignment(const PreparedGrid& a, const PreparedGrid& b, 
   return verified(a, b, a_from_b, options.proposals.scale_range).counts;
 }
 
-std::vector<Constraint> constraints_of(const std::vector<GridTie>& ties, const Map& a, const Map& b, const Hash& because) {
+std::vector<Constraint> constraints_of(const std::vector<GridConstraint>& grid_constraints, const Map& a, const Map& b,
+                                       const Hash& because) {
   const auto tiles_a = unbent_tiles(a), tiles_b = unbent_tiles(b);
   const auto tile_at = [](const Map& map, const std::map<NodeId, Pose2>& tiles, double x_m, double y_m) {
     return std::find_if(tiles.begin(), tiles.end(), [&](const auto& tile) {
@@ -406,17 +407,17 @@ std::vector<Constraint> constraints_of(const std::vector<GridTie>& ties, const M
     });
   };
   std::vector<Constraint> constraints;
-  for (const auto& tie : ties) {
-    const auto tile_a = tile_at(a, tiles_a, tie.a_from_place.x, tie.a_from_place.y);
-    const auto tile_b = tile_at(b, tiles_b, tie.place_in_b.x(), tie.place_in_b.y());
+  for (const auto& grid_constraint : grid_constraints) {
+    const auto tile_a = tile_at(a, tiles_a, grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);
+    const auto tile_b = tile_at(b, tiles_b, grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y());
     if (tile_a == tiles_a.end() || tile_b == tiles_b.end()) continue;
-    const Pose2 place_from_tile = between(Pose2(tie.place_in_b.x(), tie.place_in_b.y(), 0.0), tile_b->second);
+    const Pose2 place_from_tile = between(Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), 0.0), tile_b->second);
     const Eigen::Matrix3d carried = adjoint(place_from_tile);
     const auto same = [&](const Constraint& other) { return other.id.from == tile_a->first && other.id.to == tile_b->first; };
     const ConstraintId id{ConstraintKind::between_maps, tile_a->first, tile_b->first,
                           static_cast<std::uint32_t>(std::count_if(constraints.begin(), constraints.end(), same))};
-    Constraint constraint = planar_constraint(id, between(tile_a->second, compose(tie.a_from_place, place_from_tile)),
-                                              carried.transpose() * tie.information * carried);
+    Constraint constraint = planar_constraint(id, between(tile_a->second, compose(grid_constraint.a_from_place, place_from_tile)),
+                                              carried.transpose() * grid_constraint.information * carried);
     constraint.because = because;
     constraints.push_back(constraint);
   }

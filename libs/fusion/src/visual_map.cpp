@@ -33,7 +33,7 @@ struct Shown {
 };
 
 // Each landmark goes to the nearest feature that has none nearer.
-void tie_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
+void assign_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
   std::sort(shown.begin(), shown.end(),
             [](const Shown& a, const Shown& b) { return a.v < b.v || (a.v == b.v && a.landmark < b.landmark); });
   std::vector<double> nearest(keyframe.points.size(), kSamePoint_px * kSamePoint_px);
@@ -94,7 +94,7 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
     landmarks_.push_back({id, transformed(landmark.point_in_anchor(), anchor->map_from_node)});
   }
   pool.for_each(keyframes_.size(), [&](std::size_t i) {
-    tie_to_features(keyframes_[i], std::move(shown[i]));
+    assign_to_features(keyframes_[i], std::move(shown[i]));
     keyframes_[i].words = words.words_of(*seen_.keyframes[i]);
   });
   hashed_.reset(new std::once_flag[keyframes_.size()]), content_.resize(keyframes_.size());

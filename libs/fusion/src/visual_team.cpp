@@ -171,9 +171,9 @@ class Team {
   }
 
   // How keyframes lay in their own maps: of those that see the same, of one and the next, and of cameras of one robot at the same time.
-  std::vector<graph::BundleTie> shape_constraints(double stiffness) const {
-    std::vector<graph::BundleTie> result;
-    const auto tie = [&](std::size_t from, std::size_t to, double slack) {
+  std::vector<graph::RelativePoseConstraint> shape_constraints(double stiffness) const {
+    std::vector<graph::RelativePoseConstraint> result;
+    const auto add_constraint = [&](std::size_t from, std::size_t to, double slack) {
       const Pose3 from_from_to = between(keyframes_[from].team_from_node, keyframes_[to].team_from_node);
       result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
                         stiffness * slack * (kCovisibleMotion.step_m + kCovisibleMotion.step_share * from_from_to.t.norm()),
@@ -181,10 +181,11 @@ class Team {
     };
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const std::size_t first = first_keyframe_[keyframes_[i].member];
-      if (i > first && !are_of_one_rig(i - 1, i)) tie(i - 1, i, 2.0);
+      if (i > first && !are_of_one_rig(i - 1, i)) add_constraint(i - 1, i, 2.0);
       const auto& covisible = keyframes_[i].content->covisible;
       for (std::size_t c = 0; c < covisible.size() && c < kCovisible; ++c)
-        if (covisible[c].first >= static_cast<std::size_t>(kCovisibleMotion.least_shared)) tie(covisible[c].second + first, i, 1.0);
+        if (covisible[c].first >= static_cast<std::size_t>(kCovisibleMotion.least_shared))
+          add_constraint(covisible[c].second + first, i, 1.0);
     }
     for (std::size_t m = 0; m < members_.size(); ++m)
       for (const Constraint* rigid : rigs_[m]) {
@@ -201,10 +202,10 @@ class Team {
     std::vector<Pose3> poses;
     for (const TeamKeyframe& keyframe : keyframes_) poses.push_back(keyframe.team_from_node);
     std::vector<graph::SpatialEdge> edges;
-    for (const graph::BundleTie& tie : shape_constraints(1.0)) {
-      graph::SpatialEdge edge{tie.from, tie.to, tie.from_from_to, Eigen::Matrix<double, 6, 6>::Zero()};
-      edge.information.diagonal().head<3>().setConstant(1.0 / (tie.sigma_m * tie.sigma_m));
-      edge.information.diagonal().tail<3>().setConstant(1.0 / (tie.sigma_rad * tie.sigma_rad));
+    for (const graph::RelativePoseConstraint& constraint : shape_constraints(1.0)) {
+      graph::SpatialEdge edge{constraint.from, constraint.to, constraint.from_from_to, Eigen::Matrix<double, 6, 6>::Zero()};
+      edge.information.diagonal().head<3>().setConstant(1.0 / (constraint.sigma_m * constraint.sigma_m));
+      edge.information.diagonal().tail<3>().setConstant(1.0 / (constraint.sigma_rad * constraint.sigma_rad));
       edges.push_back(edge);
     }
     for (const VisualJoin& join : joins_)
@@ -219,10 +220,11 @@ class Team {
   }
 
   // Of the cameras instead of the nodes.
-  graph::BundleTie of_cameras(graph::BundleTie tie) const {
+  graph::RelativePoseConstraint of_cameras(graph::RelativePoseConstraint constraint) const {
     const auto robot_from_camera = [&](std::uint32_t keyframe) { return keyframes_[keyframe].content->content->geometry->robot_from_camera; };
-    tie.from_from_to = compose(compose(inverse(robot_from_camera(tie.from)), tie.from_from_to), robot_from_camera(tie.to));
-    return tie;
+    constraint.from_from_to = compose(compose(inverse(robot_from_camera(constraint.from)), constraint.from_from_to),
+                                      robot_from_camera(constraint.to));
+    return constraint;
   }
 
   void place_landmarks() {
@@ -362,8 +364,8 @@ class Team {
       bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
-    for (const graph::BundleTie& tie : shape_)
-      if (is_free_[tie.from] || is_free_[tie.to]) bundle.ties.push_back(of_cameras(tie));
+    for (const graph::RelativePoseConstraint& constraint : shape_)
+      if (is_free_[constraint.from] || is_free_[constraint.to]) bundle.relative_poses.push_back(of_cameras(constraint));
     const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
       if (counts[same.find(landmark)] == 0) return;
       graph::BundleSighting sighting;
@@ -474,7 +476,7 @@ class Team {
   std::vector<LandmarkId> landmark_ids_;
   std::vector<std::size_t> landmark_member_, landmark_keyframe_;  // whose each is; where it hangs
   std::vector<Vector3d> points_;                                  // in the team's frame
-  std::vector<graph::BundleTie> shape_;                           // of nodes
+  std::vector<graph::RelativePoseConstraint> shape_;              // of nodes
   std::vector<std::vector<const Constraint*>> rigs_;              // of each member
   std::vector<FeaturesByPlace> features_;                         // of each keyframe, once they were looked for
   std::vector<SharedSighting> found_;

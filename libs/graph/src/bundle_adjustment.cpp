@@ -86,10 +86,11 @@ class Adjustment {
       first_free_.push_back(first_[point]);
       while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0) ++first_free_[point];
     }
-    for (const BundleTie& tie : bundle.ties)
+    for (const RelativePoseConstraint& constraint : bundle.relative_poses)
       MAPWEAVE_EXPECT(
-          tie.from < bundle.views.size() && tie.to < bundle.views.size() && tie.from != tie.to && tie.sigma_m > 0.0 && tie.sigma_rad > 0.0,
-          "a tie names two views");
+          constraint.from < bundle.views.size() && constraint.to < bundle.views.size() && constraint.from != constraint.to &&
+              constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
+          "a constraint names two views");
     find_blocks();
   }
 
@@ -143,8 +144,8 @@ class Adjustment {
     for (std::size_t point = 0; point < points_.size(); ++point)
       for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
         for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of_sighting_[i], column_of_sighting_[j]);
-    for (const BundleTie& tie : bundle_.ties)
-      if (const auto [column, row] = std::minmax(column_[tie.from], column_[tie.to]); column >= 0) meet(row, column);
+    for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
+      if (const auto [column, row] = std::minmax(column_[constraint.from], column_[constraint.to]); column >= 0) meet(row, column);
     for (std::size_t row = 0; row < rows; ++row) {
       row_begin_.push_back(columns_.size());
       for (std::size_t column = 0; column < row; ++column) {
@@ -188,45 +189,45 @@ class Adjustment {
       else
         sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) + soft_cost(std::abs(value.z()), options_.soft_sigmas);
     }
-    for (const BundleTie& tie : bundle_.ties) sum += error_of(tie, views).squaredNorm();
+    for (const RelativePoseConstraint& constraint : bundle_.relative_poses) sum += error_of(constraint, views).squaredNorm();
     return sum;
   }
 
   // How far the views are from what the tie says, in sigmas; a small motion of `to` in its own frame.
-  static Vector6 error_of(const BundleTie& tie, const std::vector<View>& views) {
-    const View &from = views[tie.from], &to = views[tie.to];
-    const Matrix3d measured = tie.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
+  static Vector6 error_of(const RelativePoseConstraint& constraint, const std::vector<View>& views) {
+    const View &from = views[constraint.from], &to = views[constraint.to];
+    const Matrix3d measured = constraint.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
     const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
     const Vector3d from_in_to = to.translation - to_from_from * from.translation;
     const Eigen::AngleAxisd turn(Matrix3d(to_from_from * measured.transpose()));
-    const Vector3d expected = -(measured * tie.from_from_to.t);
+    const Vector3d expected = -(measured * constraint.from_from_to.t);
     Vector6 error;
-    error << (from_in_to - expected) / tie.sigma_m, turn.angle() * turn.axis() / tie.sigma_rad;
+    error << (from_in_to - expected) / constraint.sigma_m, turn.angle() * turn.axis() / constraint.sigma_rad;
     return error;
   }
 
   // Derivatives by small motions of the two cameras in their own frames, from the left, for small errors.
-  void linearise(const BundleTie& tie, std::size_t number) {
-    const Vector6 error = error_of(tie, views_);
-    const Matrix3d to_from_from = views_[tie.to].rotation * views_[tie.from].rotation.transpose();
-    const Vector3d t = views_[tie.to].translation - to_from_from * views_[tie.from].translation;
+  void linearise(const RelativePoseConstraint& constraint, std::size_t number) {
+    const Vector6 error = error_of(constraint, views_);
+    const Matrix3d to_from_from = views_[constraint.to].rotation * views_[constraint.from].rotation.transpose();
+    const Vector3d t = views_[constraint.to].translation - to_from_from * views_[constraint.from].translation;
     Matrix3d cross;
     cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
     Matrix6 by_to = Matrix6::Zero(), by_from = Matrix6::Zero();
-    by_to.topLeftCorner<3, 3>() = Matrix3d::Identity() / tie.sigma_m;
-    by_to.topRightCorner<3, 3>() = -cross / tie.sigma_m;
-    by_to.bottomRightCorner<3, 3>() = Matrix3d::Identity() / tie.sigma_rad;
-    by_from.topLeftCorner<3, 3>() = -to_from_from / tie.sigma_m;
-    by_from.bottomRightCorner<3, 3>() = -to_from_from / tie.sigma_rad;
+    by_to.topLeftCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_m;
+    by_to.topRightCorner<3, 3>() = -cross / constraint.sigma_m;
+    by_to.bottomRightCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_rad;
+    by_from.topLeftCorner<3, 3>() = -to_from_from / constraint.sigma_m;
+    by_from.bottomRightCorner<3, 3>() = -to_from_from / constraint.sigma_rad;
     const auto add = [&](std::uint32_t view, const Matrix6& by) {
       if (const int c = column_[view]; c >= 0) {
         hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by.transpose() * by;
         gradient_of_view_.segment<6>(6 * c).noalias() += by.transpose() * error;
       }
     };
-    add(tie.from, by_from), add(tie.to, by_to);
-    const bool from_is_row = column_[tie.from] > column_[tie.to];
-    cross_of_tie_[number] = from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
+    add(constraint.from, by_from), add(constraint.to, by_to);
+    const bool from_is_row = column_[constraint.from] > column_[constraint.to];
+    cross_of_constraint_[number] = from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
   }
 
   void linearise() {
@@ -236,8 +237,8 @@ class Adjustment {
     gradient_of_point_.assign(points_.size(), Vector3d::Zero());
     cross_.resize(sightings_.size());
     used_.assign(sightings_.size(), 0);
-    cross_of_tie_.resize(bundle_.ties.size());
-    for (std::size_t i = 0; i < bundle_.ties.size(); ++i) linearise(bundle_.ties[i], i);
+    cross_of_constraint_.resize(bundle_.relative_poses.size());
+    for (std::size_t i = 0; i < bundle_.relative_poses.size(); ++i) linearise(bundle_.relative_poses[i], i);
     Vector3d value;
     Matrix3d by_point = Matrix3d::Zero();  // in the camera's frame
     for (std::size_t i = 0; i < sightings_.size(); ++i) {
@@ -285,9 +286,9 @@ class Adjustment {
       m.diagonal() *= 1.0 + lambda;
       m.diagonal().array() += 1e-9;
     }
-    for (std::size_t i = 0; i < bundle_.ties.size(); ++i) {
-      const int one = column_[bundle_.ties[i].from], other = column_[bundle_.ties[i].to];
-      if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_tie_[i];
+    for (std::size_t i = 0; i < bundle_.relative_poses.size(); ++i) {
+      const int one = column_[bundle_.relative_poses[i].from], other = column_[bundle_.relative_poses[i].to];
+      if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_constraint_[i];
     }
     inverse_.resize(points_.size());
     for (std::size_t point = 0; point < points_.size(); ++point) {
@@ -353,8 +354,8 @@ class Adjustment {
   Eigen::VectorXd gradient_of_view_;
   std::vector<Matrix3d> hessian_of_point_, inverse_;
   std::vector<Vector3d> gradient_of_point_;
-  std::vector<Matrix63> cross_;        // of each sighting
-  std::vector<Matrix6> cross_of_tie_;  // the view of the higher column by the other
+  std::vector<Matrix63> cross_;               // of each sighting
+  std::vector<Matrix6> cross_of_constraint_;  // the view of the higher column by the other
   std::vector<char> used_;
   std::optional<BlockCholesky<6>> cholesky_;
 };

@@ -117,15 +117,15 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
           std::abs(correction.phi) > options.max_correction_rad)
         continue;
       // Tie the node to the nearest member, for the same reason.
-      const std::size_t tied = nearest_to(match.field_from_scan, &Member::submap_from_node);
-      const NodeId& member_id = submap.submap_from_node[tied].first;
+      const std::size_t nearest = nearest_to(match.field_from_scan, &Member::submap_from_node);
+      const NodeId& member_id = submap.submap_from_node[nearest].first;
       Eigen::Matrix3d information = options.information_scale * match.information;
       const Eigen::Matrix3d floor = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();  // 1 cm, 0.11 degrees
       information = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
       const bool own = member_id.session == node->id.session;
       constraints.push_back(planar_constraint(
           {own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
-          between(members[tied].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
+          between(members[nearest].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
     }
     return constraints;
   });

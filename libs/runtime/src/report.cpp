@@ -281,7 +281,7 @@ Json summary_json(const Report& report) {
     for (const CameraReport& camera : robot.cameras) line["cameras"].push_back(camera_json(camera));
     if (!robot.rig.cameras.empty())
       line["rig"] = {{"cameras", robot.rig.cameras},
-                     {"ties", robot.rig.ties},
+                     {"ties", robot.rig.constraints},
                      {"apart_before_m", robot.rig.apart_before_m},
                      {"apart_after_m", robot.rig.apart_after_m},
                      {"optimised", robot.rig.optimised}};

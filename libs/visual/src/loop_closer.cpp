@@ -20,7 +20,7 @@ constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
 constexpr double kLeastAlike = 0.3;
 constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
-constexpr int kTied = 15;
+constexpr int kLeastShared = 15;
 
 std::vector<int> with_covisible(const LandmarkMap& map, int number, std::size_t most) {
   std::vector<int> result{number};
@@ -71,9 +71,9 @@ NodeId id_of(int keyframe) {
 // Along ties, metres from one keyframe to another; infinite where nothing leads there.
 double path_between(const LandmarkMap& map, int from, int to) {
   std::vector<std::vector<int>> neighbours(map.keyframes.size());
-  for (const Tie& tie : ties_of(map, map.keyframe(from).session, kTied)) {
-    neighbours[static_cast<std::size_t>(tie.from)].push_back(tie.to);
-    neighbours[static_cast<std::size_t>(tie.to)].push_back(tie.from);
+  for (const CovisibilityEdge& edge : covisibility_edges(map, map.keyframe(from).session, kLeastShared)) {
+    neighbours[static_cast<std::size_t>(edge.from)].push_back(edge.to);
+    neighbours[static_cast<std::size_t>(edge.to)].push_back(edge.from);
   }
   std::vector<double> path(map.keyframes.size(), std::numeric_limits<double>::infinity());
   using Entry = std::pair<double, int>;
@@ -113,22 +113,22 @@ double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angl
 
 }  // namespace
 
-std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmarks) {
+std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int session, int least_landmarks) {
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
     if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
-  std::vector<Tie> ties;
+  std::vector<CovisibilityEdge> edges;
   for (std::size_t i = 1; i < order.size(); ++i) {
     bool to_the_last = false;
     for (const CovisibleKeyframe& shared : covisible(map, order[i])) {
       if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks) continue;
-      ties.push_back({shared.keyframe, order[i], shared.landmarks});
+      edges.push_back({shared.keyframe, order[i], shared.landmarks});
       to_the_last = to_the_last || shared.keyframe == order[i - 1];
     }
-    if (!to_the_last) ties.push_back({order[i - 1], order[i], 0});
+    if (!to_the_last) edges.push_back({order[i - 1], order[i], 0});
   }
-  return ties;
+  return edges;
 }
 
 View correction_of(const LandmarkMap& map, const FoundLoop& loop) { return loop.view.inverse() * map.keyframe(loop.newest).view; }

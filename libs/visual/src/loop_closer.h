@@ -66,10 +66,10 @@ class VisualLoopCloser {
   double repeats_m_ = kUnique_m;
 };
 
-// Keyframes of a session that are tied: by landmarks, or as neighbours in time where landmarks do not.
-struct Tie {
+// Keyframes of a session that belong together: by shared landmarks, or as neighbours in time where landmarks do not.
+struct CovisibilityEdge {
   int from = 0, to = 0, landmarks = 0;  // from was made first
 };
-std::vector<Tie> ties_of(const LandmarkMap& map, int session, int least_landmarks);
+std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int session, int least_landmarks);
 
 }  // namespace mapweave::visual

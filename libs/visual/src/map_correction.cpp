@@ -10,7 +10,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr int kSharedInGraph = 30;  // landmarks that tie two keyframes in the essential graph
-constexpr double kWeakTie = 10.0;   // landmarks that neighbours in time count as at least
+constexpr double kWeakEdge = 10.0;  // landmarks that neighbours in time count as at least
 // A turn by this much moves what is seen as much as a step of a metre does.
 constexpr double kTurnPerMetre = 0.3;
 
@@ -34,7 +34,8 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
   newest_ = static_cast<std::size_t>(view_number(loop_.newest)), earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
-  for (const Tie& tie : ties_of(map, session, kSharedInGraph)) ties_.push_back({view_number(tie.from), view_number(tie.to), tie.landmarks});
+  for (const CovisibilityEdge& edge : covisibility_edges(map, session, kSharedInGraph))
+    covisibility_edges_.push_back({view_number(edge.from), view_number(edge.to), edge.landmarks});
   std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
   for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
   for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
@@ -120,7 +121,7 @@ void MapCorrection::run() {
   }
   std::vector<graph::SpatialEdge> edges;
   std::vector<graph::SimilarityEdge> drifting;
-  const auto tie = [&](std::size_t from, std::size_t to, const Sim3& from_from_to, double landmarks) {
+  const auto add_edge = [&](std::size_t from, std::size_t to, const Sim3& from_from_to, double landmarks) {
     const auto a = static_cast<std::uint32_t>(from), b = static_cast<std::uint32_t>(to);
     graph::SimilarityEdge edge{a, b, from_from_to, landmarks * Eigen::Matrix<double, 7, 7>::Identity()};
     edge.information.block<3, 3>(3, 3) /= kTurnPerMetre * kTurnPerMetre;
@@ -129,12 +130,13 @@ void MapCorrection::run() {
     else
       edges.push_back({a, b, from_from_to.pose, edge.information.topLeftCorner<6, 6>()});
   };
-  for (const Tie& known : ties_) {
+  for (const CovisibilityEdge& known : covisibility_edges_) {
     const auto from = static_cast<std::size_t>(known.from), to = static_cast<std::size_t>(known.to);
-    tie(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])},
-        std::max(kWeakTie, static_cast<double>(known.landmarks)));
+    add_edge(from, to, {between(poses[from], poses[to]), std::exp(stretches_[to] - stretches_[from])},
+             std::max(kWeakEdge, static_cast<double>(known.landmarks)));
   }
-  tie(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale}, 10.0 * static_cast<double>(loop_.matches.size()));
+  add_edge(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale},
+           10.0 * static_cast<double>(loop_.matches.size()));
   constexpr int kIterations = 50;
   if (monocular_) {
     std::vector<Sim3> similar;

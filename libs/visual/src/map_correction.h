@@ -25,10 +25,10 @@ class MapCorrection {
   std::vector<double> stretches_of(const LandmarkMap& map) const;
   Pinhole camera_;
   FoundLoop loop_;
-  std::vector<Name> keyframes_, landmarks_;  // of the bundle's views and points
-  std::vector<int> anchors_;                 // of the points: views
-  std::vector<Tie> ties_;                    // of views
-  std::size_t newest_ = 0, earlier_ = 0;     // views
+  std::vector<Name> keyframes_, landmarks_;           // of the bundle's views and points
+  std::vector<int> anchors_;                          // of the points: views
+  std::vector<CovisibilityEdge> covisibility_edges_;  // of views
+  std::size_t newest_ = 0, earlier_ = 0;              // views
   WindowBundle bundle_;
   bool monocular_ = false;
   std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out

@@ -105,7 +105,7 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
           const double extent = 0.6 * (std::min(12.0, static_cast<double>(map_i.radii_m[graph_.submap_of(i)])) +
                                        std::min(12.0, static_cast<double>(map_j.radii_m[graph_.submap_of(j)])));
           const double near_m = std::clamp(extent, kNear_m, kFarthest_m);
-          if (distance > (is_wide ? reach : near_m) || !in_scope(i, j) || graph_.is_tied(i, j)) continue;
+          if (distance > (is_wide ? reach : near_m) || !in_scope(i, j) || graph_.is_constrained(i, j)) continue;
           const Eigen::Matrix3d apart_by = covariance.between(static_cast<std::uint32_t>(ki), static_cast<std::uint32_t>(kj));
           // At the walls of either, not where a submap happens to begin.
           const Pose2& there = solved.team_from_submap[kj];
@@ -169,7 +169,7 @@ void ConstraintSearch::look_beside(std::vector<SubmapMatch>& waiting, std::size_
     const auto from = around(match.from), to = around(match.to);
     for (std::size_t i = from.first; i < from.second; ++i)
       for (std::size_t j = to.first; j < to.second; ++j) {
-        if (i >= j || !in_scope(i, j) || graph_.is_tied(i, j) || !known.insert({i, j}).second) continue;
+        if (i >= j || !in_scope(i, j) || graph_.is_constrained(i, j) || !known.insert({i, j}).second) continue;
         SubmapQuestion question{i, j, {}, Thoroughness::least_part};
         question.from_from_to.a_from_b = compose(compose(between(own_pose(i), own_pose(match.from)), match.from_from_to),
                                                  between(own_pose(match.to), own_pose(j)));

@@ -141,9 +141,10 @@ Pose2 GridAlignments::a_from_b(std::size_t a, std::size_t b) const {
   const GridPairResult& result = pairs_.at({a, b}).result;
   // Where ties are, the middle of them lies as they have it, whatever the scale.
   Eigen::Vector2d in_a = Eigen::Vector2d::Zero(), in_b = Eigen::Vector2d::Zero();
-  for (const GridTie& tie : result.ties) {
-    in_a += scales_[a] * Eigen::Vector2d(tie.a_from_place.x, tie.a_from_place.y) / static_cast<double>(result.ties.size());
-    in_b += scales_[b] * tie.place_in_b / static_cast<double>(result.ties.size());
+  for (const GridConstraint& grid_constraint : result.grid_constraints) {
+    const Eigen::Vector2d place_in_a(grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);
+    in_a += scales_[a] * place_in_a / static_cast<double>(result.grid_constraints.size());
+    in_b += scales_[b] * grid_constraint.place_in_b / static_cast<double>(result.grid_constraints.size());
   }
   const double yaw = planar(result.alignment->a_from_b.pose).phi;
   const Pose2 turned = compose(Pose2(0.0, 0.0, yaw), Pose2(in_b.x(), in_b.y(), 0.0));
@@ -152,13 +153,13 @@ Pose2 GridAlignments::a_from_b(std::size_t a, std::size_t b) const {
 
 std::vector<Constraint> GridAlignments::constraints(std::size_t a, std::size_t b) const {
   const Pair& pair = pairs_.at({a, b});
-  std::vector<GridTie> ties = pair.result.ties;
-  for (GridTie& tie : ties) {
-    tie.place_in_b *= scales_[b];
-    tie.a_from_place.x *= scales_[a];
-    tie.a_from_place.y *= scales_[a];
+  std::vector<GridConstraint> grid_constraints = pair.result.grid_constraints;
+  for (GridConstraint& grid_constraint : grid_constraints) {
+    grid_constraint.place_in_b *= scales_[b];
+    grid_constraint.a_from_place.x *= scales_[a];
+    grid_constraint.a_from_place.y *= scales_[a];
   }
-  return constraints_of(ties, rescaled(a), rescaled(b), pair.judgement.id);
+  return constraints_of(grid_constraints, rescaled(a), rescaled(b), pair.judgement.id);
 }
 
 std::vector<SubmapMatch> GridAlignments::matches(std::size_t a, std::size_t b, const std::vector<PreparedMap>& prepared,

@@ -95,7 +95,7 @@ void SubmapGraph::add_own_edges(std::size_t map) {
       add(pair.first, pair.second, information_of(kRevisit_m, kRevisit_rad), pair.second - pair.first > kNextOnes);
 }
 
-bool SubmapGraph::is_tied(std::size_t one, std::size_t other) const {
+bool SubmapGraph::is_constrained(std::size_t one, std::size_t other) const {
   if (map_of_[one] != map_of_[other]) return false;
   const auto [low, high] = std::minmax(one, other);
   if (high - low <= kNextOnes) return true;

@@ -43,7 +43,7 @@ struct GridVerification {
 };
 
 // What holds the two grids together at one place, for a joint graph that bends both.
-struct GridTie {
+struct GridConstraint {
   Eigen::Vector2d place_in_b;
   Pose2 a_from_place;           // b's axes there
   Eigen::Matrix3d information;  // x, y, yaw in the axes of b at the place
@@ -55,10 +55,10 @@ struct GridPairResult {
   Reason reason = Reason::none;  // none: the grids join
   std::string note;              // the reason in words, with numbers
   Evidence evidence;
-  double wall_m = 0.0;                       // of the grid that shows less of it
-  std::vector<GridTie> ties;                 // where the grids join
-  std::vector<GridVerification> hypotheses;  // best first
-  std::vector<GridVerification> images;      // of the mirror image, best first
+  double wall_m = 0.0;                           // of the grid that shows less of it
+  std::vector<GridConstraint> grid_constraints;  // where the grids join
+  std::vector<GridVerification> hypotheses;      // best first
+  std::vector<GridVerification> images;          // of the mirror image, best first
 };
 
 struct PreparedGrid;
@@ -74,6 +74,7 @@ GridVerification verify_alignment(const PreparedGrid& a, const PreparedGrid& b, 
                                   const GridPairOptions& options = {});
 
 // The ties of two maps that map_of_grid() made, between the nodes that hold the places; of kind between_maps.
-std::vector<Constraint> constraints_of(const std::vector<GridTie>& ties, const Map& a, const Map& b, const Hash& because);
+std::vector<Constraint> constraints_of(const std::vector<GridConstraint>& grid_constraints, const Map& a, const Map& b,
+                                       const Hash& because);
 
 }  // namespace mapweave::fusion

@@ -26,7 +26,7 @@ struct BundleSighting {
 };
 
 // What is known of two views beside what they see: a rigid rig, or how they lay before.
-struct BundleTie {
+struct RelativePoseConstraint {
   std::uint32_t from = 0, to = 0;
   Pose3 from_from_to;
   double sigma_m = 0.01, sigma_rad = 0.01;
@@ -37,7 +37,7 @@ struct Bundle {
   std::vector<BundleView> views;
   std::vector<Eigen::Vector3d> points;
   std::vector<BundleSighting> sightings;  // by rising point
-  std::vector<BundleTie> ties;
+  std::vector<RelativePoseConstraint> relative_poses;
 };
 
 struct BundleOptions {

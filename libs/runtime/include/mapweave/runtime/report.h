@@ -35,7 +35,7 @@ struct CameraReport {
 // Several cameras in one map.
 struct RigReport {
   std::vector<std::string> cameras;  // empty for one alone
-  std::uint64_t ties = 0;
+  std::uint64_t constraints = 0;
   double apart_before_m = 0.0, apart_after_m = 0.0;  // root mean square of what the ties are off by
   bool optimised = false;                            // they were apart by more than the threshold
 };
