@@ -27,7 +27,7 @@ struct LiveServerOptions {
     v.integer("joining_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
     v.fraction("joining_share", merge_share, "largest share of the time that maps are merged: the next merge waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
-    v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; it is lent nothing meanwhile");
+    v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; nothing is shared with it meanwhile");
     v.integer("journal_kb", journal_kb, 1, 1 << 30, "that the journal may grow by, and to twice its length, before it is written anew");
   }
 };
