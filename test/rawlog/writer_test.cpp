@@ -133,7 +133,7 @@ TEST(Convert, stops_when_interrupted) {
   for (int i = 0; i < 600; ++i) scans.push_back(scan(i));
   const auto path = write_rawlog(folder / "a.rawlog", scans);
   request_interrupt();
-  EXPECT_THROW(convert_log(path, out / "out.rawlog", *make_silent_progress()), Error);
+  EXPECT_THROW(convert_log(path, out / "out.rawlog", *make_silent_progress()), Interrupted);
   clear_interrupt();
   EXPECT_EQ(files_in(out.path()), 0u);
 }

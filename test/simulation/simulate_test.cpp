@@ -123,7 +123,7 @@ TEST(Simulate, stops_when_interrupted) {
   WorldOptions options = small_world();
   options.robots[0].length_m = 50.0;
   request_interrupt();
-  EXPECT_THROW(simulated(options, folder.path()), Error);
+  EXPECT_THROW(simulated(options, folder.path()), Interrupted);
   clear_interrupt();
   EXPECT_FALSE(std::filesystem::exists(folder / "alpha.rawlog"));
 }

@@ -3,6 +3,7 @@
 #include "spent_time.h"
 
 #include <mapweave/core/error.h>
+#include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
 #include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_map_server.h>
@@ -202,6 +203,8 @@ struct LiveMapServer::State {
           more.longest_place_s = seconds_since(taken.since);
         }
       }
+    } catch (const Interrupted& interrupted) {
+      post(ServerMessage::Kind::refused, interrupted.message());
     } catch (const std::exception& error) {
       ++more.refused;
       post(ServerMessage::Kind::refused, error.what());
@@ -323,6 +326,8 @@ struct LiveMapServer::State {
   static std::string trouble_of(const Work& work) {
     try {
       work();
+    } catch (const Interrupted& interrupted) {
+      return interrupted.message();
     } catch (const std::exception& error) {
       return error.what();
     }

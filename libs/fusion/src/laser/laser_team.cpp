@@ -229,11 +229,30 @@ bool LaserMerger::is_known_to_repeat(const MapPair& pair) const {
   return evaluation != nullptr && evaluation->repeats && evaluation->hypotheses.front().log_odds >= kCertain;
 }
 
-// Whether what makes two teams fit stands more than once in one of them: then they would fit there as well.
-bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) const {
+// Whether what makes two teams fit stands more than once in one of them: then they would fit there as well, unless the rest of both would
+// contradict that, as the graph bends them.
+bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) {
   const auto pose_of = [&](std::size_t map, std::size_t s) { return hypothesis.solved.pose_of(graph_.number(map, s)); };
   const auto in_x = placed(x.maps, pose_of), in_z = placed(z.maps, pose_of);
-  return repeats(self_repetition(in_x, in_z, sight_of({&in_x, &in_z})));
+  for (const Repetition& repetition : self_repetitions(in_x, in_z, sight_of({&in_x, &in_z}))) {
+    const auto pose_elsewhere = [&](std::size_t map, std::size_t s) { return compose(repetition.b_moved, pose_of(map, s)); };
+    const auto elsewhere = placed(z.maps, pose_elsewhere);
+    const WallAgreement rigid = wall_agreement(in_x, length_of_walls(in_x), elsewhere, length_of_walls(elsewhere), sight_of({&in_x, &elsewhere}));
+    if (!is_contradicted(rigid, hypothesis.walls)) return true;
+    MergeHypothesis rival;
+    std::vector<SubmapQuestion> questions;
+    for (const std::size_t a : x.maps)
+      for (const std::size_t b : z.maps) {
+        const auto in_a = placed({a}, pose_of), in_b = placed({b}, pose_of);
+        const auto some = proposals_.of_most_shared(a, b, in_a, in_b, repetition.b_moved, kBentRadius_m, kBentYaw_rad, sight_of({&in_a, &in_b}));
+        questions.insert(questions.end(), some.begin(), some.end());
+      }
+    for (const SubmapAnswer& answer : judge_.ask(questions))
+      if (answer.holds) rival.matches.push_back(answer.hypotheses.front());
+    grow(rival, x, z);
+    if (rival.walls.coinciding_m > 0.0 && !is_contradicted(rival.walls, hypothesis.walls)) return true;
+  }
+  return false;
 }
 
 // Whether two hypotheses came to the same: a submap of the one lies where the other has it.

@@ -120,7 +120,7 @@ class LaserMerger {
   WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
-  bool stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) const;
+  bool stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   std::vector<std::pair<std::size_t, std::size_t>> likeliest_first() const;
   bool merge_surest();
   void merge_all();

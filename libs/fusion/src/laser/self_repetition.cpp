@@ -20,7 +20,7 @@ constexpr double kShare = 0.32, kRoom_m = 20.0;     // of a part that stands twi
 // What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
 constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
 constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
-constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64;
+constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64, kMostRepetitions = 8;
 
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {
   std::vector<WallPoint> some;
@@ -41,6 +41,10 @@ struct Motion {
   std::pair<double, double> back(double x, double y) const {
     const auto [u, v] = turned(x - middle_x - shift_x, y - middle_y - shift_y, 4 - quarters);
     return {middle_x + u, middle_y + v};
+  }
+  Pose2 pose() const {
+    const auto [x, y] = moved(0.0, 0.0);
+    return {x, y, wrap_angle(0.5 * M_PI * quarters)};
   }
   static std::pair<double, double> turned(double x, double y, int quarters) {
     switch (quarters % 4) {
@@ -99,12 +103,12 @@ class Part {
 
   double shared_m() const { return here_.coinciding_m; }
 
-  // Walls that coincide elsewhere on the host, at most.
-  double repeated_m(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
+  // Places elsewhere on the host where enough of the part coincides: walls that do, and how the part is moved.
+  std::vector<std::pair<double, Pose2>> places_elsewhere(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
     const double least_m = std::max(kRoom_m, kShare * here_.coinciding_m);
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
     std::vector<Motion> looked;
-    double most_m = 0.0;
+    std::vector<std::pair<double, Pose2>> result;
     for (const Likely& likely : likely_places(host_about, host_box, least_m)) {
       const Motion place{middle_x_, middle_y_, likely.quarters, likely.shift_x, likely.shift_y};
       const auto is_near = [&](const Motion& other) {
@@ -113,6 +117,8 @@ class Part {
       if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
       looked.push_back(place);
       const std::vector<Placed> walls = placed(place, kSecondLook);
+      double most_m = 0.0;
+      Motion best = place;
       for (int j = -2; j <= 2; ++j)
         for (int i = -2; i <= 2; ++i) {
           Look there = look(walls, i, j);
@@ -120,11 +126,14 @@ class Part {
           Motion near = place;
           near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
           there.contradicted_m += missing_m(near, doubt * there.coinciding_m / kContradictionWeight - there.contradicted_m);
-          if (there.doubt() <= doubt) most_m = there.coinciding_m;
+          if (there.doubt() > doubt) continue;
+          most_m = there.coinciding_m;
+          best = near;
         }
+      if (most_m > 0.0) result.emplace_back(most_m, best.pose());
       if (looked.size() == kMostPlaces) break;
     }
-    return most_m;
+    return result;
   }
 
  private:
@@ -220,10 +229,10 @@ class Part {
 
 }  // namespace
 
-Repetition self_repetition(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of) {
-  Repetition most;
+std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of) {
+  std::vector<Repetition> result;
   const PlaneBox in_a = box_of(a), in_b = box_of(b), common = in_a.within(in_b);
-  if (common.empty()) return most;
+  if (common.empty()) return result;
   const std::array<PlaneBox, 2> boxes{in_a.within(common.grown(kReach_m)), in_b.within(common.grown(kReach_m))};
   const std::array<SeenRaster, 2> rasters{SeenRaster(a, boxes[0], sight_of), SeenRaster(b, boxes[1], sight_of)};
   const std::array<std::vector<WallPoint>, 2> walls{walls_in(a, boxes[0]), walls_in(b, boxes[1])};
@@ -231,15 +240,18 @@ Repetition self_repetition(const std::vector<PlacedSubmap>& a, const std::vector
     const std::size_t guest = 1 - host;
     const Part part(walls[guest], rasters[guest], walls[host], rasters[host]);
     if (part.shared_m() < kRoom_m || part.shared_m() > kLargestPart_m) continue;
-    const PlaneBox& box = boxes[host];
-    const Repetition found{part.shared_m(), part.repeated_m(rasters[host].walls_about(), box)};
-    if (found.repeated_m * std::max(kCell_m, most.shared_m) > most.repeated_m * found.shared_m) most = found;
+    for (const auto& [repeated_m, moved] : part.places_elsewhere(rasters[host].walls_about(), boxes[host]))
+      if (repeated_m >= std::max(kRoom_m, kShare * part.shared_m()))
+        result.push_back({part.shared_m(), repeated_m, guest == 0 ? inverse(moved) : moved});
   }
-  return most;
+  std::stable_sort(result.begin(), result.end(), [](const Repetition& l, const Repetition& r) { return l.repeated_m * r.shared_m > r.repeated_m * l.shared_m; });
+  if (result.size() > kMostRepetitions) result.resize(kMostRepetitions);
+  return result;
 }
 
-bool repeats(const Repetition& repetition) {
-  return repetition.repeated_m >= kRoom_m && repetition.repeated_m >= kShare * repetition.shared_m;
+bool is_contradicted(const WallAgreement& elsewhere, const WallAgreement& here) {
+  const auto doubt = [](const WallAgreement& walls) { return kContradictionWeight * walls.contradicted_m / std::max(kCell_m, walls.coinciding_m); };
+  return doubt(elsewhere) > std::clamp(kAsDoubtful * doubt(here), kLeastDoubt, kMostDoubt);
 }
 
 }  // namespace mapweave::fusion
