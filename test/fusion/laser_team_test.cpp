@@ -1,6 +1,7 @@
+#include "fused_maps.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <mapweave/fusion/fuse.h>
 #include <mapweave/maps/reasons.h>
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
@@ -10,14 +11,8 @@
 namespace mapweave::fusion {
 namespace {
 
+using test::fused;
 using test::IsNear;
-
-FusionResult fused(std::vector<Map> maps) {
-  WorkerPool pool(1);
-  Memo memo;
-  const auto progress = make_silent_progress();
-  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
-}
 
 std::vector<Map> mapped(const simulation::SimulatedTeam& team) {
   std::vector<Map> maps;

@@ -1,8 +1,8 @@
+#include "fused_maps.h"
 #include "same_recording.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <mapweave/fusion/fuse.h>
 #include <mapweave/fusion/grid_map.h>
 #include <support/pose_matchers.h>
 #include <support/simulated_maps.h>
@@ -10,12 +10,7 @@
 namespace mapweave::fusion {
 namespace {
 
-FusionResult fused(std::vector<Map> maps) {
-  WorkerPool pool(1);
-  Memo memo;
-  const auto progress = make_silent_progress();
-  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
-}
+using test::fused;
 
 const simulation::SimulatedTeam& apartment() {
   static const simulation::SimulatedTeam team = [] {

@@ -1,18 +1,13 @@
+#include "fused_maps.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <mapweave/fusion/fuse.h>
 #include <support/carried_away.h>
-
 
 namespace mapweave::fusion {
 namespace {
 
-FusionResult fused(std::vector<Map> maps) {
-  WorkerPool pool(1);
-  Memo memo;
-  const auto progress = make_silent_progress();
-  return fuse({std::move(maps), {}, TierId("cloud")}, {}, memo, pool, *progress);
-}
+using test::fused;
 
 // Three robots of a long flat. The second one's map is right in the west; then it was carried to another building, which it has in the
 // east, where the first one was, too. The third one never left the west.

@@ -96,7 +96,7 @@ std::string doubt_of_raster(const OccupancyGrid& grid) {
       faces += raster.is_face(column, row);
     }
   const double cell_m = raster.cell_m, wall_m = static_cast<double>(faces) * cell_m;
-  if (static_cast<double>(free) * cell_m * cell_m < kLeastFree_m2) return "shows no free space, by which walls are told";
+  if (static_cast<double>(free) * cell_m * cell_m < kLeastFree_m2) return "shows no free space";
   if (wall_m < kLeastWall_m) return format("shows %.1f m of wall beside free space", wall_m);
   const double share = static_cast<double>(walls) / static_cast<double>(walls + free);
   const double thick_m = static_cast<double>(walls) * cell_m / static_cast<double>(faces);

@@ -1,7 +1,7 @@
 #pragma once
 // Planar pose graphs: the poses that agree best with all constraints. Cold start, one thread, iteration budgets: the same input gives
-// the same bytes. Solver: Ceres. Robust weighting: graduated non-convexity with truncated least squares (Yang et al., RA-L 2020), on the
-// edges that ask for it.
+// the same bytes. Solver: Levenberg-Marquardt (src/pose_graph_solver.h). Robust weighting: graduated non-convexity with truncated least
+// squares (Yang et al., RA-L 2020), on the edges that ask for it.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/map.h>
