@@ -45,6 +45,25 @@ TEST(HypothesisSheet, paints_red_what_was_counted_as_seen_through_and_nothing_el
   EXPECT_EQ(elsewhere, 0U);
 }
 
+TEST(HypothesisSheet, wraps_a_caption_that_is_wider_than_its_panel) {
+  const TwoRooms rooms;
+  HypothesisPanel panel;
+  const auto sheet_of = [&] {
+    const std::string png = hypothesis_sheet_png(rooms.with_wall, rooms.without, {panel, panel}, "two rooms", "a", "b");
+    return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_GRAYSCALE);
+  };
+  panel.caption = {"short"};
+  const cv::Mat low = sheet_of();
+  panel.caption = {"140.3 m of wall coincide, 35.5 m of them fit nowhere around; 6 places agree, and more is said than a panel has place for"};
+  const cv::Mat high = sheet_of();
+  EXPECT_EQ(high.cols, low.cols);
+  EXPECT_GT(high.rows, low.rows);
+  const int panel_px = (high.cols - 16) / 2;  // with the gap beside it
+  const cv::Mat below = high.rowRange(64 + 720, high.rows);
+  EXPECT_EQ(cv::countNonZero(below.colRange(panel_px + 2, panel_px + 14) < 255), 0);
+  EXPECT_GT(cv::countNonZero(below < 255), 0);
+}
+
 TEST(HypothesisSheet, draws_a_map_whose_lengths_differ) {
   const TwoRooms rooms;
   EXPECT_NE(rooms.sheet({}, 1.0), rooms.sheet({}, 1.1));

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 
 namespace mapweave::exporters {
 namespace {
@@ -111,6 +112,26 @@ double scale_bar_m(double side_m) {
   return power * (about >= 5.0 * power ? 5.0 : about >= 2.0 * power ? 2.0 : 1.0);
 }
 
+// Lines of a caption as letters of the font, none wider than a panel where it has spaces to break at.
+std::vector<std::string> wrapped(const std::vector<std::string>& caption) {
+  std::vector<std::string> lines;
+  for (const std::string& whole : caption) {
+    std::istringstream words(ascii(whole));
+    std::string line;
+    for (std::string word; words >> word;) {
+      const std::string longer = line.empty() ? word : line + " " + word;
+      if (!line.empty() && Sheet::width_of(longer, kCapital_px) > kSide_px) {
+        lines.push_back(line);
+        line = "  " + word;
+      } else {
+        line = longer;
+      }
+    }
+    lines.push_back(line);
+  }
+  return lines;
+}
+
 }  // namespace
 
 std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b, const std::vector<HypothesisPanel>& panels,
@@ -119,6 +140,7 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
   constexpr int kLine_px = 22, kTop_px = 64;
   const Layer of_a(a, {});
   std::vector<Bounds> bounds(panels.size());
+  std::vector<std::vector<std::string>> captions(panels.size());
   double side_m = 1.0;
   std::size_t lines = 0;
   for (std::size_t i = 0; i < panels.size(); ++i) {
@@ -127,7 +149,8 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
     Layer(b, panels[i].a_from_b, panels[i].scale).for_each_wall(take);
     if (bounds[i].left > bounds[i].right) bounds[i].take({0.0, 0.0});
     side_m = std::max(side_m, bounds[i].side());
-    lines = std::max(lines, panels[i].caption.size());
+    captions[i] = wrapped(panels[i].caption);
+    lines = std::max(lines, captions[i].size());
   }
   const auto count = static_cast<int>(panels.size());
   const int title_px = 2 * kGap_px + Sheet::width_of(ascii(title), kCapital_px, 1.2);
@@ -145,14 +168,15 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
   legend("seen through", kThrough);
   for (int i = 0; i < count; ++i) {
     const HypothesisPanel& panel = panels[static_cast<std::size_t>(i)];
+    const std::vector<std::string>& caption = captions[static_cast<std::size_t>(i)];
     const int x = kGap_px + i * (kSide_px + kGap_px);
     draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b, panel.scale), panel, side_m,
          bounds[static_cast<std::size_t>(i)]);
     const double bar_m = scale_bar_m(side_m), bar_px = bar_m * kSide_px / side_m;
     sheet.line({{x + 10.0, kTop_px + kSide_px - 12.0}, {x + 10.0 + bar_px, kTop_px + kSide_px - 12.0}}, kInk, 2);
     sheet.write(metres(bar_m, bar_m < 1.0 ? 1 : 0), x + 14.0 + bar_px, kTop_px + kSide_px - 8.0, kInk, 0.9, true);
-    for (std::size_t line = 0; line < panel.caption.size(); ++line)
-      sheet.write(ascii(panel.caption[line]), x, kTop_px + kSide_px + static_cast<double>(line + 1) * kLine_px, kInk);
+    for (std::size_t line = 0; line < caption.size(); ++line)
+      sheet.write(caption[line], x, kTop_px + kSide_px + static_cast<double>(line + 1) * kLine_px, kInk);
   }
   return encoded(sheet.image());
 }

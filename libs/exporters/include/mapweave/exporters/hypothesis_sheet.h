@@ -12,7 +12,7 @@ namespace mapweave::exporters {
 struct HypothesisPanel {
   Pose2 a_from_b;
   double scale = 1.0;                // of b's map in a's
-  std::vector<std::string> caption;  // lines below the picture
+  std::vector<std::string> caption;  // lines below the picture; too long ones are wrapped
   struct Ring {
     double x_m = 0.0, y_m = 0.0, radius_m = 0.5;  // a's frame
   };
