@@ -210,7 +210,8 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   // A prior tells places apart that look alike.
   // What stood twice does so still, however more answers move it.
   const bool stood_twice = before.repeats && is_same(before.hypotheses.front(), surest);
-  evaluation.repeats = surest.prior_log_odds < kPriorDistinguishes && (stood_twice || stands_twice(surest, x, z));
+  evaluation.repeats = surest.prior_log_odds < kPriorDistinguishes &&
+                       (stood_twice || fits_elsewhere(evaluation.hypotheses) || stands_twice(surest, x, z));
   if (evaluation.repeats) evaluation.probability *= 0.5;
   return evaluation;
 }
@@ -227,6 +228,15 @@ bool LaserMerger::is_known_to_repeat(const MapPair& pair) const {
   const LaserTeam *one = team_of(pair.first), *other = team_of(pair.second);
   const Evaluation* evaluation = one == nullptr || other == nullptr ? nullptr : last_evaluation(one->maps, other->maps);
   return evaluation != nullptr && evaluation->repeats && evaluation->hypotheses.front().log_odds >= kCertain;
+}
+
+// Whether another place speaks against the best hypothesis, which is the first one: only one of them can be right.
+bool LaserMerger::fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses) const {
+  const MergeHypothesis& best = hypotheses.front();
+  const double enough = log_odds(options_.merge_probability);
+  return std::any_of(hypotheses.begin() + 1, hypotheses.end(), [&](const MergeHypothesis& other) {
+    return !other.is_of_grids && !is_same(other, best) && fits_by_chance(best.walls, other.walls, other.log_odds, enough);
+  });
 }
 
 // Whether what makes two teams fit stands more than once in one of them: then they would fit there as well, unless the rest of both would

@@ -24,10 +24,14 @@ PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const Prepar
 struct WeighedWalls {
   double unclear_m = 0.0;  // that counts
   double by_chance_m = 0.0;
-  double log_odds = 0.0;
+  double sum_m = 0.0;
+  double log_odds = 0.0;  // the sum, within kSurestLogOdds
 };
 WeighedWalls weighed(const WallAgreement& walls);
 double log_odds_of(const WallAgreement& walls);
+// Whether as much may fit by chance as decides here: what fits nowhere around at another place, which cannot be right as well, is more than
+// the log odds here stand without, or that place has `enough` log odds itself.
+bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere, double enough);
 // Metres of wall that two hypotheses are compared by.
 double fit_of(const WallAgreement& walls);
 // The same match, from the other side.
@@ -120,6 +124,7 @@ class LaserMerger {
   WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
+  bool fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses) const;
   bool stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z);
   std::vector<std::pair<std::size_t, std::size_t>> likeliest_first() const;
   bool merge_surest();

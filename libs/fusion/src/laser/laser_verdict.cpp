@@ -109,9 +109,14 @@ WeighedWalls weighed(const WallAgreement& walls) {
   const double covered = std::clamp((walls.overlap - kPartlyOverlap) / (kWholeOverlap - kPartlyOverlap), 0.0, 1.0);
   result.unclear_m = walls.unclear_m - (1.0 - covered) * walls.in_part_m;
   const double against_m = kContradictionWeight * walls.contradicted_m + kUnclearWeight * result.unclear_m;
-  const double net_m = walls.distinctive_m - against_m - result.by_chance_m;
-  result.log_odds = std::clamp(kPerMetre * net_m, -kSurestLogOdds, kSurestLogOdds);
+  result.sum_m = walls.distinctive_m - against_m - result.by_chance_m;
+  result.log_odds = std::clamp(kPerMetre * result.sum_m, -kSurestLogOdds, kSurestLogOdds);
   return result;
+}
+
+bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere, double enough) {
+  const WeighedWalls walls = weighed(here);
+  return log_odds_elsewhere >= enough || walls.sum_m + walls.by_chance_m - elsewhere.distinctive_m < enough;
 }
 
 double log_odds_of(const WallAgreement& walls) { return weighed(walls).log_odds; }
