@@ -17,17 +17,21 @@ Action set_up_config(CLI::App& verb) {
   };
   const auto arguments = std::make_shared<Arguments>();
   verb.require_subcommand(1);
-  CLI::App* show = verb.add_subcommand("show", "the effective configuration: defaults, file, environment and --set together");
+  CLI::App* show =
+      verb.add_subcommand("show", "the effective configuration: defaults, file, environment and --set together");
   show->add_option("FILE", arguments->file, "configuration of a run; without it: defaults and environment");
   CLI::App* check = verb.add_subcommand("check", "whether a run could start: keys, values, robots, edges, logs");
   check->add_option("FILE", arguments->file, "configuration of a run")->required();
   for (CLI::App* reader : {show, check})
-    reader->add_option("--set", arguments->flags.set, "sets one option: key=value")->type_name("KEY=VALUE")->allow_extra_args(false);
+    reader->add_option("--set", arguments->flags.set, "sets one option: key=value")
+        ->type_name("KEY=VALUE")
+        ->allow_extra_args(false);
   CLI::App* reference = verb.add_subcommand("reference", "every option with its default, meaning and range");
   reference->add_option("--of", arguments->of, "a run's options, or a simulated world's")
       ->check(CLI::IsMember({"run", "world"}))
       ->capture_default_str();
-  reference->add_option("FILE", arguments->file, "a configuration whose values stand in the page; without it: the defaults");
+  reference->add_option("FILE", arguments->file,
+                        "a configuration whose values stand in the page; without it: the defaults");
 
   return [=] {
     if (reference->parsed() && arguments->of == "world") {

@@ -10,7 +10,8 @@
 
 namespace mapweave::app {
 
-LoadedConfiguration load_configuration(const std::filesystem::path& file, std::vector<std::string> first, const WritingFlags& flags) {
+LoadedConfiguration load_configuration(const std::filesystem::path& file, std::vector<std::string> first,
+                                       const WritingFlags& flags) {
   LoadedConfiguration loaded;
   ConfigurationSources sources;
   if (!file.empty()) sources.files.push_back(file);
@@ -35,7 +36,8 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
   const auto is_for_others = [&](const std::pair<std::string, std::string>& variable) {
     if (variable.first.compare(0, kPrefix.size(), kPrefix) != 0) return false;
     std::string name = variable.first.substr(kPrefix.size(), variable.first.find("__") - kPrefix.size());
-    std::transform(name.begin(), name.end(), name.begin(), [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
     return !has(options, name) && (has(of_run, name) || has(of_world, name));
   };
   variables.erase(std::remove_if(variables.begin(), variables.end(), is_for_others), variables.end());

@@ -14,11 +14,13 @@ struct LoadedConfiguration {
   Origins origins;
 };
 
-// Defaults < file (none where empty) < environment < `first` < --set and --seed. `first`: settings that a verb's own arguments stand for.
-LoadedConfiguration load_configuration(const std::filesystem::path& file, std::vector<std::string> first, const WritingFlags& flags);
+// Defaults < file (none where empty) < environment < `first` < --set and --seed. `first`: settings that a verb's own
+// arguments stand for.
+LoadedConfiguration load_configuration(const std::filesystem::path& file, std::vector<std::string> first,
+                                       const WritingFlags& flags);
 
-// The environment as far as it is for a verb with `options`: what only other verbs know (one environment serves a whole deployment) is left
-// out; what none knows stays, so that loading refuses it.
+// The environment as far as it is for a verb with `options`: what only other verbs know (one environment serves a whole
+// deployment) is left out; what none knows stays, so that loading refuses it.
 std::vector<std::pair<std::string, std::string>> environment_for(const OptionFields& options);
 
 // Prints the report of what was written to `out`; returns its exit code.

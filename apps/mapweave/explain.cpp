@@ -22,7 +22,9 @@ Action set_up_explain(CLI::App& verb) {
   verb.add_option("A", arguments->a, "a robot's map, as merges.json names it")->required()->type_name("A");
   verb.add_option("B", arguments->b, "another one")->required()->type_name("B");
   verb.add_option("--out", arguments->out, "the picture; without it DIR/explain-A-B.png")->type_name("FILE.png");
-  verb.add_option("--threads", arguments->threads, "threads to use; 0: one per processor")->check(CLI::Range(0, 1024))->type_name("N");
+  verb.add_option("--threads", arguments->threads, "threads to use; 0: one per processor")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("N");
   return [arguments] {
     WritingFlags flags;
     flags.threads = arguments->threads;
@@ -34,7 +36,8 @@ Action set_up_explain(CLI::App& verb) {
       return ExitCode::done;
     }
     const std::filesystem::path picture =
-        arguments->out.empty() ? arguments->results / ("explain-" + explanation.a + "-" + explanation.b + ".png") : arguments->out;
+        arguments->out.empty() ? arguments->results / ("explain-" + explanation.a + "-" + explanation.b + ".png")
+                               : arguments->out;
     write_file(picture, explanation.png);
     std::cout << "picture: " << picture.string() << '\n';
     return ExitCode::done;

@@ -25,7 +25,8 @@ struct Arguments {
 
 ExitCode export_map(Arguments arguments) {
   auto& files = arguments.files;
-  if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o)) files.png = files.pgm = files.pcd = files.tum = true;
+  if (!(files.png || files.pgm || files.pcd || files.tum || files.g2o))
+    files.png = files.pgm = files.pcd = files.tum = true;
   runtime::RunConfiguration configuration = load_configuration({}, {}, arguments.flags).configuration;
   const runtime::MapInput input = runtime::read_map_input(arguments.map, MapId(runtime::name_of_file(arguments.map)));
 
@@ -38,12 +39,13 @@ ExitCode export_map(Arguments arguments) {
     options.files = files;
     options.files.robot_trajectories = files.tum && map.robots().size() > 1;
     const std::filesystem::path below = input.maps.size() == 1 ? "" : map.id.str();
-    for (const auto& file :
-         exporters::write_map_folder(folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
+    for (const auto& file : exporters::write_map_folder(
+             folder.staging() / below, map, fusion::compose_grid(map, configuration.compose, pool), options))
       written.push_back((below / file).string());
   }
   auto& output = configuration.output;
-  output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum, output.g2o = files.g2o;
+  output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum,
+  output.g2o = files.g2o;
   write_file(folder.staging() / "config.yaml", to_yaml(configuration));
   std::vector<runtime::InputFile> read;
   for (const std::filesystem::path& file : input.files) read.push_back({file.string(), hash_of_file(file)});
@@ -61,10 +63,10 @@ ExitCode export_map(Arguments arguments) {
 
 Action set_up_export(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option(
-          "MAP", arguments->map,
-          "a map of mapweave (.mwdb), a live map server's journal (.mwj), or a map_server grid (.yaml); without one of the five flags "
-          "below all but --g2o is written")
+  verb.add_option("MAP", arguments->map,
+                  "a map of mapweave (.mwdb), a live map server's journal (.mwj), or a map_server grid (.yaml); "
+                  "without one of the five flags "
+                  "below all but --g2o is written")
       ->required();
   verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' ways");
   verb.add_flag("--pgm", arguments->files.pgm, "map.pgm and map.yaml, as map_server and nav2 load them");

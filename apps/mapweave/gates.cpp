@@ -26,7 +26,8 @@ Limit parsed(const std::string& text, const nlohmann::ordered_json& numbers) {
     used = 0;
   }
   if (used == 0 || equals + 1 + used != text.size() || std::isnan(limit.most))
-    throw Error(ErrorCode::kUsage, "'" + text + "' is no limit", "--max", "write KEY=NUMBER, as in translation_mean_m=0.05");
+    throw Error(ErrorCode::kUsage, "'" + text + "' is no limit", "--max",
+                "write KEY=NUMBER, as in translation_mean_m=0.05");
   if (!numbers.contains(limit.key)) {
     std::string keys;
     for (const auto& [key, value] : numbers.items()) keys += (keys.empty() ? "" : ", ") + key;

@@ -1,4 +1,5 @@
-// mapweave inspect: what is in a log or a folder of pictures, a map store, a server's journal, a map_server grid or a folder of results.
+// mapweave inspect: what is in a log or a folder of pictures, a map store, a server's journal, a map_server grid or a
+// folder of results.
 
 #include "command.h"
 
@@ -25,7 +26,8 @@ using Json = nlohmann::ordered_json;
 Json of_camera(const rawlog::RecordedCameraGeometry& camera) {
   Json shown = {{"width", camera.width}, {"height", camera.height}, {"calibrated", camera.calibrated}};
   if (camera.calibrated) {
-    for (const auto& [key, value] : {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}})
+    for (const auto& [key, value] :
+         {std::pair("fx", camera.fx), {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}})
       shown[key] = value;
     shown["distorted"] = camera.distorted;
   }
@@ -78,10 +80,20 @@ Json of_log(const std::filesystem::path& path) {
 
 Json of_map(const mapdb::StoredMapSummary& map) {
   Json sessions = Json::array();
-  for (const mapdb::SessionSummary& session : map.sessions) sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
-  Json shown = {{"id", map.id.str()},         {"nodes", map.nodes},     {"contents", map.contents},       {"keyframes", map.keyframes},
-                {"landmarks", map.landmarks}, {"submaps", map.submaps}, {"constraints", map.constraints}, {"first", map.first.seconds()},
-                {"last", map.last.seconds()}, {"min_x_m", map.min_x_m}, {"min_y_m", map.min_y_m},         {"max_x_m", map.max_x_m},
+  for (const mapdb::SessionSummary& session : map.sessions)
+    sessions.push_back({{"id", to_string(session.id)}, {"nodes", session.nodes}});
+  Json shown = {{"id", map.id.str()},
+                {"nodes", map.nodes},
+                {"contents", map.contents},
+                {"keyframes", map.keyframes},
+                {"landmarks", map.landmarks},
+                {"submaps", map.submaps},
+                {"constraints", map.constraints},
+                {"first", map.first.seconds()},
+                {"last", map.last.seconds()},
+                {"min_x_m", map.min_x_m},
+                {"min_y_m", map.min_y_m},
+                {"max_x_m", map.max_x_m},
                 {"max_y_m", map.max_y_m}};
   if (map.bytes > 0) shown["bytes"] = map.bytes, shown["stored_bytes"] = map.stored_bytes;
   shown["content"] = to_hex(map.content);
@@ -173,7 +185,8 @@ Json of_results(const std::filesystem::path& folder) {
 
 Json contents_of(const std::filesystem::path& path) {
   if (std::filesystem::exists(path / "manifest.json")) return of_results(path);
-  if (std::filesystem::exists(path / "map.mwdb")) return of_store(path / "map.mwdb");  // a part of results: one map with its pictures
+  if (std::filesystem::exists(path / "map.mwdb"))
+    return of_store(path / "map.mwdb");  // a part of results: one map with its pictures
   if (path.extension() == ".mwdb") return of_store(path);
   if (path.extension() == ".mwj") return of_journal(path);
   if (path.extension() == ".yaml" || path.extension() == ".yml") return of_grid(path);
@@ -210,7 +223,8 @@ Action set_up_inspect(CLI::App& verb) {
   };
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option("PATH", arguments->path,
-                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a map_server grid (.yaml) or a folder "
+                  "a log or a folder of pictures, a map (.mwdb), a live map server's journal (.mwj), a map_server grid "
+                  "(.yaml) or a folder "
                   "of results")
       ->required();
   verb.add_flag("--json", arguments->json, "print JSON");

@@ -18,24 +18,28 @@ namespace mapweave::app {
 namespace {
 
 const std::vector<Command> commands = {
-    {"run", "several robots' logs -> robot, edge and team maps", "mapweave run office.yaml --out maps/office", set_up_run},
+    {"run", "several robots' logs -> robot, edge and team maps", "mapweave run office.yaml --out maps/office",
+     set_up_run},
     {"slam", "one robot's log -> that robot's map", "mapweave slam alpha.rawlog --out maps/alpha", set_up_slam},
-    {"merge", "several robots' maps -> one team map", "mapweave merge maps/alpha/map.mwdb maps/beta/map.mwdb hall.yaml --out maps/team",
-     set_up_merge},
-    {"split", "one long log -> logs of several robots", "mapweave split intel.rawlog --robots 3 --overlap 20 --out logs", set_up_split},
+    {"merge", "several robots' maps -> one team map",
+     "mapweave merge maps/alpha/map.mwdb maps/beta/map.mwdb hall.yaml --out maps/team", set_up_merge},
+    {"split", "one long log -> logs of several robots",
+     "mapweave split intel.rawlog --robots 3 --overlap 20 --out logs", set_up_split},
     {"convert", "CARMEN log, g2o or rawlog -> rawlog", "mapweave convert intel.clf.gz intel.rawlog", set_up_convert},
     {"simulate", "a world file -> logs with known truth", "mapweave simulate world.yaml --out logs", set_up_simulate},
     {"inspect", "what is in a log, a map or a folder of results", "mapweave inspect maps/office", set_up_inspect},
-    {"export", "a map -> pictures, grids, clouds, trajectories", "mapweave export maps/alpha/map.mwdb --out pictures --png --pcd",
-     set_up_export},
+    {"export", "a map -> pictures, grids, clouds, trajectories",
+     "mapweave export maps/alpha/map.mwdb --out pictures --png --pcd", set_up_export},
     {"evaluate", "how good a trajectory or a grid is",
-     "mapweave evaluate relations --trajectory team/trajectory.tum --relations intel.relations --max translation_mean_m=0.05",
+     "mapweave evaluate relations --trajectory team/trajectory.tum --relations intel.relations --max "
+     "translation_mean_m=0.05",
      set_up_evaluate},
-    {"explain", "a folder of results, two robots -> why their maps were merged or stayed apart", "mapweave explain maps/office alpha beta",
-     set_up_explain},
-    {"plan", "robots, what their maps share, edges -> which robot to which edge", "mapweave plan problem.json --method default --json",
-     set_up_plan},
-    {"profile", "folders of results -> how long things take, for plan", "mapweave profile maps/office --out model.json", set_up_profile},
+    {"explain", "a folder of results, two robots -> why their maps were merged or stayed apart",
+     "mapweave explain maps/office alpha beta", set_up_explain},
+    {"plan", "robots, what their maps share, edges -> which robot to which edge",
+     "mapweave plan problem.json --method default --json", set_up_plan},
+    {"profile", "folders of results -> how long things take, for plan", "mapweave profile maps/office --out model.json",
+     set_up_profile},
     {"timeline", "a folder of results -> when all would be there over other wires",
      "mapweave timeline maps/office --set network.robot_edge.profile=4g --set processors.robot=0.12", set_up_timeline},
     {"vocabulary", "the words by which cameras know places: train them, look at them",
@@ -63,13 +67,16 @@ ExitCode run_program(int argc, char** argv) {
   CLI::App program("mapweave: one map from what a team of robots recorded.", "mapweave");
   program.set_version_flag("--version", "mapweave " + runtime::program_version());
   std::string log_level = "info";
-  program.add_option("--log-level", log_level, "least important line that is shown on stderr: debug, info, warning or error")
+  program
+      .add_option("--log-level", log_level,
+                  "least important line that is shown on stderr: debug, info, warning or error")
       ->capture_default_str();
   program.require_subcommand(1);
   program.fallthrough();
   program.footer(
       "mapweave VERB --help tells more and gives an example.\n"
-      "Exit codes: 0 done; 1 internal, or cannot write; 2 wrong command line; 3 bad or missing input; 4 done, but some maps\n"
+      "Exit codes: 0 done; 1 internal, or cannot write; 2 wrong command line; 3 bad or missing input; 4 done, but some "
+      "maps\n"
       "stayed apart; 5 a requested gate failed; 130 interrupted, what was finished is saved.");
   std::vector<std::pair<CLI::App*, Action>> actions;
   for (const Command& command : commands) {

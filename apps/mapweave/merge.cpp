@@ -19,36 +19,42 @@ Action set_up_merge(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
   verb.add_option(
           "MAPS", arguments->maps,
-          "map.mwdb files of mapweave, journals of live map servers (.mwj) and map_server grids (.yaml), mixed; each is named by its "
+          "map.mwdb files of mapweave, journals of live map servers (.mwj) and map_server grids (.yaml), mixed; each "
+          "is named by its "
           "file's stem. A team's map.mwdb, or a folder of results, stands for the robots' own maps that it was made of")
       ->required()
       ->type_name("MAP.mwdb|MAP.mwj|MAP.yaml|DIR");
-  verb.add_option("--without", arguments->without, "leave this robot out: the result is what it would be without it; repeatable")
+  verb.add_option("--without", arguments->without,
+                  "leave this robot out: the result is what it would be without it; repeatable")
       ->type_name("ROBOT")
       ->allow_extra_args(false);
   verb.add_option("--refuse", arguments->refused, "never match the maps of these two robots to each other; repeatable")
       ->type_name("A,B")
       ->allow_extra_args(false);
   verb.add_option("--anchor", arguments->anchors,
-                  "a prior: where B's map frame (where B began) lies in A's, in metres and radians, with its standard deviation (0.5 m; "
+                  "a prior: where B's map frame (where B began) lies in A's, in metres and radians, with its standard "
+                  "deviation (0.5 m; "
                   "0.1 rad). Walls may contradict it, and a note says so; repeatable")
       ->type_name("A,B,x,y,yaw[,sigma[,sigma_yaw]]")
       ->allow_extra_args(false);
   verb.add_flag("--forget-requests", arguments->forget,
-                "drop what was said when the given teams were made (refusals, priors, starts, options of fusion); else it holds again");
+                "drop what was said when the given teams were made (refusals, priors, starts, options of fusion); else "
+                "it holds again");
   add_writing_flags(verb, arguments->flags);
   return [arguments] {
     runtime::MergeRequests requests;
     requests.without = arguments->without;
-    for (const std::string& pair : arguments->refused) requests.refused.push_back(runtime::parse_pair(pair, "--refuse"));
+    for (const std::string& pair : arguments->refused)
+      requests.refused.push_back(runtime::parse_pair(pair, "--refuse"));
     for (const std::string& anchor : arguments->anchors) requests.anchors.push_back(runtime::parse_anchor(anchor));
     const LoadedConfiguration loaded = load_configuration({}, {}, arguments->flags);
     expect_outside(arguments->flags.out, arguments->maps);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
-    const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force, requests, arguments->forget, loaded.origins};
-    return report_result(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress), arguments->flags.out,
-                         arguments->flags.json);
+    const runtime::MergeSettings settings{arguments->flags.out, arguments->flags.force, requests, arguments->forget,
+                                          loaded.origins};
+    return report_result(runtime::run_merge(loaded.configuration, arguments->maps, settings, pool, *progress),
+                         arguments->flags.out, arguments->flags.json);
   };
 }
 

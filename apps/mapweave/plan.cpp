@@ -1,4 +1,5 @@
-// mapweave plan: which robot to which edge. mapweave profile: what runs took, as the latency model that plan predicts with.
+// mapweave plan: which robot to which edge. mapweave profile: what runs took, as the latency model that plan predicts
+// with.
 
 #include "command.h"
 
@@ -53,16 +54,18 @@ Json json_of(const scheduling::Problem& problem, const scheduling::Plan& plan, c
 }
 
 void print(const Json& plan) {
-  std::printf("method %s: %zu robots in %zu groups\n", plan["method"].get_ref<const std::string&>().c_str(), plan["placement"].size(),
-              plan["groups"].size());
+  std::printf("method %s: %zu robots in %zu groups\n", plan["method"].get_ref<const std::string&>().c_str(),
+              plan["placement"].size(), plan["groups"].size());
   for (const Json& group : plan["groups"]) {
     std::string line = plan["placement"][group.front().get<std::string>()].get<std::string>() + ":";
     for (const Json& robot : group) line += " " + robot.get<std::string>();
     std::printf("  %s\n", line.c_str());
   }
-  std::printf("overlap within groups %.4g, cut %.4g\n", plan["in_group_weight"].get<double>(), plan["cut_weight"].get<double>());
+  std::printf("overlap within groups %.4g, cut %.4g\n", plan["in_group_weight"].get<double>(),
+              plan["cut_weight"].get<double>());
   std::printf("the global map after %.3g s as predicted; no plan is below %.3g s; decided in %.2g s\n",
-              plan["predicted_seconds"].get<double>(), plan["lower_bound_seconds"].get<double>(), plan["algorithm_seconds"].get<double>());
+              plan["predicted_seconds"].get<double>(), plan["lower_bound_seconds"].get<double>(),
+              plan["algorithm_seconds"].get<double>());
 }
 
 ExitCode plan(PlanArguments arguments) {
@@ -88,10 +91,11 @@ struct ProfileArguments {
 Json json_of(const scheduling::ProfiledTerm& term) {
   Json points = Json::array();
   for (std::size_t i = 0; i < term.samples.size(); ++i)
-    points.push_back({{"at", term.samples[i].at},
-                      {"measured", term.samples[i].measured},
-                      {"fitted", term.samples[i].measured - term.regression.residuals[i]},
-                      {"half_width", std::isfinite(term.samples[i].half_width) ? Json(term.samples[i].half_width) : Json()}});
+    points.push_back(
+        {{"at", term.samples[i].at},
+         {"measured", term.samples[i].measured},
+         {"fitted", term.samples[i].measured - term.regression.residuals[i]},
+         {"half_width", std::isfinite(term.samples[i].half_width) ? Json(term.samples[i].half_width) : Json()}});
   return {{"term", term.name},
           {"by", term.basis},
           {"unit", term.unit},
@@ -116,8 +120,9 @@ ExitCode profile(const ProfileArguments& arguments) {
   }
   for (const auto& term : profile.terms) {
     const char* unit = term.unit.c_str();
-    std::printf("%s, by %s (%zu samples): half are within %.2g %%, explains %.0f %%\n", term.name.c_str(), term.basis.c_str(),
-                term.regression.residuals.size(), 100.0 * term.median_off, 100.0 * term.regression.r_squared);
+    std::printf("%s, by %s (%zu samples): half are within %.2g %%, explains %.0f %%\n", term.name.c_str(),
+                term.basis.c_str(), term.regression.residuals.size(), 100.0 * term.median_off,
+                100.0 * term.regression.r_squared);
     for (const auto& point : term.shown) {
       std::printf("  %g %s: %.3g %s", point.at, term.basis.c_str(), point.value, unit);
       if (std::isfinite(point.half_width)) std::printf(" +- %.2g (95 of 100 runs)", point.half_width);
@@ -136,12 +141,14 @@ Action set_up_plan(CLI::App& verb) {
   verb.add_option("PROBLEM", arguments->problem, "robots, overlaps, edges as JSON (libs/scheduling/README.md)")
       ->required()
       ->type_name("PROBLEM.json");
-  verb.add_option("--method", arguments->method,
-                  "default, recslam (the paper's algorithms as printed), greedy, random, metis, or exact (16 robots at most)")
+  verb.add_option(
+          "--method", arguments->method,
+          "default, recslam (the paper's algorithms as printed), greedy, random, metis, or exact (16 robots at most)")
       ->check(CLI::IsMember(scheduling::plan_method_names()))
       ->capture_default_str();
   verb.add_option("--seed", arguments->options.seed, "of random numbers")->capture_default_str();
-  verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")->type_name("FILE");
+  verb.add_option("--model", arguments->model, "latency model as `mapweave profile --out` writes it")
+      ->type_name("FILE");
   verb.add_option("--edges-per-robot", arguments->options.edges_per_robot,
                   "partial offloading: to how many edges each robot sends its data")
       ->check(CLI::Range(1, 1000))

@@ -30,8 +30,8 @@ Action set_up_run(CLI::App& verb) {
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::RunSettings settings{arguments->flags.out, arguments->flags.force, arguments->keep_going};
-    return report_result(runtime::run_batch(loaded.configuration, plan, settings, pool, *progress), arguments->flags.out,
-                         arguments->flags.json);
+    return report_result(runtime::run_batch(loaded.configuration, plan, settings, pool, *progress),
+                         arguments->flags.out, arguments->flags.json);
   };
 }
 

@@ -29,15 +29,18 @@ ExitCode simulate(const std::string& world_file, const WritingFlags& flags) {
   const auto progress = make_terminal_progress();
   const auto logs = simulation::simulate(world, folder.staging(), pool, *progress);
   write_file(folder.staging() / "config.yaml", to_yaml(world));
-  const Json manifest = runtime::manifest_json("simulate", static_cast<std::uint64_t>(world.seed), {{world_file, hash_of_file(world_file)}},
-                                               folder.staging());
+  const Json manifest = runtime::manifest_json("simulate", static_cast<std::uint64_t>(world.seed),
+                                               {{world_file, hash_of_file(world_file)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
   Json summary = Json::array();
   for (const auto& log : logs) {
-    summary.push_back(
-        {{"robot", log.robot}, {"scans", log.scans}, {"frames", log.frames}, {"length_m", log.length_m}, {"duration_s", log.duration_s}});
+    summary.push_back({{"robot", log.robot},
+                       {"scans", log.scans},
+                       {"frames", log.frames},
+                       {"length_m", log.length_m},
+                       {"duration_s", log.duration_s}});
     if (flags.json) continue;
     std::printf("%s: %zu scans, ", log.robot.c_str(), log.scans);
     if (log.frames > 0) std::printf("%zu frames, ", log.frames);
@@ -58,7 +61,8 @@ Action set_up_simulate(CLI::App& verb) {
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("WORLD", arguments->world, "world file (see configs/worlds; every key: mapweave config reference --of world)")
+  verb.add_option("WORLD", arguments->world,
+                  "world file (see configs/worlds; every key: mapweave config reference --of world)")
       ->required()
       ->type_name("WORLD.yaml");
   add_writing_flags(verb, arguments->flags);

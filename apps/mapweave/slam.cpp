@@ -18,13 +18,16 @@ Action set_up_slam(CLI::App& verb) {
     WritingFlags flags;
   };
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+  verb.add_option("LOG", arguments->log,
+                  "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
   verb.add_option("--sensor", arguments->sensor,
-                  "what to map with; auto: the laser where the log has one, else its cameras; cameras: all of them, with all that each "
+                  "what to map with; auto: the laser where the log has one, else its cameras; cameras: all of them, "
+                  "with all that each "
                   "gives; all: laser and cameras")
       ->check(CLI::IsMember({"auto", "mono", "stereo", "rgbd", "cameras", "laser", "all"}));
-  verb.add_option("--engine", arguments->engine, "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
+  verb.add_option("--engine", arguments->engine,
+                  "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
       ->check(CLI::IsMember({"graph", "rbpf", "icp"}));
   verb.add_option("--robot", arguments->robot, "the robot's name; without it: the log's file name")->type_name("NAME");
   verb.add_flag("--keep-going", arguments->keep_going, "map what comes before bad input instead of nothing");
@@ -35,14 +38,16 @@ Action set_up_slam(CLI::App& verb) {
     if (!arguments->engine.empty()) settings.push_back("laser.engine=" + arguments->engine);
     LoadedConfiguration loaded = load_configuration({}, settings, arguments->flags);
     if (!loaded.configuration.robots.empty())
-      throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots", "use mapweave run for several robots");
+      throw Error(ErrorCode::kUsage, "slam maps the log that it is given", "--set robots",
+                  "use mapweave run for several robots");
     loaded.configuration.robots = {{arguments->robot, std::filesystem::absolute(arguments->log).string(), ""}};
     expect_outside(arguments->flags.out, {arguments->log});
     const runtime::RunPlan plan = runtime::make_plan(loaded.configuration, loaded.origins);
     WorkerPool pool(threads_of(arguments->flags));
     const auto progress = make_terminal_progress();
     const runtime::RunSettings run{arguments->flags.out, arguments->flags.force, arguments->keep_going};
-    return report_result(runtime::run_slam(loaded.configuration, plan, run, pool, *progress), arguments->flags.out, arguments->flags.json);
+    return report_result(runtime::run_slam(loaded.configuration, plan, run, pool, *progress), arguments->flags.out,
+                         arguments->flags.json);
   };
 }
 

@@ -45,8 +45,8 @@ std::string effective(const Arguments& arguments, const Settings& settings) {
     std::snprintf(text, sizeof text, "%s%.9f", cuts.empty() ? "" : ", ", at);
     cuts += text;
   }
-  return "robots: " + std::to_string(arguments.options.robots) + "\noverlap_s: " + number(arguments.options.overlap_s) + "\nat_s: [" +
-         cuts + "]\n" + to_yaml(settings);
+  return "robots: " + std::to_string(arguments.options.robots) + "\noverlap_s: " + number(arguments.options.overlap_s) +
+         "\nat_s: [" + cuts + "]\n" + to_yaml(settings);
 }
 
 ExitCode split(Arguments arguments) {
@@ -76,8 +76,9 @@ ExitCode split(Arguments arguments) {
   }
   write_file(folder.staging() / "run.yaml", run);
   write_file(folder.staging() / "config.yaml", effective(arguments, settings));
-  const Json manifest = runtime::manifest_json("split", arguments.flags.seed.value_or(1),
-                                               {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
+  const Json manifest =
+      runtime::manifest_json("split", arguments.flags.seed.value_or(1),
+                             {{arguments.log, runtime::hash_of_input(arguments.log)}}, folder.staging());
   write_file(folder.staging() / "manifest.json", manifest.dump(2) + "\n");
   folder.commit();
 
@@ -87,8 +88,8 @@ ExitCode split(Arguments arguments) {
   }
   for (const rawlog::SplitPart& part : parts)
     std::printf("%s: %llu scans, %llu frames, %.3f to %.3f s\n", (folder.goal() / part.path.filename()).c_str(),
-                static_cast<unsigned long long>(part.scans), static_cast<unsigned long long>(part.frames), part.first.seconds(),
-                part.last.seconds());
+                static_cast<unsigned long long>(part.scans), static_cast<unsigned long long>(part.frames),
+                part.first.seconds(), part.last.seconds());
   std::printf("map them with: mapweave run %s --out DIR\n", (folder.goal() / "run.yaml").c_str());
   return ExitCode::done;
 }
@@ -97,13 +98,18 @@ ExitCode split(Arguments arguments) {
 
 Action set_up_split(CLI::App& verb) {
   const auto arguments = std::make_shared<Arguments>();
-  verb.add_option("LOG", arguments->log, "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
+  verb.add_option("LOG", arguments->log,
+                  "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
-  verb.add_option("--robots", arguments->options.robots, "how many logs to make")->required()->check(CLI::Range(1, 1000))->type_name("N");
+  verb.add_option("--robots", arguments->options.robots, "how many logs to make")
+      ->required()
+      ->check(CLI::Range(1, 1000))
+      ->type_name("N");
   verb.add_option("--overlap", arguments->options.overlap_s, "each part grows by this much on either side")
       ->check(CLI::NonNegativeNumber)
       ->type_name("SECONDS");
-  verb.add_option("--at", arguments->options.at_s, "where to cut, N - 1 times, in the log's own seconds; without it: equal durations")
+  verb.add_option("--at", arguments->options.at_s,
+                  "where to cut, N - 1 times, in the log's own seconds; without it: equal durations")
       ->type_name("T")
       ->allow_extra_args(false);
   add_writing_flags(verb, arguments->flags);

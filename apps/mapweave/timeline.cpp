@@ -25,8 +25,11 @@ struct Arguments {
 void expect_to_act(const std::string& setting) {
   static const std::vector<std::string> sections{"network.", "processors."}, keys{"cloud.at", "mode", "seed"};
   const std::string key = setting.substr(0, setting.find('='));
-  const auto begins = [&](const std::string& section) { return key.compare(0, section.size(), section) == 0 || key + "." == section; };
-  if (std::any_of(sections.begin(), sections.end(), begins) || std::find(keys.begin(), keys.end(), key) != keys.end()) return;
+  const auto begins = [&](const std::string& section) {
+    return key.compare(0, section.size(), section) == 0 || key + "." == section;
+  };
+  if (std::any_of(sections.begin(), sections.end(), begins) || std::find(keys.begin(), keys.end(), key) != keys.end())
+    return;
   throw Error(ErrorCode::kUsage, "'" + key + "' does not act on what was measured", "--set " + setting,
               "set network, processors, cloud.at, mode or seed; for anything else run it again");
 }
@@ -52,21 +55,23 @@ ExitCode print_timeline(const Arguments& arguments) {
   expect_measured(mode, configuration.mode, origins.place_of("mode"));
   double recorded_s = 0.0;
   const runtime::Work work = runtime::read_work(arguments.folder / "summary.json", &recorded_s);
-  const runtime::Timeline line = timeline(
-      {configuration.mode, configuration.network, configuration.processors, configuration.cloud, recorded_s, configuration.seed}, work);
+  const runtime::Timeline line = timeline({configuration.mode, configuration.network, configuration.processors,
+                                           configuration.cloud, recorded_s, configuration.seed},
+                                          work);
   if (arguments.json) {
     std::cout << timeline_json(line, work).dump(2) << '\n';
     return ExitCode::done;
   }
   std::printf("seconds since the recordings ended\n");
   for (const auto& robot : line.robots)
-    std::printf("robot %-16s packed %8.3f  arrived %8.3f  mapped %8.3f  load %5.1f %%\n", robot.id.str().c_str(), robot.packed_s,
-                robot.arrived_s, robot.mapped_s, 100.0 * robot.load);
+    std::printf("robot %-16s packed %8.3f  arrived %8.3f  mapped %8.3f  load %5.1f %%\n", robot.id.str().c_str(),
+                robot.packed_s, robot.arrived_s, robot.mapped_s, 100.0 * robot.load);
   for (const auto& edge : line.edges)
-    std::printf("edge  %-16s ready  %8.3f  fused   %8.3f  arrived %7.3f\n", edge.id.str().c_str(), edge.ready_s, edge.fused_s,
-                edge.arrived_s);
+    std::printf("edge  %-16s ready  %8.3f  fused   %8.3f  arrived %7.3f\n", edge.id.str().c_str(), edge.ready_s,
+                edge.fused_s, edge.arrived_s);
   std::printf("all   %.3f\n", line.total_s);
-  for (const auto& push : line.pushes) std::printf("robot %-16s has it at %.3f\n", push.robot.str().c_str(), push.arrived_s);
+  for (const auto& push : line.pushes)
+    std::printf("robot %-16s has it at %.3f\n", push.robot.str().c_str(), push.arrived_s);
   return ExitCode::done;
 }
 

@@ -38,16 +38,18 @@ struct TrainingArguments {
 // The picture of an observation; of a stereo pair the left one. nullptr for other sensors.
 const mrpt::img::CImage* picture_of(const mrpt::obs::CObservation& observation) {
   if (const auto* single = dynamic_cast<const mrpt::obs::CObservationImage*>(&observation)) return &single->image;
-  if (const auto* pair = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation)) return &pair->imageLeft;
+  if (const auto* pair = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(&observation))
+    return &pair->imageLeft;
   if (const auto* depth = dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(&observation))
     return depth->hasIntensityImage ? &depth->intensityImage : nullptr;
   return nullptr;
 }
 
-std::vector<matching::OrbDescriptor> features_of(const mrpt::img::CImage& picture, const matching::OrbFeatureOptions& options) {
+std::vector<matching::OrbDescriptor> features_of(const mrpt::img::CImage& picture,
+                                                 const matching::OrbFeatureOptions& options) {
   const mrpt::img::CImage grey = picture.isColor() ? picture.grayscale() : picture;
-  const matching::PictureView view{grey.ptrLine<std::uint8_t>(0), static_cast<int>(grey.getWidth()), static_cast<int>(grey.getHeight()),
-                                   grey.getRowStride()};
+  const matching::PictureView view{grey.ptrLine<std::uint8_t>(0), static_cast<int>(grey.getWidth()),
+                                   static_cast<int>(grey.getHeight()), grey.getRowStride()};
   return matching::orb_features(view, options).descriptors;
 }
 
@@ -100,7 +102,8 @@ void print(const Json& report, bool json) {
 
 ExitCode train(const TrainingArguments& arguments) {
   if (!arguments.force && std::filesystem::exists(arguments.out))
-    throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(), "choose another name, or replace it with --force");
+    throw Error(ErrorCode::kCannotWrite, "the file exists", arguments.out.string(),
+                "choose another name, or replace it with --force");
   const std::filesystem::path folder = std::filesystem::absolute(arguments.out).parent_path();
   if (!std::filesystem::is_directory(folder))
     throw Error(ErrorCode::kCannotWrite, "there is no such folder", folder.string(), "make it, or choose another");
@@ -110,10 +113,13 @@ ExitCode train(const TrainingArguments& arguments) {
   matching::VocabularyPictures pictures;
   for (const std::string& log : arguments.logs)
     if (add_log(log, arguments, *progress, pictures) == 0)
-      throw Error(ErrorCode::kBadInput, "no pictures in it", log, "name logs of cameras ('mapweave inspect' tells what is in a log)");
+      throw Error(ErrorCode::kBadInput, "no pictures in it", log,
+                  "name logs of cameras ('mapweave inspect' tells what is in a log)");
   const matching::BinaryVocabulary vocabulary = matching::train_vocabulary(pictures, arguments.words, *progress);
   matching::save_vocabulary(vocabulary, arguments.out);
-  Json report = {{"vocabulary", arguments.out.string()}, {"pictures", pictures.ends.size()}, {"features", pictures.descriptors.size()}};
+  Json report = {{"vocabulary", arguments.out.string()},
+                 {"pictures", pictures.ends.size()},
+                 {"features", pictures.descriptors.size()}};
   report.update(json_of(vocabulary));
   print(report, arguments.json);
   return ExitCode::done;
@@ -127,8 +133,12 @@ Action set_up_vocabulary(CLI::App& verb) {
   CLI::App* train_verb = verb.add_subcommand("train", "pictures of logs -> a vocabulary");
   train_verb->add_option("LOG_OR_FOLDER", training->logs, "recordings of cameras")->required();
   train_verb->add_option("--out", training->out, "vocabulary to write")->required()->type_name("FILE.txt.gz");
-  train_verb->add_option("--branching", training->words.branching, "children of a node")->check(CLI::Range(2, 32))->capture_default_str();
-  train_verb->add_option("--levels", training->words.levels, "of the tree")->check(CLI::Range(1, 8))->capture_default_str();
+  train_verb->add_option("--branching", training->words.branching, "children of a node")
+      ->check(CLI::Range(2, 32))
+      ->capture_default_str();
+  train_verb->add_option("--levels", training->words.levels, "of the tree")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
   train_verb->add_option("--seed", training->words.seed, "of everything random")
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))
       ->capture_default_str();
@@ -142,7 +152,8 @@ Action set_up_vocabulary(CLI::App& verb) {
 
   const auto file = std::make_shared<std::filesystem::path>();
   CLI::App* info_verb = verb.add_subcommand("info", "what is in a vocabulary");
-  info_verb->add_option("FILE", *file, "vocabulary (DBoW2's text layout, gz or plain); without it: the one that mapweave brings");
+  info_verb->add_option("FILE", *file,
+                        "vocabulary (DBoW2's text layout, gz or plain); without it: the one that mapweave brings");
   for (CLI::App* each : {train_verb, info_verb}) each->add_flag("--json", training->json, "print JSON");
   return [=] {
     if (train_verb->parsed()) return train(*training);

@@ -12,7 +12,8 @@ void add_writing_flags(CLI::App& verb, WritingFlags& flags) {
   verb.add_option("--seed", flags.seed, "of everything random")
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{4294967295}))
       ->type_name("S");
-  verb.add_option("--set", flags.set, "sets one option: key=value, as in laser.engine=icp (see: mapweave config reference)")
+  verb.add_option("--set", flags.set,
+                  "sets one option: key=value, as in laser.engine=icp (see: mapweave config reference)")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   verb.add_flag("--force", flags.force, "replace an old folder of results");

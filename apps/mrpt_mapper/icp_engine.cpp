@@ -53,9 +53,10 @@ class IcpEngine : public Engine {
   void expect_memory() const {
     const auto points = builder_.getCurrentlyBuiltMetricMap()->mapByClass<mrpt::maps::CSimplePointsMap>();
     if (points && static_cast<double>(points->size()) * kBytesPerPoint > options_.memory_limit_mb * 1e6)
-      throw Error(ErrorCode::kBadInput,
-                  "the map of " + std::to_string(points->size()) +
-                      " points needs more than memory_limit_mb: a larger point_distance_m or insert_distance_m needs less");
+      throw Error(
+          ErrorCode::kBadInput,
+          "the map of " + std::to_string(points->size()) +
+              " points needs more than memory_limit_mb: a larger point_distance_m or insert_distance_m needs less");
   }
 
   laser::IcpOptions options_;

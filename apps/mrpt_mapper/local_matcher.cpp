@@ -14,7 +14,8 @@ constexpr double kTurns_rad[] = {0.0, 0.2, -0.2, 0.45, -0.45, 0.75, -0.75};
 
 }  // namespace
 
-std::optional<Pose2> LocalMatcher::place(const mrpt::obs::CObservation2DRangeScan& scan, const Pose2& last_from_this_guess) {
+std::optional<Pose2> LocalMatcher::place(const mrpt::obs::CObservation2DRangeScan& scan,
+                                         const Pose2& last_from_this_guess) {
   auto points = points_of(scan, kPointDistance_m);
   const Pose2 guess = compose(local_from_last_, last_from_this_guess), before = local_from_last_;
   local_from_last_ = guess;

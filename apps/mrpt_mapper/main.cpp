@@ -1,5 +1,5 @@
-// mrpt_mapper: MRPT's laser engines in a process of their own, one robot each. Started by laser::ExternalMapper; the protocol is described
-// in <mapweave/laser/mapper_protocol.h>: frames on standard input, frames on standard output.
+// mrpt_mapper: MRPT's laser engines in a process of their own, one robot each. Started by laser::ExternalMapper; the
+// protocol is described in <mapweave/laser/mapper_protocol.h>: frames on standard input, frames on standard output.
 
 #include "engine.h"
 
@@ -56,7 +56,8 @@ void watch_for_orphanage() {
 
 void limit_memory(const protocol::EngineOptions& options) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // their shadows are huge
-  const double bytes = 1e6 * std::visit([](const auto& engine) { return engine.memory_limit_mb; }, options) + kRoomBesideMaps_bytes;
+  const double bytes =
+      1e6 * std::visit([](const auto& engine) { return engine.memory_limit_mb; }, options) + kRoomBesideMaps_bytes;
   const rlimit limit{static_cast<rlim_t>(bytes), static_cast<rlim_t>(bytes)};
   ::setrlimit(RLIMIT_DATA, &limit);
 #else
@@ -68,7 +69,8 @@ void limit_memory(const protocol::EngineOptions& options) {
 void serve(int output) {
   protocol::FrameParser parser;
   const protocol::MapperFrame first = next_frame(parser);
-  if (first.kind != protocol::Kind::start) protocol::fail("the first frame is of kind " + std::to_string(static_cast<int>(first.kind)));
+  if (first.kind != protocol::Kind::start)
+    protocol::fail("the first frame is of kind " + std::to_string(static_cast<int>(first.kind)));
   const protocol::EngineOptions options = protocol::decode_start(first.body);
   limit_memory(options);
   const auto engine = std::visit([](const auto& chosen) { return mrpt_mapper::make_engine(chosen); }, options);
@@ -83,7 +85,9 @@ void serve(int output) {
   for (bool more = true; more;) {
     const protocol::MapperFrame frame = next_frame(parser);
     switch (frame.kind) {
-      case protocol::Kind::geometry: geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body)); break;
+      case protocol::Kind::geometry:
+        geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body));
+        break;
       case protocol::Kind::scan: {
         auto [stamp, scan] = protocol::decode_scan(frame.body, geometry);
         motion.add_scan(stamp, std::move(scan));
@@ -98,7 +102,8 @@ void serve(int output) {
         if (!frame.body.empty()) protocol::fail("the last frame is not empty");
         more = false;
         break;
-      default: protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the helper");
+      default:
+        protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the helper");
     }
   }
   motion.finish();

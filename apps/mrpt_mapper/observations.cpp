@@ -19,7 +19,8 @@ mrpt::obs::CObservation2DRangeScan::Ptr observation_of(const PackedScan& scan, S
   const auto& [t, q] = geometry.robot_from_laser;
   const bool upside_down = (q * Eigen::Vector3d::UnitZ()).z() < 0.0;
   const Eigen::Vector3d middle = q * Eigen::Vector3d(std::cos(middle_rad), std::sin(middle_rad), 0.0);
-  observation->sensorPose = mrpt::poses::CPose3D(t.x(), t.y(), 0.0, std::atan2(middle.y(), middle.x()), 0.0, upside_down ? M_PI : 0.0);
+  observation->sensorPose =
+      mrpt::poses::CPose3D(t.x(), t.y(), 0.0, std::atan2(middle.y(), middle.x()), 0.0, upside_down ? M_PI : 0.0);
 
   observation->resizeScanAndAssign(geometry.ray_count, observation->maxRange, false);
   for (std::uint32_t ray = 0; ray < geometry.ray_count; ++ray) {
@@ -39,7 +40,8 @@ mrpt::slam::CICP::TConfigParams icp_parameters(const laser::IcpSearchOptions& op
   parameters.ICP_algorithm = mrpt::slam::icpClassic;
   parameters.maxIterations = static_cast<unsigned>(options.iterations);
   parameters.thresholdDist = options.match_distance_m;
-  parameters.thresholdAng = 0.0;  // its pivot is wrong before MRPT 2.6: the reach would grow with the distance from the map's origin
+  parameters.thresholdAng =
+      0.0;  // its pivot is wrong before MRPT 2.6: the reach would grow with the distance from the map's origin
   parameters.onlyUniqueRobust = true;
   parameters.smallestThresholdDist = std::min(options.final_match_distance_m, options.match_distance_m);
   parameters.ALFA = options.shrink;

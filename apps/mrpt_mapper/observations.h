@@ -11,8 +11,8 @@
 
 namespace mapweave::mrpt_mapper {
 
-// MRPT's fan is symmetric about the sensor's x axis: the sensor is turned so that every ray keeps its direction. The sensor is laid flat
-// (MRPT's planar maps refuse tilted ones), upside down where it hangs so.
+// MRPT's fan is symmetric about the sensor's x axis: the sensor is turned so that every ray keeps its direction. The
+// sensor is laid flat (MRPT's planar maps refuse tilted ones), upside down where it hangs so.
 mrpt::obs::CObservation2DRangeScan::Ptr observation_of(const PackedScan&, Stamp);
 
 int returns_in(const PackedScan&);

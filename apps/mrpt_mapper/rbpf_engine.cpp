@@ -31,10 +31,11 @@ CMetricMapBuilderRBPF::TConstructionOptions builder_options(const laser::RbpfOpt
   result.PF_options.BETA = options.resample_below;
   result.PF_options.powFactor = options.weight_power;
   result.predictionOptions.pfOptimalProposal_mapSelection = 3;  // the points
-  result.predictionOptions.ICPGlobalAlign_MinQuality = 0.0f;  // MRPT takes the pose of ICP before it looks at this, and only says otherwise
+  result.predictionOptions.ICPGlobalAlign_MinQuality =
+      0.0f;  // MRPT takes the pose of ICP before it looks at this, and only says otherwise
   result.predictionOptions.icp_params = icp_parameters(options.icp);
-  // Poses are drawn from this covariance, and MRPT's is wide: without it, its floor of 2 mm and 0.1 degree remains. On intel: 0.03 m
-  // against 0.7 m of error.
+  // Poses are drawn from this covariance, and MRPT's is wide: without it, its floor of 2 mm and 0.1 degree remains. On
+  // intel: 0.03 m against 0.7 m of error.
   result.predictionOptions.icp_params.skip_cov_calculation = true;
 
   mrpt::maps::COccupancyGridMap2D::TMapDefinition grid;
@@ -79,7 +80,8 @@ class RbpfEngine : public Engine {
     scans_.push_back({updates_, motion_since_update_});
   }
 
-  // The path of the likeliest particle. Between two updates odometry leads; what it missed by the later one is shared out evenly.
+  // The path of the likeliest particle. Between two updates odometry leads; what it missed by the later one is shared
+  // out evenly.
   std::vector<Pose2> trajectory() override {
     std::deque<mrpt::math::TPose3D> path;
     builder_.getCurrentMostLikelyPath(path);
@@ -97,7 +99,8 @@ class RbpfEngine : public Engine {
       for (std::size_t i = begin; i < end; ++i) {
         const double share = static_cast<double>(i - begin) / static_cast<double>(end - begin);
         const Pose2 pose = compose(at(update), scans_[i].update_from_scan);
-        poses.push_back({pose.x + share * missed.x, pose.y + share * missed.y, wrap_angle(pose.phi + share * missed.phi)});
+        poses.push_back(
+            {pose.x + share * missed.x, pose.y + share * missed.y, wrap_angle(pose.phi + share * missed.phi)});
       }
     }
     return poses;
@@ -114,7 +117,8 @@ class RbpfEngine : public Engine {
     motion_since_match_ = compose(motion_since_match_, moved.previous_from_this);
     const bool moved_enough = std::hypot(motion_since_match_.x, motion_since_match_.y) > options_.match_distance_m ||
                               std::abs(motion_since_match_.phi) > options_.match_yaw_rad;
-    if (!options_.correct_odometry || !moved.by_wheels || returns_in(moved.scan) < kMinReturns) return moved.previous_from_this;
+    if (!options_.correct_odometry || !moved.by_wheels || returns_in(moved.scan) < kMinReturns)
+      return moved.previous_from_this;
     if (matched_any_ && !moved_enough) return moved.previous_from_this;
     const auto matched = matcher_.place(*moved.observation, motion_since_match_);
     const Pose2 correction = matched ? between(motion_since_match_, *matched) : Pose2{};
@@ -150,17 +154,18 @@ class RbpfEngine : public Engine {
     high_x_ = std::max(high_x_, here.x);
     high_y_ = std::max(high_y_, here.y);
     const double border_m = 2.0 * (options_.grid.ray_length_m + kGridMargin_m);
-    const double cells =
-        (high_x_ - low_x_ + border_m) * (high_y_ - low_y_ + border_m) / (options_.grid.resolution_m * options_.grid.resolution_m);
+    const double cells = (high_x_ - low_x_ + border_m) * (high_y_ - low_y_ + border_m) /
+                         (options_.grid.resolution_m * options_.grid.resolution_m);
     const auto points = builder_.mapPDF.m_particles.front().d->mapTillNow.mapByClass<mrpt::maps::CSimplePointsMap>();
-    const double bytes =
-        (cells * sizeof(mrpt::maps::COccupancyGridMap2D::cellType) + static_cast<double>(points->size()) * kBytesPerPoint) *
-        (options_.particles + 2);
+    const double bytes = (cells * sizeof(mrpt::maps::COccupancyGridMap2D::cellType) +
+                          static_cast<double>(points->size()) * kBytesPerPoint) *
+                         (options_.particles + 2);
     if (bytes > options_.memory_limit_mb * 1e6)
-      throw Error(ErrorCode::kBadInput, "the particles' maps would take " + std::to_string(std::llround(bytes / 1e6)) +
-                                            " MB for a path of " + std::to_string(std::llround(high_x_ - low_x_)) + " x " +
-                                            std::to_string(std::llround(high_y_ - low_y_)) +
-                                            " m, more than memory_limit_mb: fewer particles, coarser cells or shorter rays need less");
+      throw Error(ErrorCode::kBadInput,
+                  "the particles' maps would take " + std::to_string(std::llround(bytes / 1e6)) + " MB for a path of " +
+                      std::to_string(std::llround(high_x_ - low_x_)) + " x " +
+                      std::to_string(std::llround(high_y_ - low_y_)) +
+                      " m, more than memory_limit_mb: fewer particles, coarser cells or shorter rays need less");
   }
 
   laser::RbpfOptions options_;

@@ -25,15 +25,17 @@ void ScanMotion::add_odometry(Stamp stamp, const Pose2& odometry_from_robot) {
     if (scan.stamp == stamp)
       release(std::move(scan), odometry_from_robot);
     else if (earlier_ && earlier_->stamp <= scan.stamp)
-      release(std::move(scan), interpolated(earlier_->odometry_from_robot, odometry_from_robot,
-                                            seconds_between(earlier_->stamp, scan.stamp) / seconds_between(earlier_->stamp, stamp)));
+      release(std::move(scan),
+              interpolated(earlier_->odometry_from_robot, odometry_from_robot,
+                           seconds_between(earlier_->stamp, scan.stamp) / seconds_between(earlier_->stamp, stamp)));
     else
       release(std::move(scan), std::nullopt);
   }
 }
 
 void ScanMotion::add_scan(Stamp stamp, PackedScan scan) {
-  while (!waiting_.empty() && (seconds_between(waiting_.front().stamp, stamp) > kPatience_s || waiting_.size() >= kMostWaiting)) {
+  while (!waiting_.empty() &&
+         (seconds_between(waiting_.front().stamp, stamp) > kPatience_s || waiting_.size() >= kMostWaiting)) {
     Waiting old = std::move(waiting_.front());
     waiting_.pop_front();
     release(std::move(old), std::nullopt);

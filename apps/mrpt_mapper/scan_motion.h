@@ -17,8 +17,9 @@ struct MovedScan {
   bool by_wheels = false;
 };
 
-// Scans leave in the order they came in, each as soon as its odometry is known: that of its own stamp, or interpolated between the readings
-// around it. A scan that waits longer than a second of data time for odometry is placed by matching.
+// Scans leave in the order they came in, each as soon as its odometry is known: that of its own stamp, or interpolated
+// between the readings around it. A scan that waits longer than a second of data time for odometry is placed by
+// matching.
 class ScanMotion {
  public:
   using Sink = std::function<void(const MovedScan&)>;

@@ -5,7 +5,8 @@ namespace mapweave {
 namespace {
 
 TEST(Error, says_where_what_and_what_to_do) {
-  const Error error(ErrorCode::kCorrupt, "object needs 3102 bytes, 977 remain", "a.rawlog at byte 48213", "record again");
+  const Error error(ErrorCode::kCorrupt, "object needs 3102 bytes, 977 remain", "a.rawlog at byte 48213",
+                    "record again");
   EXPECT_STREQ(error.what(), "a.rawlog at byte 48213: object needs 3102 bytes, 977 remain; record again");
   EXPECT_EQ(error.problem(), "object needs 3102 bytes, 977 remain");
   EXPECT_EQ(error.where(), "a.rawlog at byte 48213");
@@ -18,7 +19,8 @@ TEST(Error, has_the_exit_code_that_scripts_rely_on) {
   EXPECT_EQ(exit_code(ErrorCode::kUsage), ExitCode::wrong_usage);
   for (const auto code : {ErrorCode::kBadInput, ErrorCode::kMissing, ErrorCode::kCorrupt, ErrorCode::kUnsupported})
     EXPECT_EQ(exit_code(code), ExitCode::bad_input);
-  for (const auto code : {ErrorCode::kCannotWrite, ErrorCode::kHelperFailed, ErrorCode::kInternal}) EXPECT_EQ(exit_code(code), ExitCode::failed);
+  for (const auto code : {ErrorCode::kCannotWrite, ErrorCode::kHelperFailed, ErrorCode::kInternal})
+    EXPECT_EQ(exit_code(code), ExitCode::failed);
 }
 
 TEST(ContractViolation, names_the_contract_and_the_place) {
@@ -33,7 +35,9 @@ TEST(ContractViolation, names_the_contract_and_the_place) {
   }
 }
 
-TEST(ContractViolation, does_not_come_where_the_contract_is_kept) { EXPECT_NO_THROW(MAPWEAVE_EXPECT(true, "never said")); }
+TEST(ContractViolation, does_not_come_where_the_contract_is_kept) {
+  EXPECT_NO_THROW(MAPWEAVE_EXPECT(true, "never said"));
+}
 
 }  // namespace
 }  // namespace mapweave

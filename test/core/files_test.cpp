@@ -24,7 +24,9 @@ Error error_of(Function function) {
   return Error(ErrorCode::kInternal, "nothing was thrown");
 }
 
-std::size_t entries_in(const fs::path& folder) { return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), {})); }
+std::size_t entries_in(const fs::path& folder) {
+  return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder), {}));
+}
 
 TEST(WriteFile, writes_what_read_file_reads) {
   const test::TemporaryFolder folder;
@@ -46,7 +48,8 @@ TEST(WriteFile, leaves_nothing_behind_where_it_cannot_write) {
   EXPECT_EQ(error.where(), (folder / "absent/a").string());
   fs::create_directory(folder / "taken");
   write_file(folder / "taken/inside", "x");
-  EXPECT_EQ(error_of([&] { write_file(folder / "taken", "x"); }).code(), ErrorCode::kCannotWrite) << "a folder is not replaced by a file";
+  EXPECT_EQ(error_of([&] { write_file(folder / "taken", "x"); }).code(), ErrorCode::kCannotWrite)
+      << "a folder is not replaced by a file";
   EXPECT_EQ(entries_in(folder.path()), 1u);
 }
 
@@ -67,7 +70,8 @@ TEST(ReadFile, names_the_file_that_is_missing) {
   const test::TemporaryFolder folder;
   const Error error = error_of([&] { read_file(folder / "absent.yaml"); });
   EXPECT_EQ(error.code(), ErrorCode::kMissing);
-  EXPECT_EQ(std::string(error.what()), (folder / "absent.yaml").string() + ": cannot be read: No such file or directory; check the path");
+  EXPECT_EQ(std::string(error.what()),
+            (folder / "absent.yaml").string() + ": cannot be read: No such file or directory; check the path");
   EXPECT_EQ(error_of([&] { read_file(folder.path()); }).code(), ErrorCode::kMissing);
 }
 

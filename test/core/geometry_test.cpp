@@ -38,15 +38,17 @@ TEST(Pose3, between_undoes_compose) {
   EXPECT_NEAR((back.t - b_from_c.t).norm(), 0.0, 1e-12);
   EXPECT_NEAR(back.q.angularDistance(b_from_c.q), 0.0, 1e-7);
   const Eigen::Vector3d point_in_c(0.3, -0.4, 0.5);
-  EXPECT_NEAR((transformed(point_in_c, compose(a_from_b, b_from_c)) - transformed(transformed(point_in_c, b_from_c), a_from_b)).norm(), 0.0,
-              1e-12);
+  EXPECT_NEAR(
+      (transformed(point_in_c, compose(a_from_b, b_from_c)) - transformed(transformed(point_in_c, b_from_c), a_from_b))
+          .norm(),
+      0.0, 1e-12);
 }
 
 TEST(Pose3, is_planar_seen_from_above) {
   for (const double yaw : {-3.1, -1.0, 0.0, 0.4, 3.1})
     EXPECT_THAT(planar(spatial(Pose2{2.0, -1.0, yaw})), IsNear(Pose2(2.0, -1.0, yaw), 1e-12, 1e-12));
-  const Pose3 lifted_and_pitched =
-      compose(spatial(Pose2{1, 2, 0.8}), {{0, 0, 5}, Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()))});
+  const Pose3 lifted_and_pitched = compose(
+      spatial(Pose2{1, 2, 0.8}), {{0, 0, 5}, Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()))});
   EXPECT_THAT(planar(lifted_and_pitched), IsNear(Pose2(1, 2, 0.8), 1e-12, 1e-12));
 }
 

@@ -59,12 +59,14 @@ TEST(Ids, read_as_robot_sensor_and_run) {
   EXPECT_EQ(to_string(NodeId{kSession, 17}), "alpha/laser@976052857.217/node 17");
   EXPECT_EQ(to_string(SubmapId{kSession, 3}), "alpha/laser@976052857.217/submap 3");
   EXPECT_EQ(to_string(SessionId{kSession.client, -1'005'000'000}), "alpha/laser@-1.005");
-  EXPECT_EQ(to_string(SessionId{kSession.client, std::numeric_limits<std::int64_t>::min()}), "alpha/laser@-9223372036.854");
+  EXPECT_EQ(to_string(SessionId{kSession.client, std::numeric_limits<std::int64_t>::min()}),
+            "alpha/laser@-9223372036.854");
 }
 
 TEST(ValidName, can_be_a_folder) {
   for (const char* name : {"alpha", "Robot_2", "a", "7", "x-1.y", "-"}) EXPECT_TRUE(is_valid_name(name)) << name;
-  for (const char* name : {"", ".", "..", ".hidden", "a/b", "a b", "a\nb", "\xC3\xA4", "a:b"}) EXPECT_FALSE(is_valid_name(name)) << name;
+  for (const char* name : {"", ".", "..", ".hidden", "a/b", "a b", "a\nb", "\xC3\xA4", "a:b"})
+    EXPECT_FALSE(is_valid_name(name)) << name;
   EXPECT_TRUE(is_valid_name(std::string(64, 'a')));
   EXPECT_FALSE(is_valid_name(std::string(65, 'a')));
 }

@@ -63,7 +63,8 @@ class OptionLoading : public testing::Test {
 
 TEST_F(OptionLoading, puts_a_file_over_the_defaults) {
   load_texts(
-      {"seed: 7\nlaser:\n  engine: icp\n  graph: {min_score: 0.25}\n  close_loops: false\n  height_m: -1e-1\nrobots:\n  - id: alpha\n    "
+      {"seed: 7\nlaser:\n  engine: icp\n  graph: {min_score: 0.25}\n  close_loops: false\n  height_m: -1e-1\nrobots:\n "
+       " - id: alpha\n    "
        "waypoints: [{x_m: 1}, {x_m: +2.5}]\n  - {id: '17', start: {x_m: 3}}\n"});
   EXPECT_EQ(options_.seed, 7u);
   EXPECT_EQ(options_.laser.engine, Engine::icp);
@@ -79,7 +80,8 @@ TEST_F(OptionLoading, puts_a_file_over_the_defaults) {
 }
 
 TEST_F(OptionLoading, takes_empty_files_and_sections_as_nothing_set) {
-  for (const char* text : {"", "\n# only words\n", "---\n", "laser:\n", "laser: {}\n", "\xEF\xBB\xBFseed: 1\n", "seed: 1\r\nlaser:\r\n"}) {
+  for (const char* text :
+       {"", "\n# only words\n", "---\n", "laser:\n", "laser: {}\n", "\xEF\xBB\xBFseed: 1\n", "seed: 1\r\nlaser:\r\n"}) {
     load_texts({text});
     EXPECT_EQ(to_yaml(options_), to_yaml(TeamOptions())) << text;
   }
@@ -99,24 +101,30 @@ TEST_F(OptionLoading, refuses_unknown_keys_with_the_nearest_name) {
             "a.yaml:3: unknown key 'search_radius'; did you mean 'search_radius_m'?");
   EXPECT_EQ(refusal({"sede: 4\n"}), "a.yaml:1: unknown key 'sede'; did you mean 'seed'?");
   EXPECT_EQ(refusal({"robots:\n  - id: a\n    egde: north\n"}), "a.yaml:3: unknown key 'egde'; did you mean 'edge'?");
-  EXPECT_EQ(refusal({"# x\nmin_score: 0.5\n"}), "a.yaml:2: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
+  EXPECT_EQ(refusal({"# x\nmin_score: 0.5\n"}),
+            "a.yaml:2: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
   EXPECT_EQ(refusal({"telescope: 1\n"}), "a.yaml:1: unknown key 'telescope'; known here: seed, robots, laser, decay_s");
 }
 
 TEST_F(OptionLoading, refuses_values_out_of_range_with_the_range) {
   EXPECT_EQ(refusal({"laser:\n  graph:\n    min_score: 6\n"}), "a.yaml:3: 'min_score' is 6; it must lie in 0..1");
-  EXPECT_EQ(refusal({"laser: {graph: {search_radius_m: 0}}"}), "a.yaml:1: 'search_radius_m' is 0; it must be greater than 0");
+  EXPECT_EQ(refusal({"laser: {graph: {search_radius_m: 0}}"}),
+            "a.yaml:1: 'search_radius_m' is 0; it must be greater than 0");
   EXPECT_EQ(refusal({"decay_s: -0.5"}), "a.yaml:1: 'decay_s' is -0.5; it must be 0 or more");
   EXPECT_EQ(refusal({"laser: {height_m: 2.01}"}), "a.yaml:1: 'height_m' is 2.01; it must lie in -2..2");
   EXPECT_EQ(refusal({"seed: -1"}), "a.yaml:1: 'seed' is -1; it must lie in 0..4294967295");
-  EXPECT_EQ(refusal({"seed: 99999999999999999999"}), "a.yaml:1: 'seed' is 99999999999999999999; it must lie in 0..4294967295");
-  EXPECT_EQ(refusal({"laser: {engine: grpah}"}), "a.yaml:1: 'engine' is 'grpah'; it must be graph, rbpf or icp; did you mean 'graph'?");
-  EXPECT_EQ(refusal({"robots: [{id: a, waypoints: [{x_m: 1},\n {x_m: 11}]}]"}), "a.yaml:2: 'x_m' is 11; it must lie in -10..10");
+  EXPECT_EQ(refusal({"seed: 99999999999999999999"}),
+            "a.yaml:1: 'seed' is 99999999999999999999; it must lie in 0..4294967295");
+  EXPECT_EQ(refusal({"laser: {engine: grpah}"}),
+            "a.yaml:1: 'engine' is 'grpah'; it must be graph, rbpf or icp; did you mean 'graph'?");
+  EXPECT_EQ(refusal({"robots: [{id: a, waypoints: [{x_m: 1},\n {x_m: 11}]}]"}),
+            "a.yaml:2: 'x_m' is 11; it must lie in -10..10");
 }
 
 TEST_F(OptionLoading, refuses_numbers_that_are_not_finite) {
   for (const char* value : {".nan", ".inf", "-.inf", "nan", "inf", "-Infinity", ".NaN"}) {
-    EXPECT_EQ(refusal({std::string("decay_s: ") + value}), std::string("a.yaml:1: 'decay_s' is '") + value + "'; it must be 0 or more");
+    EXPECT_EQ(refusal({std::string("decay_s: ") + value}),
+              std::string("a.yaml:1: 'decay_s' is '") + value + "'; it must be 0 or more");
   }
   EXPECT_EQ(refusal({"decay_s: 1e999"}), "a.yaml:1: 'decay_s' is 1e999; it must be 0 or more");
 }
@@ -134,11 +142,14 @@ TEST_F(OptionLoading, refuses_values_of_another_type) {
   EXPECT_EQ(refusal({"laser: graph"}), "a.yaml:1: 'laser' is 'graph'; it must be a section with keys of its own");
   EXPECT_EQ(refusal({"robots: {id: a}"}), "a.yaml:1: 'robots' is a section; it must be a list");
   EXPECT_EQ(refusal({"robots:\n"}), "a.yaml:1: 'robots' has no value; write [] for an empty list");
-  EXPECT_EQ(refusal({"robots:\n  - alpha\n"}), "a.yaml:2: 'robots.0' is 'alpha'; each element has keys of its own, like 'id: ...'");
+  EXPECT_EQ(refusal({"robots:\n  - alpha\n"}),
+            "a.yaml:2: 'robots.0' is 'alpha'; each element has keys of its own, like 'id: ...'");
   EXPECT_EQ(refusal({"robots: [{id: ~}]"}),
             "a.yaml:1: 'id' has no value; write \"\" for an empty text, and quotes around a text like null or ~");
-  EXPECT_EQ(refusal({"just words"}), "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
-  EXPECT_EQ(refusal({"- seed\n"}), "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
+  EXPECT_EQ(refusal({"just words"}),
+            "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
+  EXPECT_EQ(refusal({"- seed\n"}),
+            "a.yaml:1: has no keys at its top; a configuration consists of lines like 'key: value'");
 }
 
 TEST_F(OptionLoading, refuses_a_key_that_comes_twice) {
@@ -181,7 +192,8 @@ TEST_F(OptionLoading, replaces_a_list_by_that_of_a_later_layer) {
 TEST_F(OptionLoading, reads_settings_as_yaml) {
   load_texts({"robots: [{id: a}, {id: b}]"},
              {"robots.1.edge=north", "robots[0].edge=south", "laser={engine: rbpf, close_loops: false}", "decay_s=2",
-              "laser.graph.min_score=0.5", "robots.0.waypoints=[{x_m: 1}, {x_m: 2}]", "robots.0.waypoints.1.x_m=3", "robots.0.id=\"x=y\""});
+              "laser.graph.min_score=0.5", "robots.0.waypoints=[{x_m: 1}, {x_m: 2}]", "robots.0.waypoints.1.x_m=3",
+              "robots.0.id=\"x=y\""});
   EXPECT_EQ(options_.robots[1].edge, "north");
   EXPECT_EQ(options_.robots[0].edge, "south");
   EXPECT_EQ(options_.robots[0].id, "x=y");
@@ -195,17 +207,24 @@ TEST_F(OptionLoading, reads_settings_as_yaml) {
 }
 
 TEST_F(OptionLoading, refuses_settings_that_say_nothing) {
-  EXPECT_EQ(refusal_of_setting("laser.graph.min_scor=0.5"),
-            "--set laser.graph.min_scor=0.5: unknown key 'laser.graph.min_scor'; did you mean 'laser.graph.min_score'?");
-  EXPECT_EQ(refusal_of_setting("min_score=0.5"), "--set min_score=0.5: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
-  EXPECT_EQ(refusal_of_setting("laser.graph.min_score=6"), "--set laser.graph.min_score=6: 'min_score' is 6; it must lie in 0..1");
+  EXPECT_EQ(
+      refusal_of_setting("laser.graph.min_scor=0.5"),
+      "--set laser.graph.min_scor=0.5: unknown key 'laser.graph.min_scor'; did you mean 'laser.graph.min_score'?");
+  EXPECT_EQ(refusal_of_setting("min_score=0.5"),
+            "--set min_score=0.5: unknown key 'min_score'; did you mean 'laser.graph.min_score'?");
+  EXPECT_EQ(refusal_of_setting("laser.graph.min_score=6"),
+            "--set laser.graph.min_score=6: 'min_score' is 6; it must lie in 0..1");
   EXPECT_EQ(refusal_of_setting("seed"), "--set seed: has no '='; write --set key=value");
   EXPECT_EQ(refusal_of_setting("seed="), "--set seed=: 'seed' has no value; it must lie in 0..4294967295");
-  EXPECT_EQ(refusal_of_setting("robots.2.edge=x"), "--set robots.2.edge=x: 'robots' has no element '2'; its elements are 0..1");
-  EXPECT_EQ(refusal_of_setting("robots.-1.edge=x"), "--set robots.-1.edge=x: 'robots' has no element '-1'; its elements are 0..1");
-  EXPECT_EQ(refusal_of_setting("robots.0.waypoints.0.x_m=1"),
-            "--set robots.0.waypoints.0.x_m=1: 'robots.0.waypoints' has no element '0'; it is empty; give the list first");
-  EXPECT_EQ(refusal_of_setting("robots.0=a"), "--set robots.0=a: 'robots.0' is 'a'; each element has keys of its own, like 'id: ...'");
+  EXPECT_EQ(refusal_of_setting("robots.2.edge=x"),
+            "--set robots.2.edge=x: 'robots' has no element '2'; its elements are 0..1");
+  EXPECT_EQ(refusal_of_setting("robots.-1.edge=x"),
+            "--set robots.-1.edge=x: 'robots' has no element '-1'; its elements are 0..1");
+  EXPECT_EQ(
+      refusal_of_setting("robots.0.waypoints.0.x_m=1"),
+      "--set robots.0.waypoints.0.x_m=1: 'robots.0.waypoints' has no element '0'; it is empty; give the list first");
+  EXPECT_EQ(refusal_of_setting("robots.0=a"),
+            "--set robots.0=a: 'robots.0' is 'a'; each element has keys of its own, like 'id: ...'");
   EXPECT_THAT(refusal_of_setting("robots.0.egde=x"), HasSubstr("did you mean 'robots.0.edge'?"));
   EXPECT_THAT(refusal_of_setting("seed.x=1"), HasSubstr("unknown key 'seed.x'"));
   EXPECT_THAT(refusal_of_setting("=1"), HasSubstr("unknown key ''"));
@@ -216,9 +235,11 @@ TEST_F(OptionLoading, refuses_settings_that_say_nothing) {
 }
 
 TEST_F(OptionLoading, reads_the_environment) {
-  load_texts(
-      {"robots: [{id: a}]"}, {},
-      {{"HOME", "/root"}, {"MAPWEAVE_DATA", "/data"}, {"MAPWEAVE_LASER__GRAPH__MIN_SCORE", "0.75"}, {"MAPWEAVE_ROBOTS__0__EDGE", "west"}});
+  load_texts({"robots: [{id: a}]"}, {},
+             {{"HOME", "/root"},
+              {"MAPWEAVE_DATA", "/data"},
+              {"MAPWEAVE_LASER__GRAPH__MIN_SCORE", "0.75"},
+              {"MAPWEAVE_ROBOTS__0__EDGE", "west"}});
   EXPECT_EQ(options_.laser.graph.min_score, 0.75);
   EXPECT_EQ(options_.robots[0].edge, "west");
 }
@@ -249,7 +270,8 @@ TEST_F(OptionLoading, remembers_where_each_value_came_from) {
   EXPECT_EQ(in_folder(origins.place_of("seed")), "a.yaml:1");
   EXPECT_EQ(in_folder(origins.place_of("robots.1.id")), "a.yaml:4");
   EXPECT_EQ(in_folder(origins.place_of("robots[1].id")), "a.yaml:4");
-  EXPECT_EQ(in_folder(origins.place_of("robots.1.start.x_m")), "a.yaml:4") << "the element, since the value was not given";
+  EXPECT_EQ(in_folder(origins.place_of("robots.1.start.x_m")), "a.yaml:4")
+      << "the element, since the value was not given";
   EXPECT_EQ(origins.place_of("robots.1.edge"), "--set robots.1.edge=north");
   EXPECT_EQ(origins.place_of("laser.height_m"), "environment variable MAPWEAVE_LASER__HEIGHT_M");
   EXPECT_EQ(in_folder(origins.place_of("laser.engine")), "a.yaml:6");

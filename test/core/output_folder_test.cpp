@@ -150,8 +150,8 @@ TEST(OutputFolder, clears_away_what_a_crashed_run_left) {
   fs::create_directories(folder / "out.partial-notes");
   fs::create_directories(folder / ("other.partial-" + dead));
   make_results(folder / "out", "new");
-  EXPECT_THAT(names_in(folder.path()),
-              UnorderedElementsAre("out", "out.partial-" + std::to_string(::getppid()), "out.partial-notes", "other.partial-" + dead));
+  EXPECT_THAT(names_in(folder.path()), UnorderedElementsAre("out", "out.partial-" + std::to_string(::getppid()),
+                                                            "out.partial-notes", "other.partial-" + dead));
 }
 
 TEST(OutputFolder, does_not_clear_away_one_that_is_being_built) {

@@ -13,7 +13,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::optional<int> processors(const std::string& membership, const std::vector<std::pair<std::string, std::string>>& files) {
+std::optional<int> processors(const std::string& membership,
+                              const std::vector<std::pair<std::string, std::string>>& files) {
   const test::TemporaryFolder folder;
   write_file(folder / "membership", membership);
   for (const auto& [name, text] : files) {
@@ -31,15 +32,18 @@ TEST(AvailableProcessors, are_those_of_the_cgroup_quota) {
 }
 
 TEST(AvailableProcessors, heed_the_smallest_quota_on_the_way_up) {
-  EXPECT_EQ(
-      processors("0::/a/b/c\n", {{"a/cpu.max", "200000 100000\n"}, {"a/b/cpu.max", "max 100000\n"}, {"a/b/c/cpu.max", "800000 100000\n"}}),
-      2);
+  EXPECT_EQ(processors("0::/a/b/c\n", {{"a/cpu.max", "200000 100000\n"},
+                                       {"a/b/cpu.max", "max 100000\n"},
+                                       {"a/b/c/cpu.max", "800000 100000\n"}}),
+            2);
 }
 
 TEST(AvailableProcessors, know_the_older_form_of_cgroups) {
   const std::string membership = "5:memory:/other\n4:cpuacct,cpu:/box\n";
-  EXPECT_EQ(processors(membership, {{"cpu/box/cpu.cfs_quota_us", "400000\n"}, {"cpu/box/cpu.cfs_period_us", "100000\n"}}), 4);
-  EXPECT_EQ(processors(membership, {{"cpu/box/cpu.cfs_quota_us", "-1\n"}, {"cpu/box/cpu.cfs_period_us", "100000\n"}}), std::nullopt);
+  EXPECT_EQ(
+      processors(membership, {{"cpu/box/cpu.cfs_quota_us", "400000\n"}, {"cpu/box/cpu.cfs_period_us", "100000\n"}}), 4);
+  EXPECT_EQ(processors(membership, {{"cpu/box/cpu.cfs_quota_us", "-1\n"}, {"cpu/box/cpu.cfs_period_us", "100000\n"}}),
+            std::nullopt);
 }
 
 TEST(AvailableProcessors, do_not_stumble_over_nonsense) {

@@ -31,8 +31,10 @@ TEST(PlainProgress, says_where_it_is_every_ten_seconds) {
     progress->advance(task, static_cast<std::uint64_t>(40 * second));
   }
   progress->end(task);
-  EXPECT_THAT(screen.lines, ElementsAre("alpha: begins, 4000 scans", "alpha: 400 scans (10 %), 40 scans/s, 1:30 min left",
-                                        "alpha: 800 scans (20 %), 40 scans/s, 1:20 min left", "alpha: done, 1000 scans, 40 scans/s, 25 s"));
+  EXPECT_THAT(
+      screen.lines,
+      ElementsAre("alpha: begins, 4000 scans", "alpha: 400 scans (10 %), 40 scans/s, 1:30 min left",
+                  "alpha: 800 scans (20 %), 40 scans/s, 1:20 min left", "alpha: done, 1000 scans, 40 scans/s, 25 s"));
   EXPECT_THAT(screen.live, IsEmpty());
 }
 
@@ -63,7 +65,8 @@ TEST(LiveProgress, shows_all_tasks_in_one_line_ten_times_a_second_at_most) {
   }
   EXPECT_LE(screen.live.size(), 11u);
   EXPECT_GE(screen.live.size(), 9u);
-  EXPECT_TRUE(screen.live.back().rfind("alpha: ", 0) == 0 && screen.live.back().find(" | beta: 0 scans (0 %)") != std::string::npos)
+  EXPECT_TRUE(screen.live.back().rfind("alpha: ", 0) == 0 &&
+              screen.live.back().find(" | beta: 0 scans (0 %)") != std::string::npos)
       << screen.live.back();
   progress->end(alpha);
   progress->end(beta);

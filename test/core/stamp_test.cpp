@@ -15,7 +15,8 @@ TEST(Stamp, keeps_the_microseconds_of_a_log) {
 }
 
 TEST(Stamp, goes_to_seconds_and_back) {
-  for (const double seconds : {0.0, 12.125, 976052857.25, -3.5}) EXPECT_DOUBLE_EQ(stamp_from_seconds(seconds).seconds(), seconds);
+  for (const double seconds : {0.0, 12.125, 976052857.25, -3.5})
+    EXPECT_DOUBLE_EQ(stamp_from_seconds(seconds).seconds(), seconds);
   EXPECT_DOUBLE_EQ(seconds_between({1'000'000'000}, {3'500'000'000}), 2.5);
 }
 

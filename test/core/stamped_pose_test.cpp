@@ -5,7 +5,9 @@
 namespace mapweave {
 namespace {
 
-Pose3 at(double x, double yaw) { return {{x, 0, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))}; }
+Pose3 at(double x, double yaw) {
+  return {{x, 0, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))};
+}
 const std::vector<StampedPose> way{
     {Stamp{1'000'000'000}, at(0.0, 0.0)}, {Stamp{2'000'000'000}, at(2.0, 0.4)}, {Stamp{5'000'000'000}, at(3.0, 0.4)}};
 

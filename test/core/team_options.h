@@ -24,7 +24,8 @@ struct LaserOptions {
   double height_m = 0.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.choice("engine", engine, {{"graph", Engine::graph}, {"rbpf", Engine::rbpf}, {"icp", Engine::icp}}, "which mapper");
+    v.choice("engine", engine, {{"graph", Engine::graph}, {"rbpf", Engine::rbpf}, {"icp", Engine::icp}},
+             "which mapper");
     v.section("graph", graph, "the mapper of submaps");
     v.flag("close_loops", close_loops, "look for places seen before");
     v.number("height_m", height_m, -2.0, 2.0, "above the robot's base");

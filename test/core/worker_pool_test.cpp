@@ -41,7 +41,8 @@ TEST_P(WorkerPoolOf, returns_results_that_can_only_be_moved) {
 TEST_P(WorkerPoolOf, nests_without_waiting_for_ever) {
   WorkerPool pool(GetParam());
   std::atomic<int> calls{0};
-  pool.for_each(7, [&](std::size_t) { pool.for_each(5, [&](std::size_t) { pool.for_each(3, [&](std::size_t) { ++calls; }); }); });
+  pool.for_each(
+      7, [&](std::size_t) { pool.for_each(5, [&](std::size_t) { pool.for_each(3, [&](std::size_t) { ++calls; }); }); });
   EXPECT_EQ(calls, 7 * 5 * 3);
 }
 
@@ -89,7 +90,8 @@ TEST_P(WorkerPoolOf, serves_several_callers_at_once) {
 
 TEST(WorkerPool, works_in_the_calling_thread_where_it_is_the_only_one) {
   WorkerPool pool(1);
-  pool.for_each(5, [caller = std::this_thread::get_id()](std::size_t) { EXPECT_EQ(std::this_thread::get_id(), caller); });
+  pool.for_each(5,
+                [caller = std::this_thread::get_id()](std::size_t) { EXPECT_EQ(std::this_thread::get_id(), caller); });
 }
 
 TEST(WorkerPool, uses_all_its_threads) {

@@ -79,7 +79,8 @@ TEST(YamlTree, refuses_bytes_that_are_not_text) {
 TEST(YamlTree, survives_bombs) {
   std::string laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n";
   for (int i = 1; i < 12; ++i)
-    laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + repeated("*a" + std::to_string(i - 1) + ", ", 9) + "]\n";
+    laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" +
+              repeated("*a" + std::to_string(i - 1) + ", ", 9) + "]\n";
   EXPECT_THAT(refusal(laughs), HasSubstr("anchors and aliases"));
   EXPECT_THAT(refusal(repeated("[", 200) + repeated("]", 200)), HasSubstr("nested more than 32 deep"));
   EXPECT_THAT(refusal(repeated("{a: ", 200) + repeated("}", 200)), HasSubstr("nested more than 32 deep"));
@@ -102,9 +103,11 @@ TEST(YamlTree, reads_many_keys_in_a_moment) {
 
 TEST(YamlTree, survives_a_file_cut_at_any_byte_or_damaged) {
   const std::string text =
-      "robots:\n  - {id: alpha, log: \"a b.rawlog\"}\n  - id: 'beta'\n    log: |\n      x\nlaser: {graph: {min_score: 0.5, list: [1, 2, "
+      "robots:\n  - {id: alpha, log: \"a b.rawlog\"}\n  - id: 'beta'\n    log: |\n      x\nlaser: {graph: {min_score: "
+      "0.5, list: [1, 2, "
       ">-\n x]}}\n# end\n";
-  for (std::size_t length = 0; length <= text.size(); ++length) EXPECT_NO_FATAL_FAILURE(refusal(text.substr(0, length)));
+  for (std::size_t length = 0; length <= text.size(); ++length)
+    EXPECT_NO_FATAL_FAILURE(refusal(text.substr(0, length)));
   std::mt19937_64 random(7);
   const std::string spice = "[]{}:,-?&*!|>'\"%@`#\n\t ~\\=<.0a\xC3\xFF";
   for (int i = 0; i < 3000; ++i) {

@@ -61,21 +61,36 @@ TEST(RelativeError, is_the_drift_of_each_piece) {
   EXPECT_NEAR(one.translation_m.min, 0.1, 1e-9);
   EXPECT_NEAR(one.translation_m.max, 0.1, 1e-9);
   EXPECT_NEAR(one.rotation_deg.max, 0.0, 1e-6);
-  const auto by_way = relative_error(bend(0.1, 0.7), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {2.0, DeltaUnit::metres, false, 0.1});
+  const auto by_way =
+      relative_error(bend(0.1, 0.7), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {2.0, DeltaUnit::metres, false, 0.1});
   EXPECT_EQ(by_way.pairs, 4u);
 }
 
 TEST(RelativeError, all_pairs_begin_at_every_pose) {
-  EXPECT_EQ(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::frames, true, 0.1}).pairs, 7u);
-  EXPECT_EQ(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::frames, false, 0.1}).pairs, 3u);
-  EXPECT_EQ(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::metres, true, 0.1}).pairs, 7u);
+  EXPECT_EQ(
+      relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::frames, true, 0.1})
+          .pairs,
+      7u);
+  EXPECT_EQ(
+      relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::frames, false, 0.1})
+          .pairs,
+      3u);
+  EXPECT_EQ(
+      relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {3.0, DeltaUnit::metres, true, 0.1})
+          .pairs,
+      7u);
 }
 
 TEST(RelativeError, refuses_pieces_longer_than_the_way) {
-  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {10.0, DeltaUnit::frames, false, 0.1}), Error);
-  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {50.0, DeltaUnit::metres, true, 0.1}), Error);
-  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {0.5, DeltaUnit::frames, true, 0.1}),
-               ContractViolation);
+  EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01},
+                              {10.0, DeltaUnit::frames, false, 0.1}),
+               Error);
+  EXPECT_THROW(
+      relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {50.0, DeltaUnit::metres, true, 0.1}),
+      Error);
+  EXPECT_THROW(
+      relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {0.5, DeltaUnit::frames, true, 0.1}),
+      ContractViolation);
 }
 
 }  // namespace

@@ -45,7 +45,8 @@ Sim3 motion_of(double scale) {
 TEST(Alignment, finds_the_motion_that_made_the_reference) {
   for (const double scale : {1.0, 0.3, 4.0}) {
     const Sim3 truth = motion_of(scale);
-    const Sim3 found = reference_from_estimate(pairs_under(truth, 0.0, false, 1), scale == 1.0 ? AlignmentKind::se3 : AlignmentKind::sim3);
+    const Sim3 found = reference_from_estimate(pairs_under(truth, 0.0, false, 1),
+                                               scale == 1.0 ? AlignmentKind::se3 : AlignmentKind::sim3);
     EXPECT_NEAR((found.pose.t - truth.pose.t).norm(), 0.0, 1e-9);
     EXPECT_NEAR(found.pose.q.angularDistance(truth.pose.q), 0.0, 1e-9);
     EXPECT_NEAR(found.scale, scale, 1e-9);
@@ -66,12 +67,14 @@ TEST(Alignment, cannot_be_bettered_by_a_small_change) {
     const Sim3 found = reference_from_estimate(pairs, kind);
     const double best = squared_distances(pairs, found);
     for (int axis = 0; axis < 7; ++axis) {
-      const bool allowed = kind == AlignmentKind::sim3 || (kind == AlignmentKind::se3 && axis < 6) || axis < 2 || axis == 5;
+      const bool allowed =
+          kind == AlignmentKind::sim3 || (kind == AlignmentKind::se3 && axis < 6) || axis < 2 || axis == 5;
       if (!allowed) continue;
       for (const double step : {-1e-4, 1e-4}) {
         Sim3 other = found;
         if (axis < 3) other.pose.t(axis) += step;
-        if (axis >= 3 && axis < 6) other.pose.q = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(axis - 3)) * other.pose.q;
+        if (axis >= 3 && axis < 6)
+          other.pose.q = Eigen::AngleAxisd(step, Eigen::Vector3d::Unit(axis - 3)) * other.pose.q;
         if (axis == 6) other.scale += step;
         EXPECT_GE(squared_distances(pairs, other), best) << "axis " << axis;
       }
@@ -119,7 +122,8 @@ TEST(Alignment, none_changes_nothing) {
 TEST(Alignment, refuses_positions_that_do_not_determine_it) {
   std::vector<PosePair> line(5), point(5);
   for (int i = 0; i < 5; ++i)
-    line[static_cast<std::size_t>(i)].estimate.t = line[static_cast<std::size_t>(i)].reference.t = Eigen::Vector3d(i, 0.0, 0.0);
+    line[static_cast<std::size_t>(i)].estimate.t = line[static_cast<std::size_t>(i)].reference.t =
+        Eigen::Vector3d(i, 0.0, 0.0);
   EXPECT_THROW(reference_from_estimate(line, AlignmentKind::se3), Error);
   EXPECT_THROW(reference_from_estimate(line, AlignmentKind::sim3), Error);
   EXPECT_NO_THROW(reference_from_estimate(line, AlignmentKind::se2));

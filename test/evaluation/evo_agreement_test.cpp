@@ -47,15 +47,19 @@ TEST_P(EvoAgreement, every_statistic_is_evos) {
     expect_same(error.translation_m, result.at("translation_m"));
     expect_same(error.rotation_deg, result.at("rotation_deg"));
     if (!result.contains("reference_from_estimate")) continue;
-    const Eigen::Matrix3d turn = error.reference_from_estimate.scale * error.reference_from_estimate.pose.q.toRotationMatrix();
+    const Eigen::Matrix3d turn =
+        error.reference_from_estimate.scale * error.reference_from_estimate.pose.q.toRotationMatrix();
     for (int row = 0; row < 3; ++row) {
       for (int column = 0; column < 3; ++column)
-        EXPECT_NEAR(
-            turn(row, column),
-            result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(static_cast<std::size_t>(column)).get<double>(),
-            kTolerance);
+        EXPECT_NEAR(turn(row, column),
+                    result.at("reference_from_estimate")
+                        .at(static_cast<std::size_t>(row))
+                        .at(static_cast<std::size_t>(column))
+                        .get<double>(),
+                    kTolerance);
       EXPECT_NEAR(error.reference_from_estimate.pose.t(row),
-                  result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(3).get<double>(), kTolerance);
+                  result.at("reference_from_estimate").at(static_cast<std::size_t>(row)).at(3).get<double>(),
+                  kTolerance);
     }
   }
 }

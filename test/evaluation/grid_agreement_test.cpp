@@ -8,7 +8,8 @@ namespace mapweave::evaluation {
 namespace {
 
 // '#' wall, '.' free, ' ' unknown; the first row is the highest y.
-OccupancyGrid drawn(const std::vector<std::string>& rows, double resolution_m = 1.0, double origin_x_m = 0.0, double origin_y_m = 0.0) {
+OccupancyGrid drawn(const std::vector<std::string>& rows, double resolution_m = 1.0, double origin_x_m = 0.0,
+                    double origin_y_m = 0.0) {
   OccupancyGrid grid;
   grid.resolution_m = resolution_m;
   grid.origin_x_m = origin_x_m;
@@ -47,7 +48,8 @@ TEST(GridAgreement, counts_what_both_know_whatever_the_origins) {
   EXPECT_DOUBLE_EQ(result.agreement, 1.0);
   EXPECT_DOUBLE_EQ(result.conflict, 0.0);
   EXPECT_DOUBLE_EQ(result.wall_iou,
-                   0.5 * (13.0 + 11.0) / (22.0 + 11.0 - 12.0));  // a cell of a's walls beyond b is next to one of b's, above and below
+                   0.5 * (13.0 + 11.0) /
+                       (22.0 + 11.0 - 12.0));  // a cell of a's walls beyond b is next to one of b's, above and below
 }
 
 TEST(GridAgreement, forgives_a_wall_one_cell_off_but_not_two) {

@@ -19,8 +19,8 @@ struct Expectation {
 
 void PrintTo(const Expectation& expectation, std::ostream* out) { *out << expectation.name; }
 
-// Stamp and odometry of every scan: of `FLASER n r_1..r_n x y th odom_x odom_y odom_th stamp host logger_stamp` the columns after the first
-// pose.
+// Stamp and odometry of every scan: of `FLASER n r_1..r_n x y th odom_x odom_y odom_th stamp host logger_stamp` the
+// columns after the first pose.
 std::vector<std::pair<Stamp, Pose2>> odometry_of(const std::filesystem::path& carmen_log) {
   std::vector<std::pair<Stamp, Pose2>> odometry;
   const gzFile file = gzopen(carmen_log.c_str(), "rb");
@@ -75,7 +75,8 @@ TEST_P(PublicRelations, reference_trajectory_scores_what_its_readme_says) {
   // Between two anchors: odometry onwards from the one, backwards from the other, and from one to the other by time.
   Trajectory dense;
   for (const auto& [stamp, world_from_robot] : odometry) {
-    const auto after = std::find_if(anchors.begin(), anchors.end(), [s = stamp](const Anchor& anchor) { return s <= anchor.stamp; });
+    const auto after =
+        std::find_if(anchors.begin(), anchors.end(), [s = stamp](const Anchor& anchor) { return s <= anchor.stamp; });
     if (after == anchors.end() || (after == anchors.begin() && !(after->stamp == stamp)) ||
         (!dense.empty() && !(dense.back().stamp < stamp)))
       continue;
@@ -84,7 +85,8 @@ TEST_P(PublicRelations, reference_trajectory_scores_what_its_readme_says) {
     const Pose2 odometry_from_laser = compose(world_from_robot, robot_from_laser);
     const Pose2 forth = compose(earlier.world_from_laser, between(earlier.odometry_from_laser, odometry_from_laser));
     const Pose2 back = compose(later.world_from_laser, between(later.odometry_from_laser, odometry_from_laser));
-    const double share = &earlier == &later ? 0.0 : seconds_between(earlier.stamp, stamp) / seconds_between(earlier.stamp, later.stamp);
+    const double share =
+        &earlier == &later ? 0.0 : seconds_between(earlier.stamp, stamp) / seconds_between(earlier.stamp, later.stamp);
     dense.push_back({stamp, spatial(Pose2(forth.x + share * (back.x - forth.x), forth.y + share * (back.y - forth.y),
                                           wrap_angle(forth.phi + share * wrap_angle(back.phi - forth.phi))))});
   }
@@ -100,7 +102,8 @@ TEST_P(PublicRelations, reference_trajectory_scores_what_its_readme_says) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Logs, PublicRelations,
-                         testing::Values(Expectation{"intel", 0.0283, 0.0209, 1.01, 0.93}, Expectation{"fr079", 0.0581, 0.0418, 0.71, 0.69},
+                         testing::Values(Expectation{"intel", 0.0283, 0.0209, 1.01, 0.93},
+                                         Expectation{"fr079", 0.0581, 0.0418, 0.71, 0.69},
                                          Expectation{"mit-killian", 0.0406, 0.0362, 1.12, 1.83}),
                          [](const auto& tested) {
                            const std::string name = tested.param.name;

@@ -29,8 +29,9 @@ std::string complaint_about(const std::string& text) {
 
 TEST(RelationError, is_worked_out_by_hand) {
   // Both relations say 0.1 m less than the trajectory, the second in another direction and 2 degrees off.
-  const std::vector<Relation> relations = {{at(100.0), at(101.0), Pose2(0.9, 0.0, 0.0)},
-                                           {at(101.0), at(103.0), Pose2(1.0, 1.0 - 0.3, M_PI / 2 - 2.0 * M_PI / 180.0)}};
+  const std::vector<Relation> relations = {
+      {at(100.0), at(101.0), Pose2(0.9, 0.0, 0.0)},
+      {at(101.0), at(103.0), Pose2(1.0, 1.0 - 0.3, M_PI / 2 - 2.0 * M_PI / 180.0)}};
   const RelationError error = relation_error(corner(), relations);
   EXPECT_EQ(error.count, 2u);
   EXPECT_EQ(error.used, 2u);
@@ -47,13 +48,15 @@ TEST(RelationError, is_worked_out_by_hand) {
 }
 
 TEST(RelationError, wraps_a_turn_across_the_seam) {
-  const Trajectory turning = {{at(1.0), spatial(Pose2(0.0, 0.0, 0.0))}, {at(2.0), spatial(Pose2(0.0, 0.0, M_PI - 0.01))}};
+  const Trajectory turning = {{at(1.0), spatial(Pose2(0.0, 0.0, 0.0))},
+                              {at(2.0), spatial(Pose2(0.0, 0.0, M_PI - 0.01))}};
   const RelationError error = relation_error(turning, {{at(1.0), at(2.0), Pose2(0.0, 0.0, -M_PI + 0.01)}});
   EXPECT_NEAR(error.rotation_mean_deg, 0.02 * 180.0 / M_PI, 1e-9);
 }
 
 TEST(RelationError, does_not_see_where_the_map_begins) {
-  const std::vector<Relation> relations = {{at(100.0), at(102.0), Pose2(2.1, 0.2, 1.5)}, {at(103.0), at(101.0), Pose2(-1.1, 1.0, -1.4)}};
+  const std::vector<Relation> relations = {{at(100.0), at(102.0), Pose2(2.1, 0.2, 1.5)},
+                                           {at(103.0), at(101.0), Pose2(-1.1, 1.0, -1.4)}};
   const RelationError here = relation_error(corner(), relations);
   Trajectory moved = corner();
   for (auto& point : moved) point.pose = compose(spatial(Pose2(70.0, -30.0, 2.0)), point.pose);
@@ -64,7 +67,8 @@ TEST(RelationError, does_not_see_where_the_map_begins) {
 
 TEST(RelationError, carries_the_pose_to_the_sensor_that_the_relations_speak_of) {
   // A laser 0.5 m ahead moves when the robot turns on the spot.
-  const Trajectory turning = {{at(1.0), spatial(Pose2(3.0, 3.0, 0.5))}, {at(2.0), spatial(Pose2(3.0, 3.0, 0.5 + M_PI / 2))}};
+  const Trajectory turning = {{at(1.0), spatial(Pose2(3.0, 3.0, 0.5))},
+                              {at(2.0), spatial(Pose2(3.0, 3.0, 0.5 + M_PI / 2))}};
   const std::vector<Relation> of_the_laser = {{at(1.0), at(2.0), Pose2(-0.5, 0.5, M_PI / 2)}};
   RelationErrorOptions options;
   EXPECT_NEAR(relation_error(turning, of_the_laser, options).translation_mean_m, std::sqrt(0.5), 1e-9);
@@ -73,7 +77,8 @@ TEST(RelationError, carries_the_pose_to_the_sensor_that_the_relations_speak_of) 
 }
 
 TEST(RelationError, interpolates_where_the_trajectory_is_sparser_and_says_so) {
-  const std::vector<Relation> relations = {{at(100.0), at(100.5), Pose2(0.5, 0.0, 0.0)}, {at(100.0), at(101.0), Pose2(1.0, 0.0, 0.0)}};
+  const std::vector<Relation> relations = {{at(100.0), at(100.5), Pose2(0.5, 0.0, 0.0)},
+                                           {at(100.0), at(101.0), Pose2(1.0, 0.0, 0.0)}};
   const RelationError error = relation_error(corner(), relations);
   EXPECT_EQ(error.used, 2u);
   EXPECT_EQ(error.interpolated, 1u);

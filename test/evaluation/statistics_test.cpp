@@ -18,7 +18,9 @@ TEST(Statistics, of_four_errors_worked_out_by_hand) {
   EXPECT_DOUBLE_EQ(result.max, 5.0);
 }
 
-TEST(Statistics, median_of_an_odd_count_is_the_middle_one) { EXPECT_DOUBLE_EQ(statistics_of({9.0, 1.0, 2.0}).median, 2.0); }
+TEST(Statistics, median_of_an_odd_count_is_the_middle_one) {
+  EXPECT_DOUBLE_EQ(statistics_of({9.0, 1.0, 2.0}).median, 2.0);
+}
 
 TEST(Statistics, of_nothing_count_nothing) {
   EXPECT_EQ(statistics_of({}).count, 0u);

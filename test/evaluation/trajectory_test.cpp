@@ -10,8 +10,9 @@ using test::IsNear;
 Stamp at(double seconds) { return Stamp{static_cast<std::int64_t>(std::llround(seconds * 1e9))}; }
 
 // At 10 s, 12 s and 20 s; turns across the seam at 180 degrees between the first two.
-const Trajectory kThree = {
-    {at(10.0), spatial(Pose2(0.0, 0.0, 3.0))}, {at(12.0), spatial(Pose2(2.0, 1.0, -3.0))}, {at(20.0), spatial(Pose2(9.0, 9.0, 0.0))}};
+const Trajectory kThree = {{at(10.0), spatial(Pose2(0.0, 0.0, 3.0))},
+                           {at(12.0), spatial(Pose2(2.0, 1.0, -3.0))},
+                           {at(20.0), spatial(Pose2(9.0, 9.0, 0.0))}};
 
 TEST(InterpolatedPose, goes_straight_and_turns_the_short_way) {
   const auto pose = interpolated_pose(kThree, at(11.0), 2.0);

@@ -23,7 +23,8 @@ std::string complaint_about(const std::string& text) {
 
 TEST(ParseTum, reads_poses_between_comments_and_blank_lines) {
   const auto trajectory = parse_tum(
-      "# stamp x y z qx qy qz qw\r\n\r\n976052857.337530 1 -2 0.5 0 0 0.7071068 0.7071068\r\n\t976052857.5 +3 0 0 0 0 0 1 # stood still",
+      "# stamp x y z qx qy qz qw\r\n\r\n976052857.337530 1 -2 0.5 0 0 0.7071068 0.7071068\r\n\t976052857.5 +3 0 0 0 0 "
+      "0 1 # stood still",
       "t.tum");
   ASSERT_EQ(trajectory.size(), 2u);
   EXPECT_EQ(trajectory[0].stamp.ns, 976052857337530000);
@@ -37,7 +38,9 @@ TEST(ParseTum, keeps_every_written_digit_of_a_stamp) {
   EXPECT_EQ(parse_tum("1305031102.175304123 0 0 0 0 0 0 1", "t")[0].stamp.ns, 1305031102175304123);
   EXPECT_EQ(parse_tum("-1.5 0 0 0 0 0 0 1", "t")[0].stamp.ns, -1500000000);
   EXPECT_EQ(parse_tum("1.25e3 0 0 0 0 0 0 1", "t")[0].stamp.ns, 1250000000000);
-  EXPECT_NEAR(static_cast<double>(parse_tum("1305031102.1753041238888 0 0 0 0 0 0 1", "t")[0].stamp.ns - 1305031102175304123), 0.0, 300.0);
+  EXPECT_NEAR(
+      static_cast<double>(parse_tum("1305031102.1753041238888 0 0 0 0 0 0 1", "t")[0].stamp.ns - 1305031102175304123),
+      0.0, 300.0);
 }
 
 TEST(ParseTum, names_the_line_of_what_it_cannot_use) {
@@ -50,7 +53,8 @@ TEST(ParseTum, names_the_line_of_what_it_cannot_use) {
   EXPECT_THAT(complaint_about(good + "2 0 0 -inf 0 0 0 1\n"), HasSubstr("'-inf' in column 4 is not finite"));
   EXPECT_THAT(complaint_about(good + "2 0 0 1e999 0 0 0 1\n"), HasSubstr("'1e999' in column 4 is not a number"));
   EXPECT_THAT(complaint_about(good + "2 0 0 0x1p3 0 0 0 1\n"), HasSubstr("not a number"));
-  EXPECT_THAT(complaint_about(good + "1305031102175304000 0 0 0 0 0 0 1\n"), HasSubstr("in seconds, not in nanoseconds"));
+  EXPECT_THAT(complaint_about(good + "1305031102175304000 0 0 0 0 0 0 1\n"),
+              HasSubstr("in seconds, not in nanoseconds"));
   EXPECT_THAT(complaint_about(good + "nan 0 0 0 0 0 0 1\n"), HasSubstr("t.tum:3"));
 }
 

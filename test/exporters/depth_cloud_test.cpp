@@ -39,7 +39,8 @@ TEST(DepthCloud, holds_means_of_places_and_colours) {
 
 TEST(DepthCloud, is_the_same_in_any_order) {
   auto points = wall(0.013F);
-  for (std::size_t i = 0; i < points.size(); ++i) points[i].rgb = static_cast<std::uint32_t>(i * 2654435761U) & 0xffffff;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i].rgb = static_cast<std::uint32_t>(i * 2654435761U) & 0xffffff;
   DepthCloud one({0.05, 100.0}), other({0.05, 100.0});
   one.add(points);
   std::reverse(points.begin(), points.end());
@@ -66,7 +67,8 @@ TEST(DepthCloud, doubles_its_cubes_where_memory_is_short_and_keeps_the_means) {
 TEST(DepthCloud, bears_more_points_in_a_cube_than_its_sums_could_hold) {
   DepthCloud cloud({0.1, 0.001});  // eight cubes
   cloud.add(std::vector<ColouredPoint>(300000, {{0.09F, 0.09F, 0.09F}, 0xfffefd}));
-  for (int i = 0; i < 12; ++i) cloud.add({{{1.0F + static_cast<float>(i), 0.0F, 0.0F}, 0}});  // which makes it coarser, again and again
+  for (int i = 0; i < 12; ++i)
+    cloud.add({{{1.0F + static_cast<float>(i), 0.0F, 0.0F}, 0}});  // which makes it coarser, again and again
   EXPECT_LE(cloud.size(), cloud.most_voxels());
   const auto points = cloud.points();
   EXPECT_NEAR(points.front().point.y(), 0.09F, 0.01F);

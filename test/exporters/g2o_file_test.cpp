@@ -41,12 +41,12 @@ TEST(G2oText, numbers_planar_nodes_in_the_order_of_their_ids) {
   add_pose(map, node_id("alpha", 5), 3, spatial(Pose2(1.0, 0.0, 0.0)));
   Eigen::Matrix3d information;
   information << 400.0, 1.0, 2.0, 1.0, 500.0, 3.0, 2.0, 3.0, 600.0;
-  map.constraints.set(
-      {ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0},
-      planar_constraint({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0}, Pose2(0.1, -0.25, 0.0), information));
-  map.constraints.set(
-      {ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0},
-      planar_constraint({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0}, Pose2(-4.0, 0.0, 0.0), information));
+  map.constraints.set({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0},
+                      planar_constraint({ConstraintKind::odometry, node_id("alpha", 0), node_id("alpha", 1), 0},
+                                        Pose2(0.1, -0.25, 0.0), information));
+  map.constraints.set({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0},
+                      planar_constraint({ConstraintKind::loop, node_id("beta", 0), node_id("alpha", 5), 0},
+                                        Pose2(-4.0, 0.0, 0.0), information));
   EXPECT_EQ(g2o_text(map),
             "# 4 vertices, 2 constraints\n"
             "# vertices 0 to 1: " +

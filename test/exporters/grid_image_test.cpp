@@ -14,7 +14,9 @@ namespace {
 using test::drawn_grid;
 using test::node_id;
 
-cv::Mat decoded(const std::string& png) { return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED); }
+cv::Mat decoded(const std::string& png) {
+  return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED);
+}
 
 // A hall of this size in cells, walls around.
 OccupancyGrid hall(std::size_t columns, std::size_t rows) {
@@ -26,7 +28,8 @@ OccupancyGrid hall(std::size_t columns, std::size_t rows) {
 SessionTrajectory straight_way(const std::string& robot, double y_m, double length_m) {
   SessionTrajectory trajectory;
   trajectory.session = node_id(robot, 0).session;
-  for (int i = 0; i <= 20; ++i) trajectory.poses.push_back({Stamp{i}, spatial(Pose2(0.3 + length_m * i / 20.0, y_m, 0.0))});
+  for (int i = 0; i <= 20; ++i)
+    trajectory.poses.push_back({Stamp{i}, spatial(Pose2(0.3 + length_m * i / 20.0, y_m, 0.0))});
   return trajectory;
 }
 
@@ -55,7 +58,8 @@ TEST(GridPng, needs_cells) {
 
 TEST(MapPicture, of_a_small_room_is_large_enough_to_see) {
   for (const auto& [columns, rows] : {std::pair(3, 3), std::pair(100, 60), std::pair(40, 200), std::pair(200, 20)}) {
-    const cv::Mat picture = decoded(map_picture_png(hall(static_cast<std::size_t>(columns), static_cast<std::size_t>(rows)), {}));
+    const cv::Mat picture =
+        decoded(map_picture_png(hall(static_cast<std::size_t>(columns), static_cast<std::size_t>(rows)), {}));
     EXPECT_EQ(picture.type(), CV_8UC3);
     EXPECT_GE(picture.cols, 900) << columns << " x " << rows;
     EXPECT_LE(std::max(picture.cols, picture.rows), 2500) << columns << " x " << rows;

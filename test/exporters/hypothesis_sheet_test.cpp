@@ -12,7 +12,8 @@ std::size_t red_pixels(const std::string& png) {
   const cv::Mat picture = cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_COLOR);
   std::size_t count = 0;
   for (int row = 64; row < picture.rows; ++row)
-    for (int column = 0; column < picture.cols; ++column) count += picture.at<cv::Vec3b>(row, column) == cv::Vec3b(40, 40, 214);
+    for (int column = 0; column < picture.cols; ++column)
+      count += picture.at<cv::Vec3b>(row, column) == cv::Vec3b(40, 40, 214);
   return count;
 }
 
@@ -54,7 +55,9 @@ TEST(HypothesisSheet, wraps_a_caption_that_is_wider_than_its_panel) {
   };
   panel.caption = {"short"};
   const cv::Mat low = sheet_of();
-  panel.caption = {"140.3 m of wall coincide, 35.5 m of them fit nowhere around; 6 places agree, and more is said than a panel has place for"};
+  panel.caption = {
+      "140.3 m of wall coincide, 35.5 m of them fit nowhere around; 6 places agree, and more is said than a panel has "
+      "place for"};
   const cv::Mat high = sheet_of();
   EXPECT_EQ(high.cols, low.cols);
   EXPECT_GT(high.rows, low.rows);

@@ -39,11 +39,12 @@ TEST(MapFolder, holds_what_slam_and_merge_promise) {
   MapFolderOptions options;
   options.files.robot_trajectories = options.files.g2o = true;
   const auto written = write_map_folder(folder / "team", two_robots(), kRoom, options);
-  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum", "trajectories/alpha.tum",
-                                   "trajectories/beta.tum", "map.g2o"));
-  EXPECT_THAT(files_in(folder / "team"),
-              testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
-                                            "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
+  EXPECT_THAT(written, ElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
+                                   "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
+  EXPECT_THAT(
+      files_in(folder / "team"),
+      testing::UnorderedElementsAre("map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum",
+                                    "trajectories/alpha.tum", "trajectories/beta.tum", "map.g2o"));
   EXPECT_EQ(evaluation::read_tum(folder / "team/trajectory.tum").size(), 3u);
   EXPECT_EQ(evaluation::read_tum(folder / "team/trajectories/alpha.tum").size(), 2u);
   EXPECT_EQ(test::letters_of(read_map_server(folder / "team/map.yaml")), test::letters_of(kRoom));
@@ -70,7 +71,8 @@ TEST(MapFolder, has_the_same_bytes_each_time) {
   options.picture.title = "two robots";
   const auto names = write_map_folder(folder / "first", two_robots(), kRoom, options);
   write_map_folder(folder / "second", two_robots(), kRoom, options);
-  for (const auto& name : names) EXPECT_EQ(read_file(folder / "first" / name), read_file(folder / "second" / name)) << name;
+  for (const auto& name : names)
+    EXPECT_EQ(read_file(folder / "first" / name), read_file(folder / "second" / name)) << name;
 }
 
 TEST(MapFolder, says_when_it_cannot_be_made) {

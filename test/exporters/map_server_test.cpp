@@ -58,9 +58,9 @@ constexpr const char* kPlain = "image: m.pgm\nresolution: 0.1\n";
 
 TEST_F(MapServer, files_are_what_map_server_and_nav2_load) {
   write_map_server(kCorner, folder_.path(), "map");
-  EXPECT_EQ(
-      read_file(folder_ / "map.yaml"),
-      "image: map.pgm\nmode: trinary\nresolution: 0.1\norigin: [-3.2, 1.7, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n");
+  EXPECT_EQ(read_file(folder_ / "map.yaml"),
+            "image: map.pgm\nmode: trinary\nresolution: 0.1\norigin: [-3.2, 1.7, 0]\nnegate: 0\noccupied_thresh: "
+            "0.65\nfree_thresh: 0.196\n");
   EXPECT_EQ(read_file(folder_ / "map.pgm"),
             std::string("P5\n4 3\n255\n") + std::string("\x00\x00\x00\x00\x00\xfe\xfe\xcd\x00\xfe\xcd\xcd", 12));
 }
@@ -112,7 +112,8 @@ TEST_F(MapServer, raw_shades_are_hundredths) {
 }
 
 TEST_F(MapServer, reads_pgm_as_text_with_comments_and_with_16_bits) {
-  EXPECT_THAT(letters_of(read(kPlain, "P2 # by hand\n# two rows\n3 2\n10\n0 10 5\n10 10 0\n")), ElementsAre("#. ", "..#"));
+  EXPECT_THAT(letters_of(read(kPlain, "P2 # by hand\n# two rows\n3 2\n10\n0 10 5\n10 10 0\n")),
+              ElementsAre("#. ", "..#"));
   EXPECT_THAT(letters_of(read(kPlain, std::string("P5 2 1 65535\n\x00\x10\xff\x00", 17))), ElementsAre("#."));
 }
 
@@ -143,7 +144,8 @@ TEST_F(MapServer, turned_by_any_yaw_keeps_its_area_and_place) {
   for (const double yaw : {0.3, -1.0, 2.5, 10.0}) {
     put(folder_ / "m.yaml", "image: m.pgm\nresolution: 0.1\norigin: [5, -7, " + std::to_string(yaw) + "]\n");
     const auto grid = read_map_server(folder_ / "m.yaml");
-    EXPECT_NEAR(static_cast<double>(std::count_if(grid.log_odds.begin(), grid.log_odds.end(), [](std::int16_t l) { return l < 0; })),
+    EXPECT_NEAR(static_cast<double>(
+                    std::count_if(grid.log_odds.begin(), grid.log_odds.end(), [](std::int16_t l) { return l < 0; })),
                 4800.0, 60.0);
     // The middle of the hall, (4, 3) from its corner.
     const Pose2 middle = compose(Pose2(5.0, -7.0, yaw), Pose2(4.0, 3.0, 0.0));
@@ -166,12 +168,14 @@ TEST_F(MapServer, names_file_line_and_remedy_of_what_makes_no_map) {
   EXPECT_EQ(code_, ErrorCode::kMissing);
   EXPECT_THAT(complaint_about("image: m.pgm\n"), HasSubstr("the key 'resolution' is missing"));
   for (const char* resolution : {"0", "-0.05", ".nan", ".inf", "1e9", "five", "[1]", "~"}) {
-    EXPECT_THAT(complaint_about("image: m.pgm\nresolution: " + std::string(resolution) + "\n"), HasSubstr("m.yaml:2: 'resolution'"))
+    EXPECT_THAT(complaint_about("image: m.pgm\nresolution: " + std::string(resolution) + "\n"),
+                HasSubstr("m.yaml:2: 'resolution'"))
         << resolution;
     EXPECT_EQ(code_, ErrorCode::kBadInput);
   }
   for (const char* origin : {"[.nan, 0, 0]", "[0]", "[0, 0, 0, 0]", "3", "[a, 0, 0]", "[1e300, 0, 0]", "{x: 1}"})
-    EXPECT_THAT(complaint_about(std::string(kPlain) + "origin: " + origin + "\n"), HasSubstr("m.yaml:3: 'origin'")) << origin;
+    EXPECT_THAT(complaint_about(std::string(kPlain) + "origin: " + origin + "\n"), HasSubstr("m.yaml:3: 'origin'"))
+        << origin;
   EXPECT_THAT(complaint_about(std::string(kPlain) + "occupied_thresh: 65\n"), HasSubstr("it must lie in 0..1"));
   EXPECT_THAT(complaint_about(std::string(kPlain) + "free_thresh: 0.7\n"), HasSubstr("below 'occupied_thresh'"));
   EXPECT_THAT(complaint_about(std::string(kPlain) + "mode: fancy\n"), HasSubstr("trinary, scale or raw"));
@@ -241,7 +245,8 @@ TEST_F(MapServer, reads_a_halmstad_map_whose_unknown_is_127) {
   EXPECT_EQ(grid.columns, 1585);
   EXPECT_EQ(grid.rows, 1585);
   const auto share = [&](auto&& is) {
-    return static_cast<double>(std::count_if(grid.log_odds.begin(), grid.log_odds.end(), is)) / static_cast<double>(grid.log_odds.size());
+    return static_cast<double>(std::count_if(grid.log_odds.begin(), grid.log_odds.end(), is)) /
+           static_cast<double>(grid.log_odds.size());
   };
   EXPECT_GT(share([](std::int16_t l) { return l == 0; }), 0.5);
   EXPECT_GT(share([](std::int16_t l) { return l < 0; }), 0.02);

@@ -96,10 +96,12 @@ TEST(PcdBytes, take_the_wall_cells_of_a_served_grid) {
 
 TEST(PcdBytes, hold_landmarks_after_walls_in_their_own_colours) {
   Map map;
-  const Pose3 map_from_keyframe{{10.0, 5.0, 0.5}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()))};
+  const Pose3 map_from_keyframe{{10.0, 5.0, 0.5},
+                                Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()))};
   auto camera = std::make_shared<CameraGeometry>();
   camera->width = 640, camera->height = 480, camera->fx = camera->fy = 500.0;
-  add_pose(map, node_id("alpha", 0), 1, map_from_keyframe, std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
+  add_pose(map, node_id("alpha", 0), 1, map_from_keyframe,
+           std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
   for (std::uint32_t i = 0; i < 2; ++i) {
     Landmark landmark;
     landmark.id = {node_id("alpha", 0).session, i};

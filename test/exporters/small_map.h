@@ -26,13 +26,14 @@ inline std::shared_ptr<const Payload> cross_scan(const std::vector<double>& rang
   geometry->max_range_m = 60.0;
   PackedScan scan;
   scan.geometry = geometry;
-  for (const double range_m : ranges_m) scan.ranges.push_back(static_cast<std::uint16_t>(std::lround(range_m / geometry->range_unit_m)));
+  for (const double range_m : ranges_m)
+    scan.ranges.push_back(static_cast<std::uint16_t>(std::lround(range_m / geometry->range_unit_m)));
   return std::make_shared<const Payload>(std::move(scan));
 }
 
 // '#' wall, '.' free, ' ' unknown; the first row is the highest y.
-inline OccupancyGrid drawn_grid(const std::vector<std::string>& rows, double resolution_m = 0.05, double origin_x_m = 0.0,
-                                double origin_y_m = 0.0) {
+inline OccupancyGrid drawn_grid(const std::vector<std::string>& rows, double resolution_m = 0.05,
+                                double origin_x_m = 0.0, double origin_y_m = 0.0) {
   OccupancyGrid grid;
   grid.resolution_m = resolution_m;
   grid.origin_x_m = origin_x_m;

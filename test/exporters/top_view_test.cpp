@@ -9,7 +9,9 @@
 namespace mapweave::exporters {
 namespace {
 
-cv::Mat decoded(const std::string& png) { return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED); }
+cv::Mat decoded(const std::string& png) {
+  return cv::imdecode(std::vector<std::uint8_t>(png.begin(), png.end()), cv::IMREAD_UNCHANGED);
+}
 
 std::size_t count_like(const cv::Mat& picture, const cv::Vec3b& colour) {
   std::size_t count = 0;
@@ -46,10 +48,12 @@ TEST(TopView, lays_the_grid_of_lasers_under_the_landmarks) {
   OccupancyGrid grid;
   grid.resolution_m = 0.1, grid.origin_x_m = -1.0, grid.origin_y_m = -1.0, grid.columns = 80, grid.rows = 50;
   grid.log_odds.assign(80 * 50, -100);
-  for (int column = 0; column < 80; ++column) grid.log_odds[static_cast<std::size_t>(30 * 80 + column)] = 100;  // a wall at y = 2
+  for (int column = 0; column < 80; ++column)
+    grid.log_odds[static_cast<std::size_t>(30 * 80 + column)] = 100;  // a wall at y = 2
   for (int row = 0; row < 50; ++row) grid.log_odds[static_cast<std::size_t>(row * 80 + 79)] = OccupancyGrid::kUnknown;
   const auto points = wall(0.6F, 200 << 16);
-  const cv::Mat with = decoded(top_view_png(points, {way()}, {}, &grid)), without = decoded(top_view_png(points, {way()}));
+  const cv::Mat with = decoded(top_view_png(points, {way()}, {}, &grid)),
+                without = decoded(top_view_png(points, {way()}));
   EXPECT_GT(count_like(with, {90, 90, 90}), 5000U);
   EXPECT_GT(count_like(with, {228, 228, 228}), 5000U);
   EXPECT_GE(count_like(with, {0, 0, 170}), 300U) << "dots lie above the wall";

@@ -18,7 +18,8 @@ using test::node_id;
 TEST(TumText, is_one_line_per_scan_with_six_decimals) {
   Map map;
   add_pose(map, node_id("alpha", 0), 976052857337530000, spatial(Pose2(1.0, -2.5, M_PI / 2)));
-  add_pose(map, node_id("alpha", 1), 976052857537530499, {{-1e-9, 123456.7890123, 0.5}, Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5)});
+  add_pose(map, node_id("alpha", 1), 976052857537530499,
+           {{-1e-9, 123456.7890123, 0.5}, Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5)});
   EXPECT_EQ(tum_text(map),
             "976052857.337530 1.000000 -2.500000 0.000000 0.000000 0.000000 0.707107 0.707107\n"
             "976052857.537530 0.000000 123456.789012 0.500000 -0.500000 -0.500000 0.500000 0.500000\n");
@@ -29,7 +30,8 @@ TEST(TumText, of_the_team_is_sorted_and_keeps_the_lower_robot_on_equal_stamps) {
   add_pose(map, node_id("beta", 0), 1000000000, spatial(Pose2(10.0, 0.0, 0.0)));
   add_pose(map, node_id("beta", 1), 3000000000, spatial(Pose2(11.0, 0.0, 0.0)));
   add_pose(map, node_id("alpha", 0), 2000000000, spatial(Pose2(1.0, 0.0, 0.0)));
-  add_pose(map, node_id("alpha", 1), 3000000400, spatial(Pose2(2.0, 0.0, 0.0)));  // 0.4 microseconds on: the same when written
+  add_pose(map, node_id("alpha", 1), 3000000400,
+           spatial(Pose2(2.0, 0.0, 0.0)));  // 0.4 microseconds on: the same when written
   EXPECT_EQ(tum_text(map),
             "1.000000 10.000000 0.000000 0.000000 0.000000 0.000000 0.000000 1.000000\n"
             "2.000000 1.000000 0.000000 0.000000 0.000000 0.000000 0.000000 1.000000\n"

@@ -16,7 +16,8 @@ Map one_ray(const Pose2& map_from_robot) {
   auto geometry = std::make_shared<ScanGeometry>();
   geometry->ray_count = 2, geometry->angle_step_rad = 0.001, geometry->max_range_m = 20;
   const NodeId id{{{RobotId("ray"), SensorId("laser")}, 0}, 0};
-  map.nodes.set(id, Node{id, {}, spatial(map_from_robot), std::make_shared<const Payload>(PackedScan{geometry, {2020, 0}})});
+  map.nodes.set(
+      id, Node{id, {}, spatial(map_from_robot), std::make_shared<const Payload>(PackedScan{geometry, {2020, 0}})});
   return map;
 }
 
@@ -31,7 +32,9 @@ TEST(ComposeGrid, draws_free_space_up_to_the_wall_and_nothing_behind) {
   for (const double yaw : {0.0, 0.4, M_PI / 2, 2.5, -1.2}) {
     const Pose2 pose{0.51, -0.27, yaw};
     const OccupancyGrid grid = compose_grid(one_ray(pose), {}, pool);
-    const auto at = [&](double range) { return value_at(grid, pose.x + range * std::cos(yaw), pose.y + range * std::sin(yaw)); };
+    const auto at = [&](double range) {
+      return value_at(grid, pose.x + range * std::cos(yaw), pose.y + range * std::sin(yaw));
+    };
     EXPECT_GT(at(2.02), 0) << yaw;
     for (double range = 0.1; range < 1.9; range += 0.1) EXPECT_LT(at(range), 0) << yaw << " " << range;
     EXPECT_EQ(at(2.2), OccupancyGrid::kUnknown);
@@ -68,7 +71,8 @@ TEST(ComposeGrid, draws_the_walls_of_the_plan) {
   const OccupancyGrid grid = compose_grid(map, {}, pool);
   // Where the robot drove there is no wall.
   std::size_t driven = 0;
-  for (const auto& [id, node] : map.nodes) driven += value_at(grid, node.map_from_node.t.x(), node.map_from_node.t.y()) < 0;
+  for (const auto& [id, node] : map.nodes)
+    driven += value_at(grid, node.map_from_node.t.x(), node.map_from_node.t.y()) < 0;
   EXPECT_GT(static_cast<double>(driven), 0.97 * static_cast<double>(map.nodes.size()));
 }
 

@@ -41,21 +41,25 @@ struct Search {
   Pose2 last_from_first;    // of the first map's last submap and the second map's first one
 };
 
-// Two maps that one doubtful match ties to 2 m, the first map's first or last submap to the second's first: what is so vague confirms nothing.
-Search searched(const Map& one, const Map& other, const Pose2& one_from_other, bool is_final, bool is_tied_at_end = false) {
+// Two maps that one doubtful match ties to 2 m, the first map's first or last submap to the second's first: what is so
+// vague confirms nothing.
+Search searched(const Map& one, const Map& other, const Pose2& one_from_other, bool is_final,
+                bool is_tied_at_end = false) {
   WorkerPool pool(1);
   Memo memo;
   const FusionOptions options;
   const std::set<Hash> vetoed;
   matching::ModelCache cache(std::size_t{64} << 20U);
-  const std::vector<PreparedMap> maps{prepare(one, cache, options.stride_m, pool), prepare(other, cache, options.stride_m, pool)};
+  const std::vector<PreparedMap> maps{prepare(one, cache, options.stride_m, pool),
+                                      prepare(other, cache, options.stride_m, pool)};
   const SubmapGraph graph(maps, options.solve);
   SubmapJudge judge(maps, graph, options, vetoed, cache, memo, pool);
   SubmapMatch given;
   const std::size_t last = maps[0].submaps.size() - 1;
   given.from = is_tied_at_end ? last : 0;
   given.to = last + 1;
-  given.from_from_to = between(maps[0].map_from_submap[given.from], compose(one_from_other, maps[1].map_from_submap.front()));
+  given.from_from_to =
+      between(maps[0].map_from_submap[given.from], compose(one_from_other, maps[1].map_from_submap.front()));
   given.information = Eigen::Vector3d(0.25, 0.25, 400.0).asDiagonal();
   given.probability = 0.5;
   const auto between_maps = [&](std::size_t i, std::size_t j) { return graph.map_of(i) != graph.map_of(j); };
@@ -71,8 +75,10 @@ TEST(ConstraintSearch, of_a_team_finds_what_little_two_maps_share_where_one_ends
     const std::size_t end = whole.steps.size() * 40 / 100, begin = end + gap;
     const Map one = part_of(whole, "one", 0, end), other = part_of(whole, "other", begin, whole.steps.size());
     const Pose2 one_from_other = between(whole.steps.front().world_from_robot, whole.steps[begin].world_from_robot);
-    EXPECT_EQ(searched(one, other, compose(one_from_other, kOff), false).matches, 0U) << gap;  // while nothing says that they are one team
-    const Search found = searched(one, other, compose(one_from_other, kOff), true), truth = searched(one, other, one_from_other, true);
+    EXPECT_EQ(searched(one, other, compose(one_from_other, kOff), false).matches, 0U)
+        << gap;  // while nothing says that they are one team
+    const Search found = searched(one, other, compose(one_from_other, kOff), true),
+                 truth = searched(one, other, one_from_other, true);
     EXPECT_GE(found.matches, 2U) << gap;
     const Pose2 apart = between(truth.last_from_first, found.last_from_first);
     EXPECT_LT(std::hypot(apart.x, apart.y), 0.05) << gap;
@@ -89,7 +95,8 @@ TEST(ConstraintSearch, finds_nothing_between_maps_that_were_tied_wrongly) {
       const Map other = part_of(alien, "other", begin, alien.steps.size());
       const Pose2 laid = between(whole.steps.front().world_from_robot, whole.steps[half - 1].world_from_robot);
       for (const bool is_tied_at_end : {false, true})
-        EXPECT_EQ(searched(one, other, laid, true, is_tied_at_end).matches, 0U) << begin << " of " << alien.steps.size();
+        EXPECT_EQ(searched(one, other, laid, true, is_tied_at_end).matches, 0U)
+            << begin << " of " << alien.steps.size();
     }
 }
 

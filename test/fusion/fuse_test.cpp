@@ -16,7 +16,8 @@ FusionResult fused(std::vector<Map> maps, int threads = 1, Memo* memo = nullptr,
   WorkerPool pool(threads);
   Memo own;
   const auto progress = make_silent_progress();
-  return fuse({std::move(maps), std::move(vetoed), TierId("cloud")}, {}, memo != nullptr ? *memo : own, pool, *progress);
+  return fuse({std::move(maps), std::move(vetoed), TierId("cloud")}, {}, memo != nullptr ? *memo : own, pool,
+              *progress);
 }
 
 // Two robots of one apartment that share rooms: their maps, and the truth.
@@ -30,7 +31,8 @@ struct Apartment {
     options.shared = shared;
     team = simulation::make_apartment({}, options);
     for (const auto& robot : team.robots) maps.push_back(test::mapped(robot, team.laser));
-    first_from_second = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+    first_from_second =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
   }
 };
 
@@ -142,7 +144,8 @@ TEST(Fuse, does_not_take_one_room_of_a_row_for_the_next) {
   const auto result = fused(maps);
   if (result.verdicts[0].decision == Decision::accepted) {
     // Joined by the corridor they both drove: then where they truly lie.
-    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+    const Pose2 truth =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
     EXPECT_THAT(planar(result.verdicts[0].alignment->a_from_b.pose), IsNear(truth, 0.5, 0.1));
   }
 }

@@ -31,8 +31,9 @@ TEST(GridMap, is_drawn_again_as_it_was) {
   std::size_t differing = 0;
   for (int row = 0; row < grid.rows; ++row)
     for (int column = 0; column < grid.columns; ++column)
-      differing += !again.inside(column - dx, row - dy) ? grid.at(column, row) != 0
-                                                        : (again.at(column - dx, row - dy) > 0) != (grid.at(column, row) > 0);
+      differing += !again.inside(column - dx, row - dy)
+                       ? grid.at(column, row) != 0
+                       : (again.at(column - dx, row - dy) > 0) != (grid.at(column, row) > 0);
   EXPECT_EQ(differing, 0U);
 }
 
@@ -41,7 +42,8 @@ TEST(GridMap, joins_with_a_robots_map_of_the_same_place) {
   options.shared = 1.0;
   const auto team = simulation::make_apartment({}, options);
   const Map robot = test::mapped(team.robots[1], team.laser);
-  const Pose2 grid_from_robot = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+  const Pose2 grid_from_robot =
+      between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
   // Whichever comes first by its name.
   for (const char* name : {"a_floor", "z_floor"}) {
     const Map grid = map_of_grid(MapId(name), apartment_grid(team, 0));

@@ -54,11 +54,13 @@ TEST(GridPair, says_the_same_from_either_side_and_wherever_a_grid_lies) {
   east.seen = moved.seen = kEast;
   moved.grid_from_plan = {100.0, -30.0, -0.7};
   const OccupancyGrid a = drawn_grid(office(1), west), b = drawn_grid(office(1), east);
-  const auto result = align_grids(a, b), reversed = align_grids(b, a), elsewhere = align_grids(a, drawn_grid(office(1), moved));
+  const auto result = align_grids(a, b), reversed = align_grids(b, a),
+             elsewhere = align_grids(a, drawn_grid(office(1), moved));
   ASSERT_EQ(result.reason, Reason::none) << result.note;
   EXPECT_EQ(reversed.reason, Reason::none);
   EXPECT_EQ(reversed.probability, result.probability);
-  EXPECT_THAT(planar(reversed.alignment->a_from_b.pose), test::IsNear(inverse(planar(result.alignment->a_from_b.pose)), 1e-6, 1e-9));
+  EXPECT_THAT(planar(reversed.alignment->a_from_b.pose),
+              test::IsNear(inverse(planar(result.alignment->a_from_b.pose)), 1e-6, 1e-9));
   EXPECT_EQ(elsewhere.reason, Reason::none) << elsewhere.note;
   EXPECT_LT(off_m(elsewhere, west, moved, kShared), 0.2);
 }
@@ -75,7 +77,9 @@ TEST(GridPair, refuses_mirror_images) {
 TEST(GridPair, refuses_other_buildings) {
   for (const std::uint64_t seed : {1, 2, 3, 4}) {
     EXPECT_NE(align_grids(drawn_grid(office(seed)), drawn_grid(office(seed + 10))).reason, Reason::none) << seed;
-    EXPECT_NE(align_grids(drawn_grid(office(seed)), drawn_grid(simulation::make_hall_plan({}, seed))).reason, Reason::none) << seed;
+    EXPECT_NE(align_grids(drawn_grid(office(seed)), drawn_grid(simulation::make_hall_plan({}, seed))).reason,
+              Reason::none)
+        << seed;
   }
 }
 
@@ -148,16 +152,18 @@ TEST(GridPair, refuses_text_and_photographs) {
     EXPECT_EQ(reason(building, test::photograph(seed)), Reason::unobservable) << seed;
     EXPECT_EQ(reason(test::photograph(seed), test::photograph(seed + 3)), Reason::unobservable) << seed;
     EXPECT_EQ(reason(test::photograph(seed), test::page_of_text(seed)), Reason::unobservable) << seed;
-    EXPECT_THAT(align_grids(building, test::photograph(seed)).note, testing::HasSubstr("walls beside free space")) << seed;
+    EXPECT_THAT(align_grids(building, test::photograph(seed)).note, testing::HasSubstr("walls beside free space"))
+        << seed;
   }
 }
 
 TEST(GridPair, says_that_grids_without_walls_show_no_place) {
   const OccupancyGrid building = drawn_grid(office(1));
   OccupancyGrid single = test::blank_grid(1, 1, 300);
-  for (const OccupancyGrid& nothing :
-       {OccupancyGrid{}, test::blank_grid(300, 200, 0), test::blank_grid(300, 200, -300), test::blank_grid(300, 200, 300), single}) {
-    for (const auto& result : {align_grids(building, nothing), align_grids(nothing, building), align_grids(nothing, nothing)}) {
+  for (const OccupancyGrid& nothing : {OccupancyGrid{}, test::blank_grid(300, 200, 0), test::blank_grid(300, 200, -300),
+                                       test::blank_grid(300, 200, 300), single}) {
+    for (const auto& result :
+         {align_grids(building, nothing), align_grids(nothing, building), align_grids(nothing, nothing)}) {
       EXPECT_EQ(result.reason, Reason::unobservable);
       EXPECT_FALSE(result.alignment);
       EXPECT_NE(result.note.find("walls beside free space"), std::string::npos);

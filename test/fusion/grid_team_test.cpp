@@ -87,11 +87,13 @@ TEST(GridTeam, chains_grids_that_share_nothing) {
   west.seen = {-1.0, -1.0, 14.5, 30.0};
   middle.seen = {2.5, -1.0, 27.5, 30.0};
   east.seen = {15.5, -1.0, 40.0, 30.0};
-  const Map a = map_of_grid(MapId("a"), drawn_grid(office(1), west)), b = map_of_grid(MapId("b"), drawn_grid(office(1), east)),
+  const Map a = map_of_grid(MapId("a"), drawn_grid(office(1), west)),
+            b = map_of_grid(MapId("b"), drawn_grid(office(1), east)),
             c = map_of_grid(MapId("c"), drawn_grid(office(1), middle));
   const FusionResult result = fused({a, b, c});
   ASSERT_EQ(result.components.size(), 1U);
-  const Point2 at_west = in_team(result.components[0], a, west, {8.0, 9.0}), at_east = in_team(result.components[0], b, east, {22.0, 9.0});
+  const Point2 at_west = in_team(result.components[0], a, west, {8.0, 9.0}),
+               at_east = in_team(result.components[0], b, east, {22.0, 9.0});
   EXPECT_NEAR(std::hypot(at_east.x - at_west.x, at_east.y - at_west.y), 14.0, 0.4);
 }
 
@@ -99,7 +101,8 @@ TEST(GridTeam, leaves_a_mirror_image_apart_whatever_it_is_called) {
   for (const std::uint64_t seed : {1, 2}) {
     const OccupancyGrid grid = drawn_grid(office(seed));
     for (const auto& [plain, mirror] : {std::pair("a", "b"), std::pair("o", "m")}) {
-      const FusionResult result = fused({map_of_grid(MapId(plain), grid), map_of_grid(MapId(mirror), test::flipped(grid))});
+      const FusionResult result =
+          fused({map_of_grid(MapId(plain), grid), map_of_grid(MapId(mirror), test::flipped(grid))});
       EXPECT_EQ(result.components.size(), 2U) << seed << plain;
       const Reason reason = result.verdicts[0].reason;
       EXPECT_THAT(reason, testing::AnyOf(Reason::contradiction, Reason::ambiguous)) << to_text(reason);
@@ -108,7 +111,8 @@ TEST(GridTeam, leaves_a_mirror_image_apart_whatever_it_is_called) {
 }
 
 TEST(GridTeam, keeps_a_grid_that_is_apart_as_it_was) {
-  const Map grid = map_of_grid(MapId("a"), drawn_grid(office(1))), other = map_of_grid(MapId("b"), drawn_grid(office(11)));
+  const Map grid = map_of_grid(MapId("a"), drawn_grid(office(1))),
+            other = map_of_grid(MapId("b"), drawn_grid(office(11)));
   const FusionResult result = fused({grid, other});
   ASSERT_EQ(result.components.size(), 2U);
   for (const Component& component : result.components)
@@ -136,7 +140,8 @@ TEST(GridTeam, is_the_same_for_any_order_of_maps_and_number_of_threads) {
   ASSERT_EQ(other.components.size(), 1U);
   EXPECT_EQ(one.verdicts[0].probability, other.verdicts[0].probability);
   for (const auto& [id, node] : one.components[0].map.nodes)
-    EXPECT_THAT(planar(other.components[0].map.nodes.find(id)->map_from_node), test::IsNear(planar(node.map_from_node), 0.0, 0.0));
+    EXPECT_THAT(planar(other.components[0].map.nodes.find(id)->map_from_node),
+                test::IsNear(planar(node.map_from_node), 0.0, 0.0));
 }
 
 TEST(GridTeam, tells_how_merged_grids_lie_and_what_speaks_for_it) {
@@ -197,8 +202,8 @@ TEST(GridTeam, gives_a_reason_for_text_and_photographs) {
     ASSERT_EQ(result.components.size(), 2U);
     const Verdict& verdict = result.verdicts[0];
     EXPECT_EQ(verdict.reason, reason) << to_text(verdict.reason);
-    EXPECT_EQ(in_words(verdict.reason),
-              reason == Reason::ambiguous ? "they fit together in more than one way" : "they could slide along each other");
+    EXPECT_EQ(in_words(verdict.reason), reason == Reason::ambiguous ? "they fit together in more than one way"
+                                                                    : "they could slide along each other");
     EXPECT_LT(verdict.probability, 0.7);
   }
 }

@@ -19,8 +19,8 @@ Join join(std::size_t a, std::size_t b, const Pose2& a_from_b, double strength =
 
 TEST(JointTransforms, put_three_maps_where_all_joins_agree) {
   const Pose2 b{5, 1, 0.6}, c{-3, 7, -2.0};
-  const auto solution =
-      solve_joint_transforms(3, {join(0, 1, b), join(0, 2, c), join(1, 2, between(b, c))}, {{}, {5.3, 0.8, 0.5}, {-2.7, 7.2, -1.9}});
+  const auto solution = solve_joint_transforms(3, {join(0, 1, b), join(0, 2, c), join(1, 2, between(b, c))},
+                                               {{}, {5.3, 0.8, 0.5}, {-2.7, 7.2, -1.9}});
   EXPECT_TRUE(solution.converged);
   EXPECT_THAT(solution.team_from_map[1], IsNear(b, 1e-3, 1e-4));
   EXPECT_THAT(solution.team_from_map[2], IsNear(c, 1e-3, 1e-4));
@@ -43,7 +43,9 @@ TEST(JointTransforms, leave_the_first_map_at_the_origin_whatever_the_start) {
   EXPECT_THAT(solution.team_from_map[1], IsNear(b, 1e-3, 1e-4));
 }
 
-TEST(JointTransforms, place_a_single_map) { EXPECT_EQ(solve_joint_transforms(1, {}, {{3, 4, 0.5}}).team_from_map.size(), 1U); }
+TEST(JointTransforms, place_a_single_map) {
+  EXPECT_EQ(solve_joint_transforms(1, {}, {{3, 4, 0.5}}).team_from_map.size(), 1U);
+}
 
 }  // namespace
 }  // namespace mapweave::fusion

@@ -36,11 +36,13 @@ TEST(LaserCameraFusion, joins_robots_by_both_senses_in_one_graph) {
   const auto team = simulation::make_apartment({}, options);
   const test::StarryBuilding stars({1, 2}, 2500);
   std::vector<Map> maps;
-  for (const auto& robot : team.robots) maps.push_back(of_two_senses(robot, team.laser, stars, robot.steps.front().world_from_robot));
+  for (const auto& robot : team.robots)
+    maps.push_back(of_two_senses(robot, team.laser, stars, robot.steps.front().world_from_robot));
   const auto result = fused(maps);
   ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
   EXPECT_EQ(result.verdicts[0].kind, "laser and vision");
-  const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot),
+  const Pose2 truth =
+                  between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot),
               pose = planar(*result.components[0].team_from_map.find(MapId("robot1")));
   EXPECT_LT(std::hypot(pose.x - truth.x, pose.y - truth.y), 0.05);
 }
@@ -56,16 +58,20 @@ struct OneOfTwoSenses {
   Map both = of_two_senses(team.robots[0], team.laser, stars, team.robots[0].steps.front().world_from_robot);
   std::vector<Pose2> way = way_of(team.robots[1], team.robots[1].steps.front().world_from_robot);
 
-  Map camera_alone(const char* name, const test::StarryOptions& options) const { return stars.keyframe_map(name, way, options); }
+  Map camera_alone(const char* name, const test::StarryOptions& options) const {
+    return stars.keyframe_map(name, way, options);
+  }
   Map camera_of_both() const {
-    return stars.keyframe_map(team.robots[0].id.str(), way_of(team.robots[0], team.robots[0].steps.front().world_from_robot));
+    return stars.keyframe_map(team.robots[0].id.str(),
+                              way_of(team.robots[0], team.robots[0].steps.front().world_from_robot));
   }
 
   struct Error {
-    double keyframe_m = 0.0, heading_rad = 0.0, landmark_m = 0.0;  // of keyframes the greatest, of landmarks the middle one
+    double keyframe_m = 0.0, heading_rad = 0.0,
+           landmark_m = 0.0;  // of keyframes the greatest, of landmarks the middle one
   };
-  // After the keyframes of both were laid on the truth by one rigid alignment. true_scale: the map that the camera alone would have
-  // drawn, had it known its scale and how it turned.
+  // After the keyframes of both were laid on the truth by one rigid alignment. true_scale: the map that the camera
+  // alone would have drawn, had it known its scale and how it turned.
   std::pair<Error, Error> errors(const Map& joined, const Map& true_scale) const {
     const Map own = camera_of_both();
     const auto truth_of = [&](const Map& map, const Pose2& start) {
@@ -90,8 +96,9 @@ struct OneOfTwoSenses {
       for (const auto& [id, landmark] : map.landmarks) {
         const Landmark& moved = *joined.landmarks.find(id);
         const Pose3 placed = compose(world_from_team, joined.nodes.find(moved.anchor)->map_from_node);
-        apart.push_back(
-            (transformed(moved.point_in_anchor(), placed) - transformed(landmark.point_in_anchor(), truth.at(landmark.anchor))).norm());
+        apart.push_back((transformed(moved.point_in_anchor(), placed) -
+                         transformed(landmark.point_in_anchor(), truth.at(landmark.anchor)))
+                            .norm());
       }
       std::nth_element(apart.begin(), apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2), apart.end());
       result.landmark_m = apart[apart.size() / 2];
@@ -142,7 +149,10 @@ TEST(LaserCameraFusion, gives_a_robot_with_a_single_camera_the_scale_of_one_with
     const Pose3& robot_from_camera = keyframe_of(node)->geometry->robot_from_camera;
     const Eigen::Vector3d in_map = transformed(robot_from_camera.t, node.map_from_node),
                           in_team = transformed(robot_from_camera.t, team.map.nodes.find(first)->map_from_node);
-    EXPECT_LT((transformed(*team.scales.find(MapId(name)) * in_map, *team.team_from_map.find(MapId(name))) - in_team).norm(), 1e-9) << name;
+    EXPECT_LT(
+        (transformed(*team.scales.find(MapId(name)) * in_map, *team.team_from_map.find(MapId(name))) - in_team).norm(),
+        1e-9)
+        << name;
   }
 }
 

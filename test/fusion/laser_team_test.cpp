@@ -49,7 +49,8 @@ TEST(LaserTeam, is_the_same_whatever_robots_are_called) {
   EXPECT_EQ(after.verdicts[0].decision, Decision::accepted);
   EXPECT_EQ(before.verdicts[0].witnesses.size(), after.verdicts[0].witnesses.size());
   EXPECT_NEAR(before.verdicts[0].probability, after.verdicts[0].probability, 1e-6);
-  EXPECT_THAT(inverse(planar(after.verdicts[0].alignment->a_from_b.pose)), IsNear(planar(before.verdicts[0].alignment->a_from_b.pose), 3e-3, 2e-4));
+  EXPECT_THAT(inverse(planar(after.verdicts[0].alignment->a_from_b.pose)),
+              IsNear(planar(before.verdicts[0].alignment->a_from_b.pose), 3e-3, 2e-4));
   const Pose2 a_from_b = planar(before.components[0].team_from_map.find(MapId("robot1"))->t.isZero()
                                     ? *before.components[0].team_from_map.find(MapId("robot0"))
                                     : *before.components[0].team_from_map.find(MapId("robot1")));
@@ -63,7 +64,9 @@ TEST(LaserTeam, compares_a_map_with_those_most_like_it_first) {
   const auto pairs = first_pairs(input, {}, pool);
   EXPECT_LT(pairs.size(), 15U) << "not all of them";
   for (const Map& map : input.maps)
-    EXPECT_GE(std::count_if(pairs.begin(), pairs.end(), [&](const FirstPair& pair) { return pair.a == map.id || pair.b == map.id; }), 3);
+    EXPECT_GE(std::count_if(pairs.begin(), pairs.end(),
+                            [&](const FirstPair& pair) { return pair.a == map.id || pair.b == map.id; }),
+              3);
   std::reverse(input.maps.begin(), input.maps.end());
   const auto reversed = first_pairs(input, {}, pool);
   ASSERT_EQ(reversed.size(), pairs.size());
@@ -71,7 +74,8 @@ TEST(LaserTeam, compares_a_map_with_those_most_like_it_first) {
     EXPECT_TRUE(reversed[i].a == pairs[i].a && reversed[i].b == pairs[i].b);
     ASSERT_EQ(reversed[i].submaps.size(), pairs[i].submaps.size());
     for (std::size_t k = 0; k < pairs[i].submaps.size(); ++k)
-      EXPECT_TRUE(reversed[i].submaps[k].a == pairs[i].submaps[k].a && reversed[i].submaps[k].b == pairs[i].submaps[k].b);
+      EXPECT_TRUE(reversed[i].submaps[k].a == pairs[i].submaps[k].a &&
+                  reversed[i].submaps[k].b == pairs[i].submaps[k].b);
   }
 }
 
@@ -95,12 +99,14 @@ TEST(LaserTeam, is_not_made_of_robots_that_were_in_different_rooms_which_look_al
     simulation::TeamOptions options;
     options.shared = 0.0;
     options.seed = seed;
-    const auto team = seed % 2 == 0 ? simulation::make_mirrored_rooms(rows, options) : simulation::make_repeated_rooms(rows, options);
+    const auto team =
+        seed % 2 == 0 ? simulation::make_mirrored_rooms(rows, options) : simulation::make_repeated_rooms(rows, options);
     EXPECT_EQ(fused(mapped(team)).components.size(), 2U) << "seed " << seed;
   }
 }
 
-// Rooms of a hotel, each robot in its own; the prior lays those of the second one on those of the first one, which look the same.
+// Rooms of a hotel, each robot in its own; the prior lays those of the second one on those of the first one, which look
+// the same.
 TEST(LaserTeam, believes_a_prior_that_is_wrong_by_whole_rooms_where_rooms_repeat) {
   simulation::RoomRowOptions hotel;
   hotel.rooms = 8;
@@ -109,10 +115,12 @@ TEST(LaserTeam, believes_a_prior_that_is_wrong_by_whole_rooms_where_rooms_repeat
   options.shared = 0.0;
   options.seed = 3;
   const auto team = simulation::make_repeated_rooms(hotel, options);
-  const Pose2 &first = team.robots[0].steps.front().world_from_robot, &second = team.robots[1].steps.front().world_from_robot;
+  const Pose2 &first = team.robots[0].steps.front().world_from_robot,
+              &second = team.robots[1].steps.front().world_from_robot;
   Pose2 wrong = second;
   wrong.x -= 4.0 * hotel.room_width_m;
-  FusionInput input{{test::truth_map(team.robots[0], team.laser), test::truth_map(team.robots[1], team.laser)}, {}, TierId("cloud")};
+  FusionInput input{
+      {test::truth_map(team.robots[0], team.laser), test::truth_map(team.robots[1], team.laser)}, {}, TierId("cloud")};
   const auto fused_here = [&] {
     WorkerPool pool(1);
     Memo memo;
@@ -122,12 +130,14 @@ TEST(LaserTeam, believes_a_prior_that_is_wrong_by_whole_rooms_where_rooms_repeat
   input.priors = {{MapId("robot0"), MapId("robot1"), between(first, wrong), 0.5, 0.1}};
   const auto result = fused_here();
   ASSERT_EQ(result.components.size(), 1U);
-  EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(between(first, wrong), 0.3, 0.05));
+  EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))),
+              IsNear(between(first, wrong), 0.3, 0.05));
   EXPECT_FALSE(result.verdicts[0].prior->is_contradicted) << "nothing can find it out";
   input.priors[0].a_from_b = between(first, second);
   const auto right = fused_here();
   ASSERT_EQ(right.components.size(), 1U);
-  EXPECT_THAT(planar(*right.components[0].team_from_map.find(MapId("robot1"))), IsNear(between(first, second), 0.1, 0.02));
+  EXPECT_THAT(planar(*right.components[0].team_from_map.find(MapId("robot1"))),
+              IsNear(between(first, second), 0.1, 0.02));
 }
 
 TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
@@ -144,8 +154,10 @@ TEST(LaserTeam, of_a_small_flat_is_one_map_within_a_centimetre) {
   const auto result = fused(mapped(team));
   ASSERT_EQ(result.components.size(), 1U);
   for (std::size_t i = 1; i < 3; ++i) {
-    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
-    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))), IsNear(truth, 0.01, 0.01));
+    const Pose2 truth =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))),
+                IsNear(truth, 0.01, 0.01));
   }
 }
 
@@ -154,8 +166,10 @@ TEST(LaserTeam, places_a_robot_that_only_a_third_one_met) {
   const auto result = fused(mapped(team));
   ASSERT_EQ(result.components.size(), 1U);
   for (std::size_t i = 1; i < 3; ++i) {
-    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
-    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))), IsNear(truth, 0.1, 0.02));
+    const Pose2 truth =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[i].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot" + std::to_string(i)))),
+                IsNear(truth, 0.1, 0.02));
   }
 }
 
@@ -169,8 +183,10 @@ TEST(LaserTeam, finds_robots_that_share_a_corner_of_their_maps) {
     const auto result = fused(mapped(team));
     if (result.components.size() > 1) continue;
     ++merged;
-    const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
-    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(truth, 0.1, 0.02)) << "seed " << seed;
+    const Pose2 truth =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+    EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), IsNear(truth, 0.1, 0.02))
+        << "seed " << seed;
   }
   EXPECT_GE(merged, 4);
 }
@@ -191,7 +207,8 @@ TEST(LaserTeam, bends_a_map_that_one_of_its_members_holds_straight) {
   for (std::size_t r = 0; r < 2; ++r) {
     std::size_t step = 0;
     for (const auto& [id, node] : maps[r].nodes) {
-      const Pose2 truth = between(team.robots[0].steps.front().world_from_robot, team.robots[r].steps.at(step++).world_from_robot);
+      const Pose2 truth =
+          between(team.robots[0].steps.front().world_from_robot, team.robots[r].steps.at(step++).world_from_robot);
       const Pose2 pose = planar(result.components[0].map.nodes.find(id)->map_from_node);
       worst_m = std::max(worst_m, std::hypot(pose.x - truth.x, pose.y - truth.y));
     }
@@ -199,8 +216,10 @@ TEST(LaserTeam, bends_a_map_that_one_of_its_members_holds_straight) {
   EXPECT_LT(worst_m, 0.15);
 }
 
-// The farthest that two robots' nodes of one component lie from where they were to each other, of those that were within 2 m.
-double worst_between_robots(const FusionResult& result, const std::vector<Map>& maps, const simulation::SimulatedTeam& team) {
+// The farthest that two robots' nodes of one component lie from where they were to each other, of those that were
+// within 2 m.
+double worst_between_robots(const FusionResult& result, const std::vector<Map>& maps,
+                            const simulation::SimulatedTeam& team) {
   double worst_m = 0.0;
   for (const Component& component : result.components)
     for (std::size_t a = 0; a < maps.size(); ++a)
@@ -228,7 +247,8 @@ TEST(LaserTeam, of_maps_that_are_all_bent_is_right_or_says_why) {
     for (std::size_t r = 0; r < maps.size(); ++r) {
       std::size_t i = 0;
       for (auto& [id, node] : maps[r].nodes) {
-        const double share = static_cast<double>(i++) / static_cast<double>(maps[r].nodes.size()), side = r == 1 ? -1.0 : 1.0;
+        const double share = static_cast<double>(i++) / static_cast<double>(maps[r].nodes.size()),
+                     side = r == 1 ? -1.0 : 1.0;
         node.map_from_node = compose(spatial(Pose2{0.0, 0.0, side * bend_rad * share}), node.map_from_node);
       }
     }
@@ -238,7 +258,8 @@ TEST(LaserTeam, of_maps_that_are_all_bent_is_right_or_says_why) {
       // What can be mended is merged; else walls were seen through wherever the maps are laid.
       constexpr double kMended_rad = 0.1;
       EXPECT_EQ(verdict.decision == Decision::accepted, verdict.reason == Reason::none) << bend_rad;
-      EXPECT_EQ(verdict.reason, bend_rad < kMended_rad ? Reason::none : Reason::contradiction) << bend_rad << to_text(verdict.reason);
+      EXPECT_EQ(verdict.reason, bend_rad < kMended_rad ? Reason::none : Reason::contradiction)
+          << bend_rad << to_text(verdict.reason);
     }
   }
 }

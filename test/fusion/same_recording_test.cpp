@@ -1,5 +1,5 @@
-#include "fused_maps.h"
 #include "same_recording.h"
+#include "fused_maps.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -31,11 +31,13 @@ simulation::SimulatedRobot renamed(simulation::SimulatedRobot robot, const char*
 Map mapped(const simulation::SimulatedRobot& robot) { return test::mapped(robot, apartment().laser); }
 
 TEST(SameRecording, under_another_name_counts_once) {
-  const auto result = fused({mapped(apartment().robots[0]), mapped(apartment().robots[1]), mapped(renamed(apartment().robots[0], "again"))});
+  const auto result = fused(
+      {mapped(apartment().robots[0]), mapped(apartment().robots[1]), mapped(renamed(apartment().robots[0], "again"))});
   ASSERT_EQ(result.components.size(), 2U);
   EXPECT_THAT(result.components[0].members.size() + result.components[1].members.size(), 3U);
   ASSERT_EQ(result.verdicts.size(), 2U);
-  const auto copy = std::find_if(result.verdicts.begin(), result.verdicts.end(), [](const Verdict& v) { return v.reason == Reason::same_recording; });
+  const auto copy = std::find_if(result.verdicts.begin(), result.verdicts.end(),
+                                 [](const Verdict& v) { return v.reason == Reason::same_recording; });
   ASSERT_NE(copy, result.verdicts.end());
   EXPECT_EQ(copy->a.str(), "again");
   EXPECT_EQ(copy->b.str(), "robot0");
@@ -71,7 +73,8 @@ TEST(SameRecording, is_not_two_parts_of_one_log_that_share_some_seconds) {
 
 TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) {
   auto still = apartment().robots[1];
-  for (auto& step : still.steps) step.odometry_from_robot = still.steps.front().odometry_from_robot, step.ranges = still.steps.front().ranges;
+  for (auto& step : still.steps)
+    step.odometry_from_robot = still.steps.front().odometry_from_robot, step.ranges = still.steps.front().ranges;
   const auto result = fused({mapped(renamed(still, "still")), mapped(renamed(still, "stiller", 60.0))});
   EXPECT_EQ(result.components.size(), 2U);
   ASSERT_EQ(result.verdicts.size(), 1U);
@@ -80,7 +83,8 @@ TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) 
   const auto beside = fused({mapped(apartment().robots[0]), mapped(renamed(still, "still"))});
   ASSERT_EQ(beside.verdicts.size(), 1U);
   if (beside.verdicts[0].decision == Decision::accepted) {
-    const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot, apartment().robots[1].steps.front().world_from_robot);
+    const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot,
+                                apartment().robots[1].steps.front().world_from_robot);
     EXPECT_THAT(planar(beside.verdicts[0].alignment->a_from_b.pose), test::IsNear(truth, 0.3, 0.05));
   } else {
     EXPECT_NE(beside.verdicts[0].reason, Reason::none);
@@ -124,7 +128,8 @@ TEST(LaserTeam, with_a_map_of_one_submap_is_right_or_says_why) {
   ASSERT_EQ(map.submaps.size(), 1U);
   const auto result = fused({mapped(apartment().robots[0]), map});
   ASSERT_EQ(result.verdicts.size(), 1U);
-  const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot, apartment().robots[1].steps.front().world_from_robot);
+  const Pose2 truth = between(apartment().robots[0].steps.front().world_from_robot,
+                              apartment().robots[1].steps.front().world_from_robot);
   if (result.components.size() == 1)
     EXPECT_THAT(planar(*result.components[0].team_from_map.find(MapId("robot1"))), test::IsNear(truth, 0.3, 0.05));
   else

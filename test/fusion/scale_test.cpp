@@ -35,13 +35,17 @@ std::vector<Pose2> turning(double x, double y, double first_yaw, double turn, in
 double farthest_m(const Map& team, const Map& truth, const Pose3& team_from_truth) {
   double result = 0.0;
   for (const auto& [id, node] : truth.nodes)
-    result = std::max(result, (team.nodes.find(id)->map_from_node.t - transformed(node.map_from_node.t, team_from_truth)).norm());
+    result = std::max(
+        result, (team.nodes.find(id)->map_from_node.t - transformed(node.map_from_node.t, team_from_truth)).norm());
   return result;
 }
 
 // Of landmarks: nine of ten lie within it. same_as: which one stands for each that is not there.
-double landmarks_m(const Map& map, const Map& truth, const Pose3& map_from_truth, const Table<LandmarkId, LandmarkId>& same_as = {}) {
-  const auto at = [](const Map& of, const Landmark& l) { return transformed(l.point_in_anchor(), of.nodes.find(l.anchor)->map_from_node); };
+double landmarks_m(const Map& map, const Map& truth, const Pose3& map_from_truth,
+                   const Table<LandmarkId, LandmarkId>& same_as = {}) {
+  const auto at = [](const Map& of, const Landmark& l) {
+    return transformed(l.point_in_anchor(), of.nodes.find(l.anchor)->map_from_node);
+  };
   std::vector<double> apart;
   for (const auto& [id, landmark] : truth.landmarks) {
     const LandmarkId* other = same_as.find(id);
@@ -114,7 +118,8 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = turning(-1.5, 0.3, 0.6, 0.5, 14);
   test::StarryOptions ahead = single(0.6), aside = single(0.6);
   aside.sensor = "side", aside.camera_m = {0.3, 0.1, 0.9};
-  const Map map_ahead = building.keyframe_map("beta", way_b, ahead), map_aside = building.keyframe_map("beta", way_b, aside);
+  const Map map_ahead = building.keyframe_map("beta", way_b, ahead),
+            map_aside = building.keyframe_map("beta", way_b, aside);
   const rig::RigMerge merge = rig::merge_rig({{"camera", map_ahead, {}}, {"side", map_aside, {}}}, {});
   ASSERT_EQ(merge.maps.size(), 1U) << testing::PrintToString(merge.notes);
   const Map& both = merge.maps[0].map;

@@ -38,13 +38,18 @@ TEST(SplitRigs, gives_each_camera_its_own_transform_and_scale) {
       const Pose3& robot_from_camera = keyframe_of(node)->geometry->robot_from_camera;
       const Eigen::Vector3d in_map = compose(node.map_from_node, robot_from_camera).t,
                             in_team = compose(team.map.nodes.find(id)->map_from_node, robot_from_camera).t;
-      worst_m = std::max(worst_m, (transformed((scale != nullptr ? *scale : 1.0) * in_map, team_from_map) - in_team).norm());
+      worst_m =
+          std::max(worst_m, (transformed((scale != nullptr ? *scale : 1.0) * in_map, team_from_map) - in_team).norm());
     }
     EXPECT_LT(worst_m, 0.2) << map.id.str();
   }
   // The frame is that of who began first.
-  const Map& first = *std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == rigs.rigs.front().map; });
-  EXPECT_LT((team.map.nodes.find(first.nodes.front().first)->map_from_node.t - first.nodes.front().second.map_from_node.t).norm(), 1e-9);
+  const Map& first =
+      *std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == rigs.rigs.front().map; });
+  EXPECT_LT(
+      (team.map.nodes.find(first.nodes.front().first)->map_from_node.t - first.nodes.front().second.map_from_node.t)
+          .norm(),
+      1e-9);
 }
 
 }  // namespace

@@ -9,8 +9,8 @@ namespace {
 
 using test::fused;
 
-// Three robots of a long flat. The second one's map is right in the west; then it was carried to another building, which it has in the
-// east, where the first one was, too. The third one never left the west.
+// Three robots of a long flat. The second one's map is right in the west; then it was carried to another building,
+// which it has in the east, where the first one was, too. The third one never left the west.
 const test::CarriedAway& team() {
   static const test::CarriedAway once;
   return once;
@@ -25,7 +25,8 @@ void expect_ghosts_where_it_is_wrong(const FusionResult& result) {
     EXPECT_GT(audit.contradicted_m, 10.0);
     ASSERT_FALSE(audit.conflicts.empty());
     for (const PairAudit::Conflict& conflict : audit.conflicts)
-      EXPECT_GT(compose(team().world_from_first, Pose2(conflict.x_m, conflict.y_m, 0.0)).x, test::CarriedAway::kWrongFrom_m - 4.0);
+      EXPECT_GT(compose(team().world_from_first, Pose2(conflict.x_m, conflict.y_m, 0.0)).x,
+                test::CarriedAway::kWrongFrom_m - 4.0);
   }
   EXPECT_EQ(ghosts, 1);
 }

@@ -156,7 +156,8 @@ TEST(Verdict, of_cameras_is_refused_where_lasers_saw_through_walls) {
   checks.wall_conflict = [&] { return options.max_wall_conflict - 0.01; };
   expect(combined(pair_of("laser"), accepted("vision", 0.9), checks, options), Decision::accepted, Reason::none);
   checks.wall_conflict = [&] { return options.max_wall_conflict + 0.01; };
-  expect(combined(pair_of("laser"), accepted("vision", 0.9), checks, options), Decision::refused, Reason::contradiction);
+  expect(combined(pair_of("laser"), accepted("vision", 0.9), checks, options), Decision::refused,
+         Reason::contradiction);
 }
 
 TEST(Verdict, of_lasers_is_refused_where_cameras_do_not_know_the_place) {

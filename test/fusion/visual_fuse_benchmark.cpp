@@ -1,8 +1,8 @@
-// How long maps of cameras take to join, stage by stage, one thread: medians of several rounds. Wall times of stages; of all, processor
-// time too.
+// How long maps of cameras take to join, stage by stage, one thread: medians of several rounds. Wall times of stages;
+// of all, processor time too.
 //   visual_fuse_benchmark [--rounds N] [--keyframes N] [--seed N] [MAP.mwdb...]
-// Without maps, those of two robots that drive through an apartment until both together have so many keyframes: 456, as in CORB-SLAM's
-// table 2. Then their errors are told, too.
+// Without maps, those of two robots that drive through an apartment until both together have so many keyframes: 456, as
+// in CORB-SLAM's table 2. Then their errors are told, too.
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/map_store.h>
 #include <support/feature_team.h>
@@ -86,20 +86,23 @@ void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* si
     processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);
     wall.push_back(0.0);
     stages.resize(result.stages.size());
-    for (std::size_t i = 0; i < stages.size(); ++i) stages[i].push_back(result.stages[i].seconds), wall.back() += result.stages[i].seconds;
+    for (std::size_t i = 0; i < stages.size(); ++i)
+      stages[i].push_back(result.stages[i].seconds), wall.back() += result.stages[i].seconds;
   }
   std::size_t keyframes = 0, landmarks = 0;
   for (const Map& map : input.maps) {
     landmarks += map.landmarks.size();
     for (const auto& entry : map.nodes) keyframes += keyframe_of(entry.second) != nullptr;
   }
-  std::printf("%zu maps, %zu keyframes, %zu landmarks -> %zu teams; %zu judgements\n", input.maps.size(), keyframes, landmarks,
-              result.components.size(), result.judgements.size());
-  for (std::size_t i = 0; i < stages.size(); ++i) std::printf("%-24s %8.4f s\n", result.stages[i].name.c_str(), median(stages[i]));
+  std::printf("%zu maps, %zu keyframes, %zu landmarks -> %zu teams; %zu judgements\n", input.maps.size(), keyframes,
+              landmarks, result.components.size(), result.judgements.size());
+  for (std::size_t i = 0; i < stages.size(); ++i)
+    std::printf("%-24s %8.4f s\n", result.stages[i].name.c_str(), median(stages[i]));
   std::printf("%-24s %8.4f s, %.4f s of a processor\n", "in all", median(wall), median(processor));
   for (const Verdict& verdict : result.verdicts)
     std::printf("%s, %s: %s %s, %zu witnesses, %zu contradicted\n", verdict.a.str().c_str(), verdict.b.str().c_str(),
-                to_text(verdict.decision).data(), to_text(verdict.reason).data(), verdict.witnesses.size(), verdict.contradicted.size());
+                to_text(verdict.decision).data(), to_text(verdict.reason).data(), verdict.witnesses.size(),
+                verdict.contradicted.size());
   if (simulated == nullptr) return;
   for (const auto& robot : simulated->robots)
     std::printf("%s alone: error %.5f m\n", robot.place.client.robot.str().c_str(), robot.error_m());

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/fusion/fuse.h>
-#include <mapweave/rig/rig.h>
 #include <mapweave/maps/map_update.h>
+#include <mapweave/rig/rig.h>
 #include <support/starry_maps.h>
 
 namespace mapweave::fusion {
@@ -12,7 +12,8 @@ FusionResult fused(std::vector<Map> maps, int threads = 1, Memo* memo = nullptr,
   WorkerPool pool(threads);
   Memo own;
   const auto progress = make_silent_progress();
-  return fuse({std::move(maps), std::move(vetoed), TierId("cloud")}, {}, memo != nullptr ? *memo : own, pool, *progress);
+  return fuse({std::move(maps), std::move(vetoed), TierId("cloud")}, {}, memo != nullptr ? *memo : own, pool,
+              *progress);
 }
 
 std::string bytes_of(const Component& component) {
@@ -24,7 +25,8 @@ std::string bytes_of(const Component& component) {
 
 struct TwoRobots {
   test::StarryBuilding building{{1}};
-  std::vector<Pose2> way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = test::look_around(0.5, 0.7, 1.4, 4.0, 14);
+  std::vector<Pose2> way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14),
+                     way_b = test::look_around(0.5, 0.7, 1.4, 4.0, 14);
   Map a = building.keyframe_map("alpha", way_a), b = building.keyframe_map("beta", way_b);
   Pose2 a_from_b = between(way_a.front(), way_b.front());
 };
@@ -79,7 +81,8 @@ TEST(VisualFuse, straightens_a_map_that_bends_by_one_that_does_not) {
     double most = 0.0;
     for (std::uint32_t i = 0; i < way.size(); ++i) {
       const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i};
-      const Pose2 truth = between(way.front(), way[i]), pose = planar(compose(team_from_map, map.nodes.find(id)->map_from_node));
+      const Pose2 truth = between(way.front(), way[i]),
+                  pose = planar(compose(team_from_map, map.nodes.find(id)->map_from_node));
       most = std::max(most, std::abs(wrap_angle(pose.phi - truth.phi)));
     }
     return most;
@@ -101,7 +104,8 @@ TEST(VisualFuse, finds_the_scale_of_a_single_camera_by_a_map_with_depth) {
   EXPECT_NEAR(*result.components[0].scales.find(MapId("beta")), 2.5, 0.05);
   const SessionId session{{RobotId("beta"), SensorId("camera")}, 1'000'000'000};
   const Map& team = result.components[0].map;
-  EXPECT_NEAR((team.nodes.find({session, 0})->map_from_node.t - team.nodes.find({session, 13})->map_from_node.t).norm(), 0.15 * 13, 0.03);
+  EXPECT_NEAR((team.nodes.find({session, 0})->map_from_node.t - team.nodes.find({session, 13})->map_from_node.t).norm(),
+              0.15 * 13, 0.03);
 }
 
 TEST(VisualFuse, leaves_strangers_apart_and_says_why) {
@@ -118,8 +122,8 @@ TEST(VisualFuse, defers_where_a_robot_has_seen_two_rooms_that_look_alike) {
     const test::StarryBuilding building({look, look, look});
     std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
     for (const Pose2& pose : test::look_around(11.0, 0.0, 0.1 * look, 3.0, 12)) both.push_back(pose);
-    const auto result =
-        fused({building.keyframe_map("alpha", both), building.keyframe_map("beta", test::look_around(23.0, 0.3, 0.0, 3.0, 12))});
+    const auto result = fused({building.keyframe_map("alpha", both),
+                               building.keyframe_map("beta", test::look_around(23.0, 0.3, 0.0, 3.0, 12))});
     EXPECT_EQ(result.components.size(), 2U) << look;
     EXPECT_EQ(result.verdicts[0].decision, Decision::deferred) << look;
     EXPECT_EQ(result.verdicts[0].reason, Reason::ambiguous) << look;
@@ -132,7 +136,8 @@ TEST(VisualFuse, believes_no_two_robots_what_a_third_has_seen_twice) {
   const test::StarryBuilding building({1, 1, 2, 3, 1, 4, 5, 1});  // walls hide nothing
   std::vector<Pose2> both = test::look_around(-1.0, 0.0, 0.0, 3.0, 12);
   for (const Pose2& pose : test::look_around(11.0, 0.0, 0.1, 3.0, 12)) both.push_back(pose);
-  const Map alpha = building.keyframe_map("alpha", both), beta = building.keyframe_map("beta", test::look_around(47.0, 0.3, 0.0, 3.0, 12)),
+  const Map alpha = building.keyframe_map("alpha", both),
+            beta = building.keyframe_map("beta", test::look_around(47.0, 0.3, 0.0, 3.0, 12)),
             gamma = building.keyframe_map("gamma", test::look_around(83.0, -0.2, 0.0, 3.0, 12));
   EXPECT_EQ(fused({beta, gamma}).components.size(), 1U);  // who has seen one room cannot know
   const auto result = fused({alpha, beta, gamma});
@@ -178,8 +183,9 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   const NodeId last = younger.nodes.back().first;
   younger.nodes.erase(last);
   for (auto& [id, landmark] : younger.landmarks)
-    landmark.seen.erase(std::remove_if(landmark.seen.begin(), landmark.seen.end(), [&](const auto& s) { return s.node == last; }),
-                        landmark.seen.end());
+    landmark.seen.erase(
+        std::remove_if(landmark.seen.begin(), landmark.seen.end(), [&](const auto& s) { return s.node == last; }),
+        landmark.seen.end());
   for (auto landmark = younger.landmarks.begin(); landmark != younger.landmarks.end();)
     if (landmark->second.seen.empty() || landmark->second.anchor == last) {
       const LandmarkId id = landmark->first;
@@ -196,7 +202,8 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   const auto warm = answer_to(grown);
   ASSERT_EQ(warm.components.size(), 1U);
   std::map<std::pair<SubmapId, SubmapId>, Hash> known;
-  for (const Judgement& judgement : before.judgements) known.emplace(std::make_pair(judgement.a, judgement.b), judgement.id);
+  for (const Judgement& judgement : before.judgements)
+    known.emplace(std::make_pair(judgement.a, judgement.b), judgement.id);
   std::size_t again = 0;
   for (const Judgement& judgement : warm.judgements) {
     const auto found = known.find({judgement.a, judgement.b});
@@ -205,7 +212,8 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
     ++again;
   }
   EXPECT_GT(again, 0U);
-  const Pose3 apart = between(*warm.components[0].team_from_map.find(MapId("beta")), *cold.components[0].team_from_map.find(MapId("beta")));
+  const Pose3 apart = between(*warm.components[0].team_from_map.find(MapId("beta")),
+                              *cold.components[0].team_from_map.find(MapId("beta")));
   EXPECT_LT(apart.t.norm(), 0.005);
 
   PreviousMerge& team = grown.teams.emplace_back();
@@ -220,21 +228,25 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
   for (const auto& [id, node] : kept.components[0].map.nodes) {
     const Pose3* was = team.team_from_node.find(id);
     if (was != nullptr) ++((was->t - node.map_from_node.t).norm() < 1e-9 ? stayed : moved);
-    EXPECT_LT((cold.components[0].map.nodes.find(id)->map_from_node.t - node.map_from_node.t).norm(), 0.02) << to_string(id);
+    EXPECT_LT((cold.components[0].map.nodes.find(id)->map_from_node.t - node.map_from_node.t).norm(), 0.02)
+        << to_string(id);
   }
   EXPECT_GT(stayed, moved);
   EXPECT_GT(moved, 0U) << "beside what is new";
 }
 
-// What keyframes of b would report of landmarks that a shared with them: where they saw their own landmarks at those places.
+// What keyframes of b would report of landmarks that a shared with them: where they saw their own landmarks at those
+// places.
 std::vector<LandmarkChange> told_of(const Map& a, const Map& b, const Pose3& a_from_b) {
   std::map<LandmarkId, LandmarkChange> changes;
   for (const auto& [id_b, own] : b.landmarks) {
-    const Eigen::Vector3d point = transformed(transformed(own.point_in_anchor(), b.nodes.find(own.anchor)->map_from_node), a_from_b);
+    const Eigen::Vector3d point =
+        transformed(transformed(own.point_in_anchor(), b.nodes.find(own.anchor)->map_from_node), a_from_b);
     const Landmark* nearest = nullptr;
     double least = 0.03;
     for (const auto& [id_a, other] : a.landmarks) {
-      const double apart = (transformed(other.point_in_anchor(), a.nodes.find(other.anchor)->map_from_node) - point).norm();
+      const double apart =
+          (transformed(other.point_in_anchor(), a.nodes.find(other.anchor)->map_from_node) - point).norm();
       if (apart < least) least = apart, nearest = &other;
     }
     if (nearest == nullptr) continue;
@@ -305,11 +317,14 @@ TEST(VisualFuse, hardly_moves_for_lies_within_a_team) {
   const auto honest = answer_to(input);
   input.borrowed = told_of(robots.a, robots.b, spatial(robots.a_from_b));
   for (LandmarkChange& change : input.borrowed)
-    for (LandmarkSighting& sighting : change.seen) sighting.u = static_cast<std::uint16_t>(std::min(639 * 16, sighting.u + 16 * 30));
+    for (LandmarkSighting& sighting : change.seen)
+      sighting.u = static_cast<std::uint16_t>(std::min(639 * 16, sighting.u + 16 * 30));
   const auto lied = answer_to(input);
   ASSERT_EQ(lied.components.size(), 1U);
   expect_at(lied.components[0], "beta", robots.a_from_b, 0.02, 0.005);
-  EXPECT_LT((lied.components[0].team_from_map.find(MapId("beta"))->t - honest.components[0].team_from_map.find(MapId("beta"))->t).norm(),
+  EXPECT_LT((lied.components[0].team_from_map.find(MapId("beta"))->t -
+             honest.components[0].team_from_map.find(MapId("beta"))->t)
+                .norm(),
             0.005);
 }
 
@@ -349,7 +364,8 @@ TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_straig
   test::StarryOptions bent;
   bent.drift_rad_per_keyframe = 0.002;
   const Map straight = building.keyframe_map("alpha", way), ahead = building.keyframe_map("beta", way, bent);
-  rig::RigMerge rig = rig::merge_rig({{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
+  rig::RigMerge rig = rig::merge_rig(
+      {{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
   ASSERT_EQ(rig.maps.size(), 1U);
   const auto result = fused({straight, rig.maps[0].map});
   ASSERT_EQ(result.components.size(), 1U);

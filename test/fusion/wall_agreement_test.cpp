@@ -11,7 +11,8 @@ namespace {
 // The frozen submaps of a simulated robot whose map is the truth, laid where they are or moved.
 class Placed {
  public:
-  Placed(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser) : map_(test::mapped(robot, laser)) {
+  Placed(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser)
+      : map_(test::mapped(robot, laser)) {
     for (const auto& [id, submap] : map_.submaps) {
       if (!submap.frozen) continue;
       models_.push_back(std::make_unique<matching::SubmapModel>(submap, map_.nodes));
@@ -37,7 +38,8 @@ class Placed {
 
 class WallAgreementOfTwoRobots : public testing::Test {
  protected:
-  explicit WallAgreementOfTwoRobots(simulation::SimulatedTeam team = make_team()) : team_(std::move(team)), one_(team_.robots[0], team_.laser), other_(team_.robots[1], team_.laser) {
+  explicit WallAgreementOfTwoRobots(simulation::SimulatedTeam team = make_team())
+      : team_(std::move(team)), one_(team_.robots[0], team_.laser), other_(team_.robots[1], team_.laser) {
     std::size_t number = 0;
     for (const Placed* placed : {&one_, &other_})
       for (const auto& model : placed->models()) sights_[number++] = std::make_shared<const WallSight>(*model);
@@ -62,7 +64,8 @@ class WallAgreementOfTwoRobots : public testing::Test {
 
 TEST_F(WallAgreementOfTwoRobots, is_the_same_from_either_side) {
   const auto a = one_.at({}, 0), b = other_at(one_from_other());
-  const WallAgreement one = wall_agreement(a, 200.0, b, 200.0, sight_of_), other = wall_agreement(b, 200.0, a, 200.0, sight_of_);
+  const WallAgreement one = wall_agreement(a, 200.0, b, 200.0, sight_of_),
+                      other = wall_agreement(b, 200.0, a, 200.0, sight_of_);
   EXPECT_GT(one.coinciding_m, 20.0);
   EXPECT_NEAR(one.coinciding_m, other.coinciding_m, 1e-6);
   EXPECT_NEAR(one.contradicted_m, other.contradicted_m, 1e-6);
@@ -84,12 +87,14 @@ TEST_F(WallAgreementOfTwoRobots, falls_and_is_contradicted_where_one_lies_a_metr
 }
 
 TEST_F(WallAgreementOfTwoRobots, leaves_the_audit_of_a_right_team_without_ghosts_and_finds_those_of_a_wrong_one) {
-  const auto right = audit({one_.at({}, 0), other_at(one_from_other())}, {200.0, 100.0}, sight_of_, [](std::size_t, std::size_t) { return true; });
+  const auto right = audit({one_.at({}, 0), other_at(one_from_other())}, {200.0, 100.0}, sight_of_,
+                           [](std::size_t, std::size_t) { return true; });
   ASSERT_EQ(right.pairs.size(), 1U);
   EXPECT_GT(right.pairs[0].coinciding_m, 20.0);
   EXPECT_EQ(right.pairs[0].ghosts_m, 0.0);
   EXPECT_FALSE(right.taken_out.has_value());
-  const auto wrong = audit({one_.at({}, 0), other_at(compose(one_from_other(), Pose2{0.7, 0.7, 0.0}))}, {200.0, 100.0}, sight_of_, [](std::size_t, std::size_t) { return true; });
+  const auto wrong = audit({one_.at({}, 0), other_at(compose(one_from_other(), Pose2{0.7, 0.7, 0.0}))}, {200.0, 100.0},
+                           sight_of_, [](std::size_t, std::size_t) { return true; });
   ASSERT_EQ(wrong.pairs.size(), 1U);
   EXPECT_GT(wrong.pairs[0].ghosts_m, 4.0);
   EXPECT_EQ(wrong.taken_out, std::size_t{1}) << "of two that contradict each other the one with fewer walls goes";
@@ -113,7 +118,9 @@ TEST_F(WallAgreementOfTwoRobots, says_how_a_map_that_lies_aside_would_lie_better
   EXPECT_GE(2 * near, bent.size()) << "where there are few walls, the place is rough";
   EXPECT_LT(nearest_m, 0.15);
   EXPECT_LT(nearest_rad, 0.02);
-  EXPECT_TRUE(bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, [](std::size_t, std::size_t) { return false; }).empty());
+  EXPECT_TRUE(bent_regions({one_.at(aside, 0), other_at(one_from_other())}, sight_of_, [](std::size_t, std::size_t) {
+                return false;
+              }).empty());
 }
 
 class WallAgreementInACorridor : public WallAgreementOfTwoRobots {
@@ -138,7 +145,8 @@ TEST_F(WallAgreementInACorridor, that_lies_aside_would_lie_better_across_it_not_
   const auto aside = one_.at({-0.5 * across_x, -0.5 * across_y, 0.0}, 0);
   const auto other = other_at(one_from_other());
   for (const bool turned : {false, true}) {
-    const std::vector<BentRegion> bent = turned ? bent_regions({other, aside}, sight_of_, any) : bent_regions({aside, other}, sight_of_, any);
+    const std::vector<BentRegion> bent =
+        turned ? bent_regions({other, aside}, sight_of_, any) : bent_regions({aside, other}, sight_of_, any);
     ASSERT_FALSE(bent.empty());
     for (const BentRegion& region : bent) {
       const Pose2 moved = compose(region.moved, Pose2{region.x_m, region.y_m, 0.0});
@@ -175,7 +183,8 @@ TEST_F(WallAgreementOfTwoRobots, rests_on_a_sight_that_says_what_the_model_does)
         }
       Seen expected = is_clear ? Seen::through : is_beside_wall ? Seen::beside_wall : Seen::in_part;
       if (model.sight().get(cx, cy) == matching::Sight::unknown) expected = Seen::not_at_all;
-      if (model.field().likelihood().get(matching::cell_of(x, 20.0), matching::cell_of(y, 20.0)) > 60) expected = Seen::wall;
+      if (model.field().likelihood().get(matching::cell_of(x, 20.0), matching::cell_of(y, 20.0)) > 60)
+        expected = Seen::wall;
       EXPECT_EQ(sight.at(x, y), expected) << x << ' ' << y;
       ++times[expected];
     }

@@ -27,7 +27,8 @@ Problem<kSize> problem(int rows, int per_row, unsigned seed, double least = 1.0)
   for (int row = 0; row < rows; ++row) {
     std::vector<std::int32_t> columns;
     if (row > 0) columns.push_back(row - 1);
-    for (int i = 0; i < per_row && row > 0; ++i) columns.push_back(static_cast<std::int32_t>(random() % static_cast<unsigned>(row)));
+    for (int i = 0; i < per_row && row > 0; ++i)
+      columns.push_back(static_cast<std::int32_t>(random() % static_cast<unsigned>(row)));
     std::sort(columns.begin(), columns.end());
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     for (const std::int32_t column : columns) {

@@ -12,11 +12,14 @@ struct Ring {
   Bundle truth, drifted;
   explicit Ring(int views = 24, int points = 300, bool depth = true, double noise_px = 0.0) {
     std::mt19937_64 random(3);
-    const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+    const auto uniform = [&](double low, double high) {
+      return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+    };
     truth.cameras = {{640, 480, 500, 500, 320, 240}};
     for (int i = 0; i < views; ++i) {
       const double angle = 2.0 * M_PI * i / views;
-      const Eigen::Quaterniond inwards = Eigen::Quaterniond(Eigen::AngleAxisd(-angle - M_PI / 2, Eigen::Vector3d::UnitY()));
+      const Eigen::Quaterniond inwards =
+          Eigen::Quaterniond(Eigen::AngleAxisd(-angle - M_PI / 2, Eigen::Vector3d::UnitY()));
       truth.views.push_back({{{4.0 * std::cos(angle), 0.0, 4.0 * std::sin(angle)}, inwards}, 0, i == 0});
     }
     for (int i = 0; i < points; ++i) truth.points.push_back({uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)});
@@ -35,9 +38,11 @@ struct Ring {
       drifted.views[i].map_from_camera.t += 0.004 * static_cast<double>(i) * Eigen::Vector3d(1, 0.5, -0.3);
       drifted.views[i].map_from_camera.q =
           drifted.views[i].map_from_camera.q *
-          Eigen::Quaterniond(Eigen::AngleAxisd(0.002 * static_cast<double>(i), Eigen::Vector3d(0.3, 1, 0.2).normalized()));
+          Eigen::Quaterniond(
+              Eigen::AngleAxisd(0.002 * static_cast<double>(i), Eigen::Vector3d(0.3, 1, 0.2).normalized()));
     }
-    for (auto& point : drifted.points) point += Eigen::Vector3d(uniform(-0.05, 0.05), uniform(-0.05, 0.05), uniform(-0.05, 0.05));
+    for (auto& point : drifted.points)
+      point += Eigen::Vector3d(uniform(-0.05, 0.05), uniform(-0.05, 0.05), uniform(-0.05, 0.05));
   }
   double worst(const Bundle& bundle) const {
     double most = 0.0;
@@ -53,13 +58,15 @@ TEST(BundleAdjustment, comes_back_to_the_truth) {
   const BundleReport report = adjust(ring.drifted);
   EXPECT_LT(report.cost_after, 1e-6 * report.cost_before);
   EXPECT_LT(ring.worst(ring.drifted), 1e-4);
-  for (std::size_t i = 0; i < ring.truth.points.size(); ++i) EXPECT_LT((ring.drifted.points[i] - ring.truth.points[i]).norm(), 1e-4);
+  for (std::size_t i = 0; i < ring.truth.points.size(); ++i)
+    EXPECT_LT((ring.drifted.points[i] - ring.truth.points[i]).norm(), 1e-4);
 }
 
 TEST(BundleAdjustment, leaves_out_what_is_wrong) {
   Ring ring(24, 300, true, 0.2);
   std::size_t wrong = 0;
-  for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20, ++wrong) ring.drifted.sightings[i].pixel.x() += 60.0;
+  for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20, ++wrong)
+    ring.drifted.sightings[i].pixel.x() += 60.0;
   adjust(ring.drifted);
   EXPECT_LT(ring.worst(ring.drifted), 0.02);
   for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20) wrong -= ring.drifted.sightings[i].fits ? 0 : 1;

@@ -1,5 +1,5 @@
-// Bundle adjustment of a whole map: bundle_benchmark [KEYFRAMES [LANDMARKS [OBSERVATIONS]]]; by default those of CORB-SLAM's table 2, seen
-// along rounds through a hall, with 2 pixels of noise.
+// Bundle adjustment of a whole map: bundle_benchmark [KEYFRAMES [LANDMARKS [OBSERVATIONS]]]; by default those of
+// CORB-SLAM's table 2, seen along rounds through a hall, with 2 pixels of noise.
 #include <mapweave/graph/bundle_adjustment.h>
 
 #include <algorithm>
@@ -24,7 +24,8 @@ int main(int argc, char** argv) {
   for (int i = 0; i < keyframes; ++i) {
     const double angle = 2.0 * M_PI * kRounds * i / keyframes;
     const Eigen::Quaterniond heading(Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()));
-    truth.push_back({{kRadius_m * std::cos(angle), 0.05 * std::sin(5.0 * angle), kRadius_m * std::sin(angle)}, heading});
+    truth.push_back(
+        {{kRadius_m * std::cos(angle), 0.05 * std::sin(5.0 * angle), kRadius_m * std::sin(angle)}, heading});
     Pose3 start = truth.back();
     if (i > 0) start.t += 0.05 * Eigen::Vector3d(normal(random), normal(random), normal(random));
     bundle.views.push_back({start, 0, i == 0});
@@ -38,7 +39,8 @@ int main(int argc, char** argv) {
     std::vector<graph::BundleSighting> sightings;
     const int most = (observations - seen) / (landmarks - made) + 2;
     std::vector<int> order;
-    for (int step = 0; step < 30; ++step) order.push_back((from + (step % 2 == 0 ? step / 2 : keyframes - (step + 1) / 2)) % keyframes);
+    for (int step = 0; step < 30; ++step)
+      order.push_back((from + (step % 2 == 0 ? step / 2 : keyframes - (step + 1) / 2)) % keyframes);
     order.push_back((from + keyframes / 2) % keyframes);  // a round later
     for (const int view : order) {
       if (static_cast<int>(sightings.size()) >= most) break;
@@ -59,13 +61,15 @@ int main(int argc, char** argv) {
   }
   const auto error = [&] {
     double sum = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i) sum += (bundle.views[i].map_from_camera.t - truth[i].t).squaredNorm();
+    for (std::size_t i = 0; i < truth.size(); ++i)
+      sum += (bundle.views[i].map_from_camera.t - truth[i].t).squaredNorm();
     return std::sqrt(sum / static_cast<double>(truth.size()));
   };
   const double before_m = error();
   const std::clock_t begin = std::clock();
   const graph::BundleReport report = graph::adjust(bundle);
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-  std::printf("%d keyframes, %d landmarks, %d observations: %.2f s of processor time, %d iterations, error %.3f -> %.4f m\n", keyframes,
-              made, seen, seconds, report.iterations, before_m, error());
+  std::printf(
+      "%d keyframes, %d landmarks, %d observations: %.2f s of processor time, %d iterations, error %.3f -> %.4f m\n",
+      keyframes, made, seen, seconds, report.iterations, before_m, error());
 }

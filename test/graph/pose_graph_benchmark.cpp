@@ -1,5 +1,6 @@
-// The essential graph of a map after a loop: pose_graph_benchmark [KEYFRAMES]; by default as many as CVS's table II asks for. Ways of a
-// drifting robot through a hall, in rounds, each keyframe tied to the four before it and to the one a round ago.
+// The essential graph of a map after a loop: pose_graph_benchmark [KEYFRAMES]; by default as many as CVS's table II
+// asks for. Ways of a drifting robot through a hall, in rounds, each keyframe tied to the four before it and to the one
+// a round ago.
 #include <mapweave/graph/spatial_graph.h>
 
 #include <cmath>
@@ -26,8 +27,8 @@ int main(int argc, char** argv) {
   const auto constraint = [&](int from, int to, double metres, double radians) {
     graph::SpatialEdge edge;
     edge.from = static_cast<std::uint32_t>(from), edge.to = static_cast<std::uint32_t>(to);
-    edge.from_from_to =
-        compose(between(truth[static_cast<std::size_t>(from)], truth[static_cast<std::size_t>(to)]), motion(metres, radians));
+    edge.from_from_to = compose(between(truth[static_cast<std::size_t>(from)], truth[static_cast<std::size_t>(to)]),
+                                motion(metres, radians));
     edge.information.topLeftCorner<3, 3>() *= 1.0 / (metres * metres),
         edge.information.bottomRightCorner<3, 3>() *= 1.0 / (radians * radians);
     edges.push_back(edge);
@@ -48,6 +49,6 @@ int main(int argc, char** argv) {
   const std::clock_t begin = std::clock();
   const graph::SpatialSolution solved = graph::solve(initial, edges);
   const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-  std::printf("%d keyframes, %zu edges: %.3f s of processor time, %d iterations, error %.3f -> %.4f m\n", keyframes, edges.size(), seconds,
-              solved.iterations, error_m(initial), error_m(solved.poses));
+  std::printf("%d keyframes, %zu edges: %.3f s of processor time, %d iterations, error %.3f -> %.4f m\n", keyframes,
+              edges.size(), seconds, solved.iterations, error_m(initial), error_m(solved.poses));
 }

@@ -12,7 +12,8 @@ namespace {
 using test::IsNear;
 
 Eigen::Matrix3d information(double sigma_m, double sigma_yaw_rad) {
-  return Eigen::Vector3d(1 / (sigma_m * sigma_m), 1 / (sigma_m * sigma_m), 1 / (sigma_yaw_rad * sigma_yaw_rad)).asDiagonal();
+  return Eigen::Vector3d(1 / (sigma_m * sigma_m), 1 / (sigma_m * sigma_m), 1 / (sigma_yaw_rad * sigma_yaw_rad))
+      .asDiagonal();
 }
 
 // A square drive with drifting odometry, and its truth.
@@ -23,7 +24,9 @@ struct Square {
 
 Square make_square(unsigned seed, int per_side = 10) {
   std::mt19937_64 random(seed);
-  const auto noise = [&](double sigma) { return sigma * (2.0 * static_cast<double>(random() >> 11) / 9007199254740992.0 - 1.0); };
+  const auto noise = [&](double sigma) {
+    return sigma * (2.0 * static_cast<double>(random() >> 11) / 9007199254740992.0 - 1.0);
+  };
   Square square;
   square.truth.push_back({0, 0, 0});
   for (int i = 1; i < 4 * per_side; ++i)
@@ -32,7 +35,8 @@ Square make_square(unsigned seed, int per_side = 10) {
   for (std::size_t i = 1; i < square.truth.size(); ++i) {
     Pose2 step = between(square.truth[i - 1], square.truth[i]);
     step.x += 0.03 + noise(0.02), step.phi += 0.01 + noise(0.01);
-    square.edges.push_back({static_cast<std::uint32_t>(i - 1), static_cast<std::uint32_t>(i), step, information(0.05, 0.02), false});
+    square.edges.push_back(
+        {static_cast<std::uint32_t>(i - 1), static_cast<std::uint32_t>(i), step, information(0.05, 0.02), false});
     square.dead_reckoning.push_back(compose(square.dead_reckoning.back(), step));
   }
   return square;
@@ -56,7 +60,8 @@ TEST(PoseGraph, closes_a_loop_and_takes_the_drift_out) {
   const Solution solution = solve(square.dead_reckoning, square.edges);
   EXPECT_TRUE(solution.converged);
   EXPECT_LT(worst(solution.poses, square.truth), 0.35 * before);
-  EXPECT_THAT(between(solution.poses[0], solution.poses[39]), IsNear(between(square.truth[0], square.truth[39]), 0.05, 0.02));
+  EXPECT_THAT(between(solution.poses[0], solution.poses[39]),
+              IsNear(between(square.truth[0], square.truth[39]), 0.05, 0.02));
 }
 
 TEST(PoseGraph, agrees_with_truth_exactly_when_edges_have_no_error) {
@@ -99,7 +104,8 @@ TEST(PoseGraph, moves_with_its_frame) {
   std::vector<Pose2> moved;
   for (const auto& pose : square.dead_reckoning) moved.push_back(compose(shift, pose));
   const Solution there = solve(moved, square.edges);
-  for (std::size_t i = 0; i < moved.size(); ++i) EXPECT_THAT(there.poses[i], IsNear(compose(shift, here.poses[i]), 1e-4, 1e-4));
+  for (std::size_t i = 0; i < moved.size(); ++i)
+    EXPECT_THAT(there.poses[i], IsNear(compose(shift, here.poses[i]), 1e-4, 1e-4));
 }
 
 TEST(PoseGraph, gives_the_same_bytes_twice) {
@@ -115,8 +121,9 @@ TEST(PoseGraph, gives_the_same_bytes_twice) {
 
 TEST(PoseGraph, refuses_edges_that_name_no_pose) {
   EXPECT_THROW(solve({{}, {}}, {{0, 2, {}, Eigen::Matrix3d::Identity(), false}}), ContractViolation);
-  EXPECT_THROW(solve({{}, {}}, {{0, 1, {std::numeric_limits<double>::quiet_NaN(), 0, 0}, Eigen::Matrix3d::Identity(), false}}),
-               ContractViolation);
+  EXPECT_THROW(
+      solve({{}, {}}, {{0, 1, {std::numeric_limits<double>::quiet_NaN(), 0, 0}, Eigen::Matrix3d::Identity(), false}}),
+      ContractViolation);
 }
 
 TEST(PoseGraph, stands_directions_that_no_edge_knows) {

@@ -30,8 +30,8 @@ TEST(SpatialGraph, comes_back_to_the_truth_from_drifted_poses) {
   auto drifted = truth;
   for (std::size_t i = 1; i < drifted.size(); ++i) {
     drifted[i].t += 0.02 * static_cast<double>(i) * Eigen::Vector3d(1.0, -0.5, 0.3);
-    drifted[i].q =
-        drifted[i].q * Eigen::Quaterniond(Eigen::AngleAxisd(0.01 * static_cast<double>(i), Eigen::Vector3d(0.2, 0.3, 1.0).normalized()));
+    drifted[i].q = drifted[i].q * Eigen::Quaterniond(Eigen::AngleAxisd(0.01 * static_cast<double>(i),
+                                                                       Eigen::Vector3d(0.2, 0.3, 1.0).normalized()));
   }
   const SpatialSolution solution = solve(drifted, edges);
   EXPECT_TRUE(solution.converged);
@@ -47,7 +47,8 @@ TEST(SpatialGraph, spreads_the_gap_of_a_loop_evenly) {
   std::vector<Pose3> poses(11);
   std::vector<SpatialEdge> edges;
   for (std::uint32_t i = 0; i < 10; ++i) poses[i + 1].t.x() = i + 1.0, edges.push_back(edge_of(poses, i, i + 1));
-  edges.push_back({0, 10, {{10.5, 0, 0}, Eigen::Quaterniond::Identity()}, 1e6 * Eigen::Matrix<double, 6, 6>::Identity()});
+  edges.push_back(
+      {0, 10, {{10.5, 0, 0}, Eigen::Quaterniond::Identity()}, 1e6 * Eigen::Matrix<double, 6, 6>::Identity()});
   const SpatialSolution solution = solve(poses, edges);
   for (std::size_t i = 0; i <= 10; ++i) EXPECT_NEAR(solution.poses[i].t.x(), 1.05 * static_cast<double>(i), 1e-3);
 }
@@ -57,8 +58,9 @@ TEST(SpatialGraph, keeps_poses_that_no_edge_names) {
   const SpatialSolution solution = solve(poses, std::vector<SpatialEdge>());
   EXPECT_TRUE(solution.converged);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(solution.poses[i].t, poses[i].t);
-  EXPECT_THROW(solve(poses, std::vector<SpatialEdge>{edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}),
-               ContractViolation);
+  EXPECT_THROW(
+      solve(poses, std::vector<SpatialEdge>{edge_of(poses, 0, 1), {0, 9, {}, Eigen::Matrix<double, 6, 6>::Identity()}}),
+      ContractViolation);
 }
 
 TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {
@@ -102,7 +104,8 @@ TEST(SpatialGraph, straightens_a_ring_whose_scale_drifted) {
 TEST(SpatialGraph, refuses_scales_that_are_none) {
   const std::vector<Sim3> poses(2);
   EXPECT_THROW(solve(poses, std::vector<SimilarityEdge>{{0, 1, {Pose3(), 0.0}}}), ContractViolation);
-  EXPECT_THROW(solve(std::vector<Sim3>{{Pose3(), 1.0}, {Pose3(), -1.0}}, std::vector<SimilarityEdge>{{0, 1, {}}}), ContractViolation);
+  EXPECT_THROW(solve(std::vector<Sim3>{{Pose3(), 1.0}, {Pose3(), -1.0}}, std::vector<SimilarityEdge>{{0, 1, {}}}),
+               ContractViolation);
 }
 
 }  // namespace

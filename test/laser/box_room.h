@@ -1,6 +1,6 @@
 #pragma once
-// A room of 8 x 6 m with a pillar, and a robot that drives a rounded path in it: a world whose scans are computed by hand, for tests that
-// must not depend on any other library's simulation.
+// A room of 8 x 6 m with a pillar, and a robot that drives a rounded path in it: a world whose scans are computed by
+// hand, for tests that must not depend on any other library's simulation.
 
 #include <mapweave/laser/laser_mapper.h>
 
@@ -16,9 +16,10 @@ struct Wall {
 };
 
 inline const std::vector<Wall>& box_room() {
-  static const std::vector<Wall> walls{{-4, -3, 4, -3},         {4, -3, 4, 3},         {4, 3, 1, 3},          {1, 3, 1, 2.4},
-                                       {1, 2.4, -1, 2.4},       {-1, 2.4, -1, 3},      {-1, 3, -4, 3},        {-4, 3, -4, -3},
-                                       {-0.5, -0.4, 0.3, -0.4}, {0.3, -0.4, 0.3, 0.4}, {0.3, 0.4, -0.5, 0.4}, {-0.5, 0.4, -0.5, -0.4}};
+  static const std::vector<Wall> walls{{-4, -3, 4, -3},       {4, -3, 4, 3},         {4, 3, 1, 3},
+                                       {1, 3, 1, 2.4},        {1, 2.4, -1, 2.4},     {-1, 2.4, -1, 3},
+                                       {-1, 3, -4, 3},        {-4, 3, -4, -3},       {-0.5, -0.4, 0.3, -0.4},
+                                       {0.3, -0.4, 0.3, 0.4}, {0.3, 0.4, -0.5, 0.4}, {-0.5, 0.4, -0.5, -0.4}};
   return walls;
 }
 
@@ -39,7 +40,8 @@ inline double deviate(std::mt19937_64& engine) {
   return sum;
 }
 
-inline PackedScan scan_from(const Pose2& room_from_robot, const std::shared_ptr<const ScanGeometry>& geometry, std::mt19937_64& noise) {
+inline PackedScan scan_from(const Pose2& room_from_robot, const std::shared_ptr<const ScanGeometry>& geometry,
+                            std::mt19937_64& noise) {
   PackedScan scan{geometry, std::vector<std::uint16_t>(geometry->ray_count, 0)};
   const Pose2 room_from_laser = compose(room_from_robot, planar(geometry->robot_from_laser));
   for (std::uint32_t ray = 0; ray < geometry->ray_count; ++ray) {
@@ -54,7 +56,8 @@ inline PackedScan scan_from(const Pose2& room_from_robot, const std::shared_ptr<
       if (range > 0 && along >= 0 && along <= 1) nearest = std::min(nearest, range);
     }
     const double measured = nearest + 0.01 * deviate(noise);
-    if (measured < geometry->max_range_m) scan.ranges[ray] = static_cast<std::uint16_t>(std::lround(measured / geometry->range_unit_m));
+    if (measured < geometry->max_range_m)
+      scan.ranges[ray] = static_cast<std::uint16_t>(std::lround(measured / geometry->range_unit_m));
   }
   return scan;
 }
@@ -72,7 +75,8 @@ inline Drive drive_around(int scans, bool with_odometry, std::uint64_t seed = 7)
   Pose2 odometry_from_robot{3.0, -1.0, 0.4}, before;
   for (int i = 0; i < scans; ++i) {
     const double angle = 0.025 * i;
-    const Pose2 truth{2.4 * std::sin(angle), -1.5 * std::cos(angle), std::atan2(1.5 * std::sin(angle), 2.4 * std::cos(angle))};
+    const Pose2 truth{2.4 * std::sin(angle), -1.5 * std::cos(angle),
+                      std::atan2(1.5 * std::sin(angle), 2.4 * std::cos(angle))};
     if (i > 0) {
       const Pose2 motion = between(before, truth);
       odometry_from_robot = compose(odometry_from_robot, {motion.x * 1.05, motion.y, motion.phi * 1.03});

@@ -56,7 +56,8 @@ void expect_the_path_that_was_driven(const test::Drive& drive, const Map& map, d
   std::size_t i = 0;
   for (const auto& [id, node] : map.nodes) {
     EXPECT_EQ(id.index, i);
-    EXPECT_THAT(planar(node.map_from_node), IsNear(between(drive.room_from_robot.front(), drive.room_from_robot[i]), metres, radians))
+    EXPECT_THAT(planar(node.map_from_node),
+                IsNear(between(drive.room_from_robot.front(), drive.room_from_robot[i]), metres, radians))
         << "scan " << i;
     ++i;
   }
@@ -87,7 +88,8 @@ TEST(ExternalMapper, rbpf_follows_a_robot_whose_wheels_slip) {
 
 TEST(ExternalMapper, both_engines_work_without_odometry) {
   const auto drive = drive_around(200, false);
-  for (const std::variant<RbpfOptions, IcpOptions>& engine : {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}}) {
+  for (const std::variant<RbpfOptions, IcpOptions>& engine :
+       {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}}) {
     const Map map = mapped(drive, engine);
     expect_the_path_that_was_driven(drive, map, 0.12, 0.04);
     for (const auto& [id, constraint] : map.constraints) EXPECT_EQ(id.kind, ConstraintKind::scan_match);
@@ -109,8 +111,10 @@ TEST(ExternalMapper, interpolates_odometry_that_comes_between_the_scans) {
   for (const auto& [id, constraint] : map.constraints) {
     if (id.kind != ConstraintKind::odometry) continue;
     ++measured;
-    const Pose2 driven = between(drive.room_from_robot[steps[id.from.index]], drive.room_from_robot[steps[id.to.index]]);
-    EXPECT_THAT(planar(constraint.from_from_to.pose), IsNear(Pose2{driven.x * 1.05, driven.y, driven.phi * 1.03}, 0.004, 0.004))
+    const Pose2 driven =
+        between(drive.room_from_robot[steps[id.from.index]], drive.room_from_robot[steps[id.to.index]]);
+    EXPECT_THAT(planar(constraint.from_from_to.pose),
+                IsNear(Pose2{driven.x * 1.05, driven.y, driven.phi * 1.03}, 0.004, 0.004))
         << to_string(id.from);
   }
   EXPECT_EQ(measured, steps.size() - 1);
@@ -189,14 +193,17 @@ Error error_with_helper(const std::string& script) {
 
 TEST(ExternalMapper, a_helper_that_leaves_early_is_an_error_and_no_map) {
   EXPECT_THAT(error_with_helper("exit 3").what(), HasSubstr("helper mrpt_mapper ended with exit code 3 after 0 scans"));
-  EXPECT_THAT(error_with_helper("cat > /dev/null & sleep 0.2; kill -11 $$").what(), HasSubstr("ended by signal 11 after 0 scans"));
+  EXPECT_THAT(error_with_helper("cat > /dev/null & sleep 0.2; kill -11 $$").what(),
+              HasSubstr("ended by signal 11 after 0 scans"));
 }
 
 TEST(ExternalMapper, a_helper_that_talks_nonsense_is_an_error_and_no_map) {
   const Error error = error_with_helper("echo hello, this is not the protocol at all; exec cat > /dev/null");
   EXPECT_EQ(error.code(), ErrorCode::kHelperFailed);
   EXPECT_THAT(error.what(), HasSubstr("a frame of "));
-  EXPECT_THAT(error_with_helper("printf '\\011\\000\\000\\000\\022\\005\\000\\000\\000\\000\\000\\000\\000'; exec cat > /dev/null").what(),
+  EXPECT_THAT(error_with_helper(
+                  "printf '\\011\\000\\000\\000\\022\\005\\000\\000\\000\\000\\000\\000\\000'; exec cat > /dev/null")
+                  .what(),
               HasSubstr("0 poses for 20 scans"));  // "done, 5 poses"
 }
 
@@ -216,7 +223,8 @@ TEST(ExternalMapper, survives_scans_that_saw_nothing) {
   for (std::size_t i = 0; i < drive.inputs.size(); ++i)
     if (auto* scan = std::get_if<ScanInput>(&drive.inputs[i]); scan != nullptr && (i < 11 || (i > 60 && i < 70)))
       scan->scan.ranges.assign(181, 0);
-  for (const std::variant<RbpfOptions, IcpOptions>& engine : {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}})
+  for (const std::variant<RbpfOptions, IcpOptions>& engine :
+       {std::variant<RbpfOptions, IcpOptions>(IcpOptions{}), {few_particles()}})
     EXPECT_EQ(mapped(drive, engine).nodes.size(), 60u);
 }
 

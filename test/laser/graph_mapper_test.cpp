@@ -87,7 +87,8 @@ TEST(GraphMapper, holds_on_to_odometry_along_a_bare_corridor) {
 
 TEST(GraphMapper, gives_the_same_bytes_twice) {
   const auto team = simulation::make_apartment({}, alone(15.0));
-  MapUpdate one = difference({}, mapped(team.robots[0], team.laser)), two = difference({}, mapped(team.robots[0], team.laser));
+  MapUpdate one = difference({}, mapped(team.robots[0], team.laser)),
+            two = difference({}, mapped(team.robots[0], team.laser));
   one.origin = two.origin = {TierId("edge"), MapId("robot0")};
   one.sequence = two.sequence = 1;
   EXPECT_EQ(encode(one), encode(two));

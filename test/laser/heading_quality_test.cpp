@@ -37,7 +37,9 @@ TEST(HeadingQuality, takes_the_noise_of_matches_for_that_of_wheels_rather_than_t
   EXPECT_GE(learned(0.0, 0.0), 0.03) << "never wholly";
 }
 
-TEST(HeadingQuality, does_not_let_missed_turns_spoil_what_is_good_otherwise) { EXPECT_LT(learned(0.002, 0.0, 0.15), 0.4); }
+TEST(HeadingQuality, does_not_let_missed_turns_spoil_what_is_good_otherwise) {
+  EXPECT_LT(learned(0.002, 0.0, 0.15), 0.4);
+}
 
 TEST(HeadingQuality, leaves_out_stretches_whose_match_failed) {
   HeadingQuality quality;

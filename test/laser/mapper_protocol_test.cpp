@@ -118,7 +118,8 @@ TEST(MapperProtocol, refuses_every_frame_that_is_cut_or_too_long) {
   for (const auto& [bytes, decode] : decoders) {
     const std::string body = only_frame(bytes).body;
     EXPECT_NO_THROW(decode(body));
-    for (std::size_t size = 0; size < body.size(); ++size) EXPECT_THROW(decode(std::string_view(body).substr(0, size)), Error) << size;
+    for (std::size_t size = 0; size < body.size(); ++size)
+      EXPECT_THROW(decode(std::string_view(body).substr(0, size)), Error) << size;
     EXPECT_THROW(decode(body + "x"), Error);
   }
   const std::string poses = only_frame(encode_poses({{}})).body;
@@ -127,7 +128,10 @@ TEST(MapperProtocol, refuses_every_frame_that_is_cut_or_too_long) {
 
 TEST(MapperProtocol, refuses_numbers_that_are_none_and_lasers_that_cannot_be) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THAT(message_of([&] { decode_odometry(only_frame(encode_odometry(Stamp{1}, {nan, 0, 0})).body); }), HasSubstr("not finite"));
+  EXPECT_THAT(message_of([&] {
+                decode_odometry(only_frame(encode_odometry(Stamp{1}, {nan, 0, 0})).body);
+              }),
+              HasSubstr("not finite"));
   const auto refused = [](auto change) {
     ScanGeometry geometry = some_geometry();
     change(geometry);
@@ -141,7 +145,8 @@ TEST(MapperProtocol, refuses_numbers_that_are_none_and_lasers_that_cannot_be) {
   EXPECT_THAT(message_of([&] { decode_scan("", nullptr); }), HasSubstr("before any geometry"));
   RbpfOptions options;
   options.particles = 1'000'000;
-  EXPECT_THAT(message_of([&] { decode_start(only_frame(encode_start(options)).body); }), HasSubstr("particles is 1000000"));
+  EXPECT_THAT(message_of([&] { decode_start(only_frame(encode_start(options)).body); }),
+              HasSubstr("particles is 1000000"));
 }
 
 }  // namespace

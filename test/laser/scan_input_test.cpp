@@ -26,7 +26,9 @@ CObservation2DRangeScan::Ptr make_scan(std::size_t rays = 7, const std::string& 
   return scan;
 }
 
-rawlog::Record record(mrpt::obs::CObservation::Ptr observation, std::int64_t ns = 1000) { return {Stamp{ns}, std::move(observation)}; }
+rawlog::Record record(mrpt::obs::CObservation::Ptr observation, std::int64_t ns = 1000) {
+  return {Stamp{ns}, std::move(observation)};
+}
 
 PackedScan packed(ScanPacker& pack, const CObservation2DRangeScan::Ptr& scan) {
   const auto input = pack(record(scan));
@@ -91,8 +93,8 @@ TEST(ScanPacker, turns_what_is_no_reading_into_no_return) {
 }
 
 TEST(ScanPacker, chooses_a_unit_that_the_maximum_fits_in) {
-  for (const auto& [max_range_m, unit_m] :
-       std::vector<std::pair<float, double>>{{30.0f, 0.001}, {65.0f, 0.001}, {81.0f, 0.002}, {131.0f, 0.002}, {132.0f, 0.003}}) {
+  for (const auto& [max_range_m, unit_m] : std::vector<std::pair<float, double>>{
+           {30.0f, 0.001}, {65.0f, 0.001}, {81.0f, 0.002}, {131.0f, 0.002}, {132.0f, 0.003}}) {
     const auto scan = make_scan();
     scan->maxRange = max_range_m;
     scan->setScanRange(3, max_range_m - 0.5f);
@@ -193,7 +195,8 @@ TEST(ScanPacker, goes_on_where_it_was_when_odometry_starts_anew) {
   EXPECT_NEAR(onwards.x, 10.0 + std::cos(1.0), 1e-9);
   EXPECT_NEAR(onwards.y, std::sin(1.0), 1e-9);
   EXPECT_EQ(pack.odometry_jumps(), 1U);
-  EXPECT_NEAR(packed_odometry(pack, 1e9, {1e9, 0, 0}).x, onwards.x, 1e-6) << "nor do years explain a thousand kilometres";
+  EXPECT_NEAR(packed_odometry(pack, 1e9, {1e9, 0, 0}).x, onwards.x, 1e-6)
+      << "nor do years explain a thousand kilometres";
   EXPECT_EQ(pack.odometry_jumps(), 2U);
 }
 

@@ -90,7 +90,8 @@ TEST(SubmapCutter, freezes_submaps_whose_frame_is_their_first_node) {
     EXPECT_EQ(submap.content, content_hash(submap, map.nodes));
     const Pose2 map_from_submap = planar(map.nodes.find(submap.anchor())->map_from_node);
     for (const auto& [node, submap_from_node] : submap.submap_from_node)
-      EXPECT_THAT(compose(map_from_submap, planar(submap_from_node)), IsNear(planar(map.nodes.find(node)->map_from_node), 1e-9, 1e-9));
+      EXPECT_THAT(compose(map_from_submap, planar(submap_from_node)),
+                  IsNear(planar(map.nodes.find(node)->map_from_node), 1e-9, 1e-9));
   }
 }
 

@@ -40,10 +40,13 @@ SweepEstimator estimated(const simulation::SimulatedTeam& team, bool with_odomet
 }
 
 std::string described(const SweepEstimate& estimate) {
-  const auto one = [](const Estimated& number) { return std::to_string(number.value) + " +- " + std::to_string(number.sigma); };
+  const auto one = [](const Estimated& number) {
+    return std::to_string(number.value) + " +- " + std::to_string(number.sigma);
+  };
   const auto& known = estimate.by_odometry;
-  return "sweep " + one(estimate.sweep_s) + (known ? ", delay " + one(known->delay_s) + ", scale " + one(known->turn_scale) : "") +
-         ", of " + std::to_string(estimate.pairs);
+  return "sweep " + one(estimate.sweep_s) +
+         (known ? ", delay " + one(known->delay_s) + ", scale " + one(known->turn_scale) : "") + ", of " +
+         std::to_string(estimate.pairs);
 }
 
 TEST(SweepEstimator, finds_how_long_a_laser_takes_to_turn_and_in_which_order) {
@@ -51,7 +54,8 @@ TEST(SweepEstimator, finds_how_long_a_laser_takes_to_turn_and_in_which_order) {
     for (const bool clockwise : {false, true})
       for (const double sweep_s : {0.04, 0.067, 0.1}) {
         const auto estimator = estimated(simulation::make_apartment({}, bent_by(sweep_s, clockwise)), with_odometry);
-        EXPECT_NEAR(estimator.sweep_s(), clockwise ? -sweep_s : sweep_s, 0.15 * sweep_s) << described(estimator.estimate());
+        EXPECT_NEAR(estimator.sweep_s(), clockwise ? -sweep_s : sweep_s, 0.15 * sweep_s)
+            << described(estimator.estimate());
         EXPECT_EQ(estimator.delay_s(), 0.0) << described(estimator.estimate());
       }
 }
@@ -94,12 +98,14 @@ TEST(SweepEstimator, takes_no_wheels_that_turn_too_little_for_a_delay) {
     for (const auto& step : team.robots[0].steps) {
       turned_rad += wrap_angle(step.odometry_from_robot.phi - last_rad);
       last_rad = step.odometry_from_robot.phi;
-      estimator.add_odometry(step.stamp, {step.odometry_from_robot.x, step.odometry_from_robot.y, wrap_angle(scale * turned_rad)});
+      estimator.add_odometry(step.stamp,
+                             {step.odometry_from_robot.x, step.odometry_from_robot.y, wrap_angle(scale * turned_rad)});
       estimator.add(step.stamp, test::packed(step.ranges, geometry), step.world_from_robot, true);
     }
     estimator.finish();
     ASSERT_TRUE(estimator.estimate().by_odometry);
-    EXPECT_NEAR(estimator.estimate().by_odometry->turn_scale.value, 1.0 / scale, 0.015) << described(estimator.estimate());
+    EXPECT_NEAR(estimator.estimate().by_odometry->turn_scale.value, 1.0 / scale, 0.015)
+        << described(estimator.estimate());
     EXPECT_EQ(estimator.delay_s(), 0.0) << described(estimator.estimate());
     EXPECT_NEAR(estimator.sweep_s(), 0.06, 0.01) << described(estimator.estimate());
   }

@@ -174,7 +174,8 @@ TEST(MapStore, of_schema_1_is_believed_no_more_than_others) {
   const TemporaryFolder folder;
   const auto path = folder / "old.mwdb";
   const std::string sql = read_file(MAPWEAVE_TEST_DATA "/store_of_schema_1.sql");
-  for (const char* change : {"UPDATE maps SET nodes = 7", "PRAGMA user_version = 2", "ALTER TABLE maps ADD COLUMN keyframes INTEGER"}) {
+  for (const char* change :
+       {"UPDATE maps SET nodes = 7", "PRAGMA user_version = 2", "ALTER TABLE maps ADD COLUMN keyframes INTEGER"}) {
     std::filesystem::remove(path);
     make_from_sql(path, sql + change);
     const auto error = error_of([&] { summarize_store(path); });
@@ -249,8 +250,9 @@ TEST(MapStore, is_summarised_without_reading_the_maps) {
   const StoredMapSummary& map = summary.maps[0];
   EXPECT_EQ(map.id, MapId("alpha"));
   EXPECT_EQ(map.nodes, 40U);
-  EXPECT_EQ(map.contents, static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(),
-                                                                   [](const auto& e) { return e.second.payload != nullptr; })));
+  EXPECT_EQ(map.contents,
+            static_cast<std::uint64_t>(std::count_if(alpha.nodes.begin(), alpha.nodes.end(),
+                                                     [](const auto& e) { return e.second.payload != nullptr; })));
   EXPECT_EQ(map.submaps, alpha.submaps.size());
   EXPECT_EQ(map.constraints, alpha.constraints.size());
   EXPECT_EQ(map.first, alpha.nodes.front().second.stamp);
@@ -289,8 +291,8 @@ TEST(MapStore, says_where_it_cannot_write) {
   const auto no_folder = error_of([&] { write_store(folder / "nowhere/map.mwdb", some_maps()); });
   ASSERT_TRUE(no_folder);
   EXPECT_EQ(no_folder->code(), ErrorCode::kCannotWrite);
-  EXPECT_THAT(no_folder->what(),
-              ::testing::AllOf(HasSubstr("nowhere/map.mwdb"), HasSubstr("No such file"), HasSubstr("check that the folder exists")));
+  EXPECT_THAT(no_folder->what(), ::testing::AllOf(HasSubstr("nowhere/map.mwdb"), HasSubstr("No such file"),
+                                                  HasSubstr("check that the folder exists")));
   const auto is_folder = error_of([&] { write_store(folder.path(), some_maps()); });
   ASSERT_TRUE(is_folder);
   EXPECT_EQ(is_folder->code(), ErrorCode::kCannotWrite);

@@ -50,7 +50,8 @@ class DamagedStore : public ::testing::Test {
   bool is_refused() {
     const auto summary_error = error_of([&] { summarize_store(path_); });
     const auto error = error_of([&] { EXPECT_EQ(identity(read_store(path_)), identity_); });
-    EXPECT_TRUE(!error || error->code() == ErrorCode::kCorrupt || error->code() == ErrorCode::kUnsupported) << error->what();
+    EXPECT_TRUE(!error || error->code() == ErrorCode::kCorrupt || error->code() == ErrorCode::kUnsupported)
+        << error->what();
     EXPECT_TRUE(error || !summary_error) << summary_error->what();
     return error.has_value();
   }
@@ -67,8 +68,8 @@ TEST_F(DamagedStore, is_noticed_when_cut_at_any_size) {
     EXPECT_TRUE(is_refused()) << size;
   }
   put(bytes_.substr(0, bytes_.size() - 1));
-  expect_refused(ErrorCode::kCorrupt,
-                 "cut short: it needs " + std::to_string(bytes_.size()) + " bytes, " + std::to_string(bytes_.size() - 1) + " are there");
+  expect_refused(ErrorCode::kCorrupt, "cut short: it needs " + std::to_string(bytes_.size()) + " bytes, " +
+                                          std::to_string(bytes_.size() - 1) + " are there");
 }
 
 TEST_F(DamagedStore, is_noticed_or_does_no_harm_when_a_byte_flips) {
@@ -97,7 +98,8 @@ TEST_F(DamagedStore, is_noticed_or_does_no_harm_when_pages_are_mixed_up) {
 
 TEST_F(DamagedStore, of_a_newer_schema_is_refused_with_both_versions) {
   change("PRAGMA user_version = 7");
-  expect_refused(ErrorCode::kUnsupported, "schema 7; this program knows schemas up to 3; read it with a newer mapweave");
+  expect_refused(ErrorCode::kUnsupported,
+                 "schema 7; this program knows schemas up to 3; read it with a newer mapweave");
 }
 
 TEST_F(DamagedStore, of_another_program_is_refused) {
@@ -177,7 +179,8 @@ TEST_F(InterruptedStore, leaves_the_old_file_when_writing_fails_at_any_size) {
 TEST_F(InterruptedStore, says_that_the_disk_is_full_and_leaves_nothing) {
   const fs::path disk = folder_ / "disk";
   fs::create_directory(disk);
-  if (mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=256k") != 0) GTEST_SKIP() << "needs the right to mount a small tmpfs";
+  if (mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=256k") != 0)
+    GTEST_SKIP() << "needs the right to mount a small tmpfs";
   const auto error = error_of([&] { write_store(disk / "map.mwdb", some_maps(1, 6000)); });
   const std::size_t left = count_files(disk);
   const bool fits = !error_of([&] { write_store(disk / "map.mwdb", some_maps(1, 12)); });
@@ -187,7 +190,8 @@ TEST_F(InterruptedStore, says_that_the_disk_is_full_and_leaves_nothing) {
   umount(disk.c_str());
   ASSERT_TRUE(error);
   EXPECT_EQ(error->code(), ErrorCode::kCannotWrite);
-  EXPECT_THAT(error->what(), ::testing::AllOf(HasSubstr("the disk is full"), HasSubstr("bytes free"), HasSubstr("free some space")));
+  EXPECT_THAT(error->what(),
+              ::testing::AllOf(HasSubstr("the disk is full"), HasSubstr("bytes free"), HasSubstr("free some space")));
   EXPECT_EQ(left, 0U);
   EXPECT_TRUE(fits) << "what was half-written had been removed";
   ASSERT_TRUE(remounted);

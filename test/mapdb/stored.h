@@ -23,10 +23,13 @@ inline StoredMaps some_maps(std::uint64_t seed = 1, std::uint32_t node_count = 3
     for (const auto& [id, node] : map.nodes) team.nodes.set(id, node);
   stored.maps.push_back(team);
   for (std::uint32_t i = 0; i < 5; ++i)
-    stored.judgements.push_back(random.judgement({stored.maps[0].sessions().front(), i}, {stored.maps[1].sessions().front(), 0}));
-  std::sort(stored.judgements.begin(), stored.judgements.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+    stored.judgements.push_back(
+        random.judgement({stored.maps[0].sessions().front(), i}, {stored.maps[1].sessions().front(), 0}));
+  std::sort(stored.judgements.begin(), stored.judgements.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
   stored.verdicts = {random.verdict(MapId("alpha"), MapId("beta"))};
-  stored.metadata = {{"program", "mapweave 0.1.0"}, {"options", "laser:\n  engine: graph\n"}, {"place", "M\xc3\xa1laga"}};
+  stored.metadata = {
+      {"program", "mapweave 0.1.0"}, {"options", "laser:\n  engine: graph\n"}, {"place", "M\xc3\xa1laga"}};
   return stored;
 }
 
@@ -42,7 +45,8 @@ std::optional<Error> error_of(const Call& call) {
 }
 
 inline std::size_t count_files(const std::filesystem::path& folder) {
-  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator()));
+  return static_cast<std::size_t>(
+      std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator()));
 }
 
 }  // namespace mapweave::mapdb

@@ -15,7 +15,8 @@ SessionId session(const char* robot) { return {{RobotId(robot), SensorId("camera
 
 std::vector<std::string> all(UpdateJournal& journal) {
   std::vector<std::string> result;
-  journal.replay([&](const JournalEntry& entry) { result.push_back(entry.from.client.robot.str() + ":" + entry.update); });
+  journal.replay(
+      [&](const JournalEntry& entry) { result.push_back(entry.from.client.robot.str() + ":" + entry.update); });
   return result;
 }
 

@@ -70,7 +70,8 @@ class ApplyTest : public ::testing::Test {
   void remove(MapUpdate& update, const NodeId& gone) const {
     update.removed_nodes.push_back(gone);
     for (const auto& [id, submap] : map_.submaps)
-      if (std::any_of(submap.submap_from_node.begin(), submap.submap_from_node.end(), [&](const auto& m) { return m.first == gone; }))
+      if (std::any_of(submap.submap_from_node.begin(), submap.submap_from_node.end(),
+                      [&](const auto& m) { return m.first == gone; }))
         update.removed_submaps.push_back(id);
     for (const auto& [id, constraint] : map_.constraints)
       if (id.from == gone || id.to == gone) update.removed_constraints.push_back(id);
@@ -132,7 +133,8 @@ class ApplyTest : public ::testing::Test {
       std::sort(ids.begin(), ids.end());
       ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
     };
-    put_in_order(update.removed_landmarks), put_in_order(update.removed_constraints), put_in_order(update.removed_submaps);
+    put_in_order(update.removed_landmarks), put_in_order(update.removed_constraints),
+        put_in_order(update.removed_submaps);
     std::sort(update.nodes.begin(), update.nodes.end(), [](const Node& a, const Node& b) { return a.id < b.id; });
     const auto change = [&](const LandmarkId& id) {
       LandmarkChange one{id, std::nullopt, {}};
@@ -157,7 +159,8 @@ class ApplyTest : public ::testing::Test {
     for (const NodeId& id : nodes) {
       const auto found = known_.at(id);
       const auto expected = hanging.find(id);
-      EXPECT_EQ(std::set<LandmarkId>(found.begin(), found.end()), expected == hanging.end() ? std::set<LandmarkId>() : expected->second)
+      EXPECT_EQ(std::set<LandmarkId>(found.begin(), found.end()),
+                expected == hanging.end() ? std::set<LandmarkId>() : expected->second)
           << to_string(id);
       EXPECT_TRUE(std::is_sorted(found.begin(), found.end()));
     }
@@ -235,7 +238,8 @@ TEST_F(ApplyTest, changes_nothing_where_an_update_does_not_fit) {
        [&](MapUpdate& u) {
          u.changed_landmarks.push_back({{session_, 999999}, std::nullopt, {}});
        }},
-      {"hangs on an unknown node", [&](MapUpdate& u) { u.changed_landmarks.back().seen = {random_.sighting(stranger)}; }},
+      {"hangs on an unknown node",
+       [&](MapUpdate& u) { u.changed_landmarks.back().seen = {random_.sighting(stranger)}; }},
       {"hangs on an unknown node",
        [&](MapUpdate& u) {
          u.borrowed = {{{session_, 1}, std::nullopt, {random_.sighting(stranger)}}};
@@ -288,10 +292,12 @@ TEST(LandmarksByNode, tells_those_of_several_sessions_in_order_and_forgets_them)
   const SessionId alpha{{RobotId("alpha"), SensorId("camera")}, 1}, beta{{RobotId("beta"), SensorId("camera")}, 1};
   const NodeId first{alpha, 0}, second{beta, 3};
   LandmarksByNode known;
-  for (const LandmarkId& id : {LandmarkId{beta, 2}, LandmarkId{alpha, 9}, LandmarkId{alpha, 4}, LandmarkId{alpha, 9}}) known.add(first, id);
+  for (const LandmarkId& id : {LandmarkId{beta, 2}, LandmarkId{alpha, 9}, LandmarkId{alpha, 4}, LandmarkId{alpha, 9}})
+    known.add(first, id);
   known.add(second, {beta, 2});
   EXPECT_THAT(known.at(first), ::testing::ElementsAre(LandmarkId{alpha, 4}, LandmarkId{alpha, 9}, LandmarkId{beta, 2}));
-  known.remove(first, {alpha, 9}), known.remove(first, {alpha, 5}), known.remove(first, {beta, 2}), known.remove(second, {alpha, 4});
+  known.remove(first, {alpha, 9}), known.remove(first, {alpha, 5}), known.remove(first, {beta, 2}),
+      known.remove(second, {alpha, 4});
   EXPECT_THAT(known.at(first), ::testing::ElementsAre(LandmarkId{alpha, 4}));
   EXPECT_THAT(known.at(second), ::testing::ElementsAre(LandmarkId{beta, 2}));
   EXPECT_TRUE(known.at({beta, 0}).empty());

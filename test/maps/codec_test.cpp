@@ -22,8 +22,10 @@ MapUpdate some_update(std::uint64_t seed, std::uint32_t node_count) {
   update.sequence = 3;
   update.base = 2;
   const SessionId other{{RobotId("aa"), SensorId("front.laser")}, -5};
-  for (std::uint32_t i = 0; i < 3; ++i) update.judgements.push_back(random.judgement({other, i}, {map.sessions().front(), 0}));
-  std::sort(update.judgements.begin(), update.judgements.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  for (std::uint32_t i = 0; i < 3; ++i)
+    update.judgements.push_back(random.judgement({other, i}, {map.sessions().front(), 0}));
+  std::sort(update.judgements.begin(), update.judgements.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
   update.moved = {{{other, 1}, random.pose()}, {{other, 4}, random.pose(true)}};
   update.removed_nodes = {{other, 7}, {other, 8}};
   update.removed_submaps = {{other, 0}};
@@ -85,7 +87,8 @@ TEST(Codec, gives_every_list_of_an_update_back) {
 
 TEST(Codec, keeps_the_sign_of_zero_and_the_smallest_numbers) {
   MapUpdate update = some_update(5, 3);
-  update.nodes[0].map_from_node.t = {-0.0, std::numeric_limits<double>::denorm_min(), std::numeric_limits<double>::max()};
+  update.nodes[0].map_from_node.t = {-0.0, std::numeric_limits<double>::denorm_min(),
+                                     std::numeric_limits<double>::max()};
   const MapUpdate again = decode_map_update(encode(update), "here");
   EXPECT_EQ(std::memcmp(again.nodes[0].map_from_node.t.data(), update.nodes[0].map_from_node.t.data(), 24), 0);
 }
@@ -219,15 +222,16 @@ TEST(Codec, survives_bytes_of_nothing_in_particular) {
 
 TEST(Codec, refuses_a_newer_form_and_says_so) {
   std::string bytes = encode(some_update(4, 3));
-  ASSERT_EQ(bytes.substr(3 - (bytes[1] & 0x80 ? 0 : 1), 2), std::string("\x08\x01")) << "the header begins with its version";
+  ASSERT_EQ(bytes.substr(3 - (bytes[1] & 0x80 ? 0 : 1), 2), std::string("\x08\x01"))
+      << "the header begins with its version";
   bytes[bytes.find('\x08') + 1] = 9;
   try {
     decode_map_update(bytes, "team.mwdb");
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kUnsupported);
-    EXPECT_THAT(error.what(),
-                ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 5"), HasSubstr("newer mapweave")));
+    EXPECT_THAT(error.what(), ::testing::AllOf(HasSubstr("team.mwdb"), HasSubstr("form 9"), HasSubstr("up to 5"),
+                                               HasSubstr("newer mapweave")));
   }
 }
 
@@ -237,7 +241,8 @@ TEST(Codec, names_the_byte_where_an_update_is_damaged) {
     decode_map_update(std::string_view(bytes).substr(0, bytes.size() - 1), "team.mwdb");
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), ::testing::MatchesRegex("team\\.mwdb, byte [0-9]+: a field needs [0-9]+ bytes, [0-9]+ remain.*"));
+    EXPECT_THAT(error.what(),
+                ::testing::MatchesRegex("team\\.mwdb, byte [0-9]+: a field needs [0-9]+ bytes, [0-9]+ remain.*"));
   }
 }
 
@@ -270,23 +275,28 @@ TEST(Codec, writes_nothing_that_could_not_be_read) {
   refuses("a scale of zero", [&](MapUpdate& u) { u.constraints[0].from_from_to.scale = 0; });
   refuses("an unknown kind", [&](MapUpdate& u) { u.constraints.back().id.kind = static_cast<ConstraintKind>(6); });
   refuses("a submap of no nodes", [&](MapUpdate& u) { u.submaps[0].submap_from_node.clear(); });
-  refuses("a submap with a node twice", [&](MapUpdate& u) { u.submaps[0].submap_from_node.push_back(u.submaps[0].submap_from_node[1]); });
-  refuses("an anchor that is not at the origin", [&](MapUpdate& u) { u.submaps[0].submap_from_node[0].second.t.x() = 0.1; });
+  refuses("a submap with a node twice",
+          [&](MapUpdate& u) { u.submaps[0].submap_from_node.push_back(u.submaps[0].submap_from_node[1]); });
+  refuses("an anchor that is not at the origin",
+          [&](MapUpdate& u) { u.submaps[0].submap_from_node[0].second.t.x() = 0.1; });
   refuses("nodes out of order", [&](MapUpdate& u) { std::swap(u.nodes[0], u.nodes[1]); });
   refuses("a node twice", [&](MapUpdate& u) { u.nodes.push_back(u.nodes.back()); });
   refuses("a robot without a name", [&](MapUpdate& u) { u.removed_nodes[0].session.client.robot = RobotId(); });
-  refuses("a sensor named as a path", [&](MapUpdate& u) { u.removed_nodes[1].session.client.sensor = SensorId("../laser"); });
+  refuses("a sensor named as a path",
+          [&](MapUpdate& u) { u.removed_nodes[1].session.client.sensor = SensorId("../laser"); });
   refuses("a map named as a path", [&](MapUpdate& u) { u.origin.map = MapId("a/b"); });
   refuses("a probability of 2", [&](MapUpdate& u) { u.judgements[0].probability = 2; });
   refuses("scores without hypotheses", [&](MapUpdate& u) { u.judgements[0].scores.push_back(1); });
-  refuses("a missing range", [&](MapUpdate& u) { first_scan(u, [](PackedScan& s, ScanGeometry&) { s.ranges.pop_back(); }); });
+  refuses("a missing range",
+          [&](MapUpdate& u) { first_scan(u, [](PackedScan& s, ScanGeometry&) { s.ranges.pop_back(); }); });
   refuses("no rays", [&](MapUpdate& u) {
     first_scan(u, [](PackedScan& s, ScanGeometry& g) {
       s.ranges.clear();
       g.ray_count = 0;
     });
   });
-  refuses("an infinite range", [&](MapUpdate& u) { first_scan(u, [](PackedScan&, ScanGeometry& g) { g.max_range_m = INFINITY; }); });
+  refuses("an infinite range",
+          [&](MapUpdate& u) { first_scan(u, [](PackedScan&, ScanGeometry& g) { g.max_range_m = INFINITY; }); });
   refuses("a grid of other size", [&](MapUpdate& u) {
     OccupancyGrid grid = std::get<OccupancyGrid>(*u.nodes[5].payload);
     grid.columns += 1;

@@ -7,7 +7,8 @@
 namespace mapweave {
 namespace {
 
-const SessionId kAlpha{{RobotId("alpha"), SensorId("camera")}, 1600000000000000000}, kBeta{{RobotId("beta"), SensorId("camera")}, 5};
+const SessionId kAlpha{{RobotId("alpha"), SensorId("camera")}, 1600000000000000000},
+    kBeta{{RobotId("beta"), SensorId("camera")}, 5};
 
 DescribedLandmark landmark(std::mt19937_64& random, std::uint32_t index) {
   const auto draw = [&](double most) { return most * (2.0 * static_cast<double>(random() >> 11) * 0x1.0p-53 - 1.0); };
@@ -31,7 +32,8 @@ Share share() {
     for (const double sign : {1.0, -1.0})
       result.landmarks.push_back(landmark(random, 300)), result.landmarks.back().direction = sign * axis;
   result.landmarks.push_back(landmark(random, 301));
-  result.landmarks.back().direction.setZero(), result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
+  result.landmarks.back().direction.setZero(),
+      result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
   result.corrected.push_back({{kBeta, 4}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}});
   result.scale = 1.25;
   return result;
@@ -67,15 +69,16 @@ TEST(Exchange, gives_the_other_messages_back) {
   EXPECT_EQ(hello.session, kAlpha);
   EXPECT_EQ(hello.vocabulary, vocabulary);
 
-  const ClientView view =
-      decode_client_view(encode(ClientView{MapId("beta.camera.1"), {-7}, {{1, 2, 3}, Eigen::Quaterniond::Identity()}, 9}), "test");
+  const ClientView view = decode_client_view(
+      encode(ClientView{MapId("beta.camera.1"), {-7}, {{1, 2, 3}, Eigen::Quaterniond::Identity()}, 9}), "test");
   EXPECT_EQ(view.map, MapId("beta.camera.1"));
   EXPECT_EQ(view.stamp.ns, -7);
   EXPECT_EQ(view.map_from_robot.t, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(view.forgotten, 9U);
 
   auto geometry = std::make_shared<CameraGeometry>();
-  geometry->width = 640, geometry->height = 480, geometry->fx = geometry->fy = 500.0, geometry->cx = 320.0, geometry->cy = 240.0;
+  geometry->width = 640, geometry->height = 480, geometry->fx = geometry->fy = 500.0, geometry->cx = 320.0,
+  geometry->cy = 240.0;
   PlaceRequest request{{42}, {geometry, {{100, 200, 300, 2, 4}}, {{1, 2, 3, 4}}}};
   const PlaceRequest asked = decode_place_request(encode(request), "test");
   EXPECT_EQ(asked.stamp, request.stamp);
@@ -111,7 +114,9 @@ TEST(Exchange, refuses_what_it_is_not) {
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
-Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body) { return {RobotId("alpha"), 7, {123456789}, std::move(body)}; }
+Sensed sensed(std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body) {
+  return {RobotId("alpha"), 7, {123456789}, std::move(body)};
+}
 
 PackedScan small_scan() {
   ScanGeometry geometry{-1.0, 0.5, 4, 30.0, 0.001, {}};
@@ -163,7 +168,8 @@ TEST(Exchange, keeps_how_a_scan_was_bent_and_costs_nothing_where_it_was_not) {
 
 // The bytes of a number, exchanged for those of another.
 std::string exchanged(std::string bytes, double from, double to) {
-  const std::string before(reinterpret_cast<const char*>(&from), sizeof from), after(reinterpret_cast<const char*>(&to), sizeof to);
+  const std::string before(reinterpret_cast<const char*>(&from), sizeof from),
+      after(reinterpret_cast<const char*>(&to), sizeof to);
   const auto at = bytes.find(before);
   EXPECT_NE(at, std::string::npos);
   return bytes.replace(at, before.size(), after);
@@ -181,7 +187,8 @@ TEST(Exchange, refuses_sweeps_and_motions_that_cannot_be) {
     EXPECT_THROW(decode_sensed(exchanged(bytes, 0.05, absurd), "test"), Error) << absurd;
     EXPECT_THROW(decode_sensed(exchanged(bytes, -0.0125, absurd), "test"), Error) << absurd;
   }
-  EXPECT_THROW(decode_sensed(exchanged(exchanged(bytes, 0.05, 0.0), -0.0125, 0.0), "test"), Error) << "a motion without a sweep";
+  EXPECT_THROW(decode_sensed(exchanged(exchanged(bytes, 0.05, 0.0), -0.0125, 0.0), "test"), Error)
+      << "a motion without a sweep";
   std::string fast = bytes;
   const auto at = fast.find("\x18\x80\xF4\x03");  // 32 m/s
   ASSERT_NE(at, std::string::npos);
@@ -216,7 +223,8 @@ TEST(Exchange, survives_bytes_that_are_flipped) {
   std::mt19937_64 random(17);
   for (int i = 0; i < 3000; ++i) {
     std::string damaged = bytes;
-    for (int flip = 0; flip < 1 + i % 3; ++flip) damaged[random() % damaged.size()] ^= static_cast<char>(1 << (random() % 8));
+    for (int flip = 0; flip < 1 + i % 3; ++flip)
+      damaged[random() % damaged.size()] ^= static_cast<char>(1 << (random() % 8));
     if (i % 5 == 0) damaged.resize(random() % damaged.size());
     try {
       const Share got = decode_share(damaged, "test");

@@ -19,9 +19,10 @@ MapUpdate some_update(std::uint64_t seed, std::uint32_t node_count) {
   MapUpdate update = difference({}, map);
   update.landmarks[1].seen.push_back(random.sighting(beta.nodes.front().first));
   const SessionId session = map.nodes.front().first.session;
-  update.changed_landmarks = {{{session, 500}, Eigen::Vector3i{1, -2147483647, 0}, {}},
-                              {{session, 501}, std::nullopt, {random.sighting({session, 1}), random.sighting({session, 9})}},
-                              {{session, 502}, Eigen::Vector3i{-3, 3, 70000}, {random.sighting(beta.nodes.front().first)}}};
+  update.changed_landmarks = {
+      {{session, 500}, Eigen::Vector3i{1, -2147483647, 0}, {}},
+      {{session, 501}, std::nullopt, {random.sighting({session, 1}), random.sighting({session, 9})}},
+      {{session, 502}, Eigen::Vector3i{-3, 3, 70000}, {random.sighting(beta.nodes.front().first)}}};
   update.removed_landmarks = {{session, 600}, {session, 601}};
   return update;
 }
@@ -90,7 +91,8 @@ TEST(KeyframeCodec, gives_landmarks_back_bit_for_bit) {
 TEST(KeyframeCodec, gives_a_keyframe_without_features_back) {
   RandomMaps random(2);
   MapUpdate update;
-  update.nodes = {{{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), random.keyframe(random.camera(), 0)}};
+  update.nodes = {
+      {{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), random.keyframe(random.camera(), 0)}};
   const MapUpdate again = decode_map_update(encode(update), "here");
   ASSERT_NE(std::get_if<KeyframeFeatures>(again.nodes[0].payload.get()), nullptr);
 }
@@ -121,7 +123,8 @@ TEST(KeyframeCodec, gives_sightings_of_borrowed_landmarks_back) {
   ASSERT_EQ(again.borrowed[0].seen.size(), 2U);
   for (std::size_t k = 0; k < 2; ++k) expect_same(again.borrowed[0].seen[k], update.borrowed[0].seen[k]);
   const std::string bytes = encode(update);
-  for (std::size_t length = 0; length < bytes.size(); length += 7) EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
+  for (std::size_t length = 0; length < bytes.size(); length += 7)
+    EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
 }
 
 // CORB-SLAM sends light keyframes after the first full one; ours say 1/45 of a full one's bytes or less.
@@ -159,7 +162,8 @@ MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
     point.inverse_depth = static_cast<std::uint16_t>(point.inverse_depth / 8 & 0xfffc);
   }
   std::sort(keyframe.points.begin(), keyframe.points.end(), [](const auto& a, const auto& b) { return a.v < b.v; });
-  update.nodes = {{{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), std::make_shared<const Payload>(keyframe)}};
+  update.nodes = {
+      {{{{RobotId("alpha"), SensorId("camera")}, 1}, 0}, {}, random.pose(), std::make_shared<const Payload>(keyframe)}};
   return update;
 }
 
@@ -184,7 +188,8 @@ TEST(KeyframeCodec, gives_back_any_points_that_rise) {
   for (std::uint64_t seed = 1; seed < 30; ++seed) {
     MapUpdate update = of_a_client(seed, 16 + static_cast<std::uint32_t>(seed));
     KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*update.nodes[0].payload);
-    if (seed % 3 == 0) keyframe.points.back().v = 16 * 479, keyframe.points.back().u = 1, keyframe.points.back().inverse_depth = 65535;
+    if (seed % 3 == 0)
+      keyframe.points.back().v = 16 * 479, keyframe.points.back().u = 1, keyframe.points.back().inverse_depth = 65535;
     if (seed % 3 == 1)
       for (KeyframePoint& point : keyframe.points) point = {};
     if (seed % 5 == 0) keyframe.points.back().angle = 255;
@@ -195,7 +200,8 @@ TEST(KeyframeCodec, gives_back_any_points_that_rise) {
 
 TEST(KeyframeCodec, refuses_dense_points_that_are_cut_changed_or_too_long) {
   const std::string bytes = encode(of_a_client(3, 40));
-  for (std::size_t length = 0; length < bytes.size(); ++length) EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
+  for (std::size_t length = 0; length < bytes.size(); ++length)
+    EXPECT_TRUE(is_refused(bytes.substr(0, length))) << length;
   std::size_t refused = 0;
   for (std::size_t i = 0; i < bytes.size(); ++i)
     for (const int bit : {0, 3, 7}) {
@@ -228,7 +234,8 @@ TEST(KeyframeCodec, spends_little_on_a_landmark) {
 
 TEST(KeyframeCodec, notices_an_update_cut_at_any_byte) {
   const std::string bytes = encode(some_update(4, 5));
-  for (std::size_t size = 0; size < bytes.size(); ++size) ASSERT_TRUE(is_refused(std::string_view(bytes).substr(0, size))) << size;
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    ASSERT_TRUE(is_refused(std::string_view(bytes).substr(0, size))) << size;
 }
 
 TEST(KeyframeCodec, survives_any_flipped_bit) {
@@ -263,14 +270,16 @@ class HandMadeUpdate : public ::testing::Test {
     return field(1, "") + std::string("\x10\x01", 2) + field(3, identity) + payload;
   }
   bool takes_keyframe(std::size_t point_bytes, std::size_t descriptor_bytes) const {
-    const std::string keyframe = field(2, std::string(point_bytes, '\0')) + field(3, std::string(descriptor_bytes, '\0'));
+    const std::string keyframe =
+        field(2, std::string(point_bytes, '\0')) + field(3, std::string(descriptor_bytes, '\0'));
     return !is_refused(header_ + field(2, node(field(6, keyframe))));
   }
   bool takes_landmark(std::size_t numbers, std::size_t nodes, std::size_t sessions, std::size_t place_bytes) const {
     std::string indices;
     for (std::size_t i = 0; i < nodes; ++i) indices.push_back(static_cast<char>(i));
-    return !is_refused(header_ + field(10, field(1, "") + field(3, std::string(numbers, '\2')) + field(5, std::string(sessions, '\0')) +
-                                               field(6, indices) + field(7, std::string(place_bytes, '\0'))));
+    return !is_refused(header_ + field(10, field(1, "") + field(3, std::string(numbers, '\2')) +
+                                               field(5, std::string(sessions, '\0')) + field(6, indices) +
+                                               field(7, std::string(place_bytes, '\0'))));
   }
   RandomMaps random_{3};
   std::string header_;
@@ -312,7 +321,8 @@ TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
     spoil(update);
     EXPECT_THROW(encode(update), ContractViolation) << what;
   };
-  const auto refuses_keyframe = [&](const std::string& what, const std::function<void(KeyframeFeatures&, CameraGeometry&)>& spoil) {
+  const auto refuses_keyframe = [&](const std::string& what,
+                                    const std::function<void(KeyframeFeatures&, CameraGeometry&)>& spoil) {
     refuses(what, [&](MapUpdate& update) {
       KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*update.nodes[0].payload);
       CameraGeometry camera = *keyframe.geometry;
@@ -329,7 +339,8 @@ TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
     k.points.resize(100001);
     k.descriptors.resize(100001);
   });
-  refuses_keyframe("no width", [](KeyframeFeatures& k, CameraGeometry& c) { c.width = 0, k.points.clear(), k.descriptors.clear(); });
+  refuses_keyframe(
+      "no width", [](KeyframeFeatures& k, CameraGeometry& c) { c.width = 0, k.points.clear(), k.descriptors.clear(); });
   refuses_keyframe("a large picture", [](KeyframeFeatures&, CameraGeometry& c) { c.height = 4097; });
   refuses_keyframe("NaN as focal length", [&](KeyframeFeatures&, CameraGeometry& c) { c.fy = nan; });
   refuses_keyframe("a focal length of 0", [&](KeyframeFeatures&, CameraGeometry& c) { c.fx = 0; });
@@ -337,13 +348,16 @@ TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
   refuses_keyframe("a negative baseline", [](KeyframeFeatures&, CameraGeometry& c) { c.baseline_m = -0.1; });
   refuses_keyframe("a pyramid that shrinks", [](KeyframeFeatures&, CameraGeometry& c) { c.level_scale = 0.9; });
   refuses_keyframe("NaN in a mount", [&](KeyframeFeatures&, CameraGeometry& c) { c.robot_from_camera.t.x() = nan; });
-  refuses("a keyframe without camera", [](MapUpdate& u) { u.nodes[0].payload = std::make_shared<const Payload>(KeyframeFeatures{}); });
+  refuses("a keyframe without camera",
+          [](MapUpdate& u) { u.nodes[0].payload = std::make_shared<const Payload>(KeyframeFeatures{}); });
   refuses("a foreign anchor", [](MapUpdate& u) { u.landmarks[0].anchor.session.run += 1; });
   refuses("sightings out of order", [](MapUpdate& u) { std::swap(u.landmarks[0].seen[0], u.landmarks[0].seen[1]); });
   refuses("a sighting twice", [](MapUpdate& u) { u.changed_landmarks[1].seen[1] = u.changed_landmarks[1].seen[0]; });
   refuses("a sighting on level 40", [](MapUpdate& u) { u.changed_landmarks[1].seen[1].level = 40; });
   refuses("a borrowed landmark that moves", [](MapUpdate& u) { u.borrowed = {u.changed_landmarks[0]}; });
-  refuses("borrowed landmarks out of order", [](MapUpdate& u) { u.borrowed = {u.changed_landmarks[1], u.changed_landmarks[1]}; });
+  refuses("borrowed landmarks out of order", [](MapUpdate& u) {
+    u.borrowed = {u.changed_landmarks[1], u.changed_landmarks[1]};
+  });
   refuses("landmarks out of order", [](MapUpdate& u) { std::swap(u.landmarks[0], u.landmarks[1]); });
   refuses("a robot without a name", [](MapUpdate& u) { u.removed_landmarks[0].session.client.robot = RobotId(); });
 }

@@ -12,7 +12,8 @@ namespace {
 using test::RandomMaps;
 
 TEST(KeyframePoint, keeps_pixels_to_a_thirtysecond) {
-  for (const double pixels : {0.0, 0.4, 17.03, 319.999, 4000.5}) EXPECT_NEAR(pixels_of(pixel_units(pixels)), pixels, 1.0 / 32.0);
+  for (const double pixels : {0.0, 0.4, 17.03, 319.999, 4000.5})
+    EXPECT_NEAR(pixels_of(pixel_units(pixels)), pixels, 1.0 / 32.0);
   EXPECT_EQ(pixel_units(-0.5), 0);
   EXPECT_EQ(pixel_units(5000.0), 65535);
 }
@@ -27,8 +28,8 @@ TEST(KeyframePoint, keeps_depths_as_finely_as_cameras_see_them) {
 }
 
 TEST(KeyframePoint, knows_no_depth_that_is_none) {
-  for (const double depth_m :
-       {0.0, -1.0, 0.06, 9000.0, 1e300, std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()})
+  for (const double depth_m : {0.0, -1.0, 0.06, 9000.0, 1e300, std::numeric_limits<double>::infinity(),
+                               std::numeric_limits<double>::quiet_NaN()})
     EXPECT_EQ(inverse_depth_units(depth_m), 0) << depth_m;
   EXPECT_EQ(depth_m_of(0), 0.0);
 }
@@ -40,7 +41,9 @@ TEST(KeyframePoint, keeps_angles_round_the_circle) {
   EXPECT_NEAR(angle_deg_of(angle_units(211.0)), 211.0, 0.71);
 }
 
-TEST(Keyframe, takes_forty_bytes_a_feature_in_memory) { EXPECT_EQ(sizeof(KeyframePoint) + sizeof(BinaryDescriptor), 40U); }
+TEST(Keyframe, takes_forty_bytes_a_feature_in_memory) {
+  EXPECT_EQ(sizeof(KeyframePoint) + sizeof(BinaryDescriptor), 40U);
+}
 
 TEST(Landmark, keeps_its_point_to_a_twentieth_of_a_millimetre) {
   Landmark landmark;
@@ -52,7 +55,8 @@ TEST(Landmark, keeps_its_point_to_a_twentieth_of_a_millimetre) {
 }
 
 TEST(Landmark, is_named_by_its_session) {
-  EXPECT_EQ(to_string(LandmarkId{{{RobotId("alpha"), SensorId("camera")}, 1'500'000'000}, 12}), "alpha/camera@1.500/landmark 12");
+  EXPECT_EQ(to_string(LandmarkId{{{RobotId("alpha"), SensorId("camera")}, 1'500'000'000}, 12}),
+            "alpha/camera@1.500/landmark 12");
 }
 
 TEST(ContentHash, sees_any_change_of_a_keyframe_and_none_of_landmarks) {

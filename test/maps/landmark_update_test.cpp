@@ -104,7 +104,8 @@ TEST_F(LandmarkUpdate, of_a_keyframe_that_goes_says_nothing_of_the_landmarks_tha
     std::vector<LandmarkId> without_anchor;
     for (auto& [id, landmark] : newer.landmarks) {
       auto& seen = landmark.seen;
-      const auto place = std::find_if(seen.begin(), seen.end(), [&](const auto& sighting) { return sighting.node == gone; });
+      const auto place =
+          std::find_if(seen.begin(), seen.end(), [&](const auto& sighting) { return sighting.node == gone; });
       if (place == seen.end()) continue;
       seen.erase(place);
       ++saw;

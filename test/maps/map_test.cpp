@@ -34,8 +34,11 @@ TEST(Map, lists_its_sessions_and_robots_in_order) {
         node.id = {{{RobotId(robot), SensorId("laser")}, run}, index};
         map.nodes.set(node.id, node);
       }
-  const auto session = [](const char* robot, std::int64_t run) { return SessionId{{RobotId(robot), SensorId("laser")}, run}; };
-  EXPECT_THAT(map.sessions(), ElementsAre(session("alpha", 4), session("alpha", 9), session("beta", 4), session("beta", 9)));
+  const auto session = [](const char* robot, std::int64_t run) {
+    return SessionId{{RobotId(robot), SensorId("laser")}, run};
+  };
+  EXPECT_THAT(map.sessions(),
+              ElementsAre(session("alpha", 4), session("alpha", 9), session("beta", 4), session("beta", 9)));
   EXPECT_THAT(map.robots(), ElementsAre(RobotId("alpha"), RobotId("beta")));
 }
 
@@ -80,7 +83,8 @@ TEST(ContentHash, sees_any_change_of_content) {
 
 TEST(ToText, names_every_reason_and_decision) {
   std::set<std::string_view> texts;
-  for (int reason = 0; reason <= static_cast<int>(Reason::too_few_witnesses); ++reason) texts.insert(to_text(static_cast<Reason>(reason)));
+  for (int reason = 0; reason <= static_cast<int>(Reason::too_few_witnesses); ++reason)
+    texts.insert(to_text(static_cast<Reason>(reason)));
   EXPECT_EQ(texts.size(), 8U);
   EXPECT_EQ(texts.count("unknown"), 0U);
   EXPECT_EQ(to_text(Decision::accepted), "accepted");

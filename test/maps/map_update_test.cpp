@@ -29,8 +29,10 @@ class MapUpdateTest : public ::testing::Test {
 };
 
 TEST_F(MapUpdateTest, of_a_map_and_itself_is_empty) {
-  EXPECT_TRUE(nothing_.nodes.empty() && nothing_.moved.empty() && nothing_.submaps.empty() && nothing_.constraints.empty());
-  EXPECT_TRUE(nothing_.removed_nodes.empty() && nothing_.removed_submaps.empty() && nothing_.removed_constraints.empty());
+  EXPECT_TRUE(nothing_.nodes.empty() && nothing_.moved.empty() && nothing_.submaps.empty() &&
+              nothing_.constraints.empty());
+  EXPECT_TRUE(nothing_.removed_nodes.empty() && nothing_.removed_submaps.empty() &&
+              nothing_.removed_constraints.empty());
   EXPECT_EQ(bytes_of(updated(map_, nothing_)), bytes_of(map_));
 }
 
@@ -76,7 +78,8 @@ TEST_F(MapUpdateTest, takes_nodes_between_those_it_has) {
   for (const auto& [id, node] : random_.map("beta-before", 3).nodes) with_alpha.nodes.set(id, node);
   const Map result = updated(both, difference(both, with_alpha));
   EXPECT_EQ(bytes_of(result), bytes_of(with_alpha));
-  EXPECT_TRUE(std::is_sorted(result.nodes.begin(), result.nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; }));
+  EXPECT_TRUE(std::is_sorted(result.nodes.begin(), result.nodes.end(),
+                             [](const auto& a, const auto& b) { return a.first < b.first; }));
 }
 
 TEST_F(MapUpdateTest, may_come_twice) {

@@ -24,8 +24,9 @@ TEST(Reasons, stand_in_the_guides_table_with_the_same_words) {
   for (int i = 0; i <= static_cast<int>(kLastReason); ++i) {
     const Reason reason = static_cast<Reason>(i);
     const std::string help(what_helps(reason));
-    EXPECT_THAT(guide, testing::HasSubstr("| `" + std::string(to_text(reason)) + "` | " + std::string(in_words(reason)) + " |" +
-                                          (help.empty() ? " |" : " " + help + " |")));
+    EXPECT_THAT(
+        guide, testing::HasSubstr("| `" + std::string(to_text(reason)) + "` | " + std::string(in_words(reason)) + " |" +
+                                  (help.empty() ? " |" : " " + help + " |")));
   }
 }
 

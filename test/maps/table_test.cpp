@@ -25,7 +25,8 @@ Names table_of(const std::vector<int>& keys) {
 TEST(Table, takes_many_keys_between_before_and_behind_those_it_has) {
   Names table = table_of({2, 4, 6});
   table.set_all({{1, "a"}, {4, "b"}, {5, "c"}, {9, "d"}});
-  EXPECT_THAT(all(table), ElementsAre(Pair(1, "a"), Pair(2, "2"), Pair(4, "b"), Pair(5, "c"), Pair(6, "6"), Pair(9, "d")));
+  EXPECT_THAT(all(table),
+              ElementsAre(Pair(1, "a"), Pair(2, "2"), Pair(4, "b"), Pair(5, "c"), Pair(6, "6"), Pair(9, "d")));
 }
 
 TEST(Table, loses_many_keys_and_overlooks_those_it_does_not_have) {
@@ -45,7 +46,8 @@ TEST(Table, changed_in_many_places_is_as_if_they_were_changed_one_by_one) {
   std::map<int, std::string> expected;
   for (int round = 0; round < 200; ++round) {
     std::map<int, std::string> brought;
-    for (auto count = random() % 9; count > 0; --count) brought[static_cast<int>(random() % 60)] = std::to_string(random());
+    for (auto count = random() % 9; count > 0; --count)
+      brought[static_cast<int>(random() % 60)] = std::to_string(random());
     std::vector<int> removed;
     for (int key = 0; key < 60; ++key)
       if (random() % 8 == 0) removed.push_back(key);

@@ -10,7 +10,9 @@ namespace {
 class Draws {
  public:
   explicit Draws(std::uint64_t seed) : random_(seed) {}
-  double uniform(double low, double high) { return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53; }
+  double uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53;
+  }
   double about(double deviation) {  // a sum of uniform numbers: nearly normal
     double sum = 0.0;
     for (int i = 0; i < 12; ++i) sum += uniform(-0.5, 0.5);
@@ -31,7 +33,8 @@ struct World {
 
 enum class Knows { both, only_a, only_b };
 
-// Two cameras at the sides' origins that see the same points; of `share_wrong` of the pairs b's side is that of another point.
+// Two cameras at the sides' origins that see the same points; of `share_wrong` of the pairs b's side is that of another
+// point.
 World world(std::uint64_t seed, Freedom freedom, Knows knows, double share_wrong, double noise_px) {
   Draws draws(seed);
   World world;
@@ -44,7 +47,8 @@ World world(std::uint64_t seed, Freedom freedom, Knows knows, double share_wrong
   const Sim3 b_from_a = inverse(world.a_from_b);
   std::vector<FeaturePair> pairs;
   while (pairs.size() < 100) {
-    const Eigen::Vector3d in_a(draws.uniform(-2, 2), draws.uniform(-1.5, 1.5), draws.uniform(1.5, 5)), in_b = transformed(in_a, b_from_a);
+    const Eigen::Vector3d in_a(draws.uniform(-2, 2), draws.uniform(-1.5, 1.5), draws.uniform(1.5, 5)),
+        in_b = transformed(in_a, b_from_a);
     if (in_b.z() < 0.1 || !kCamera.shows(kCamera.project(in_a)) || !kCamera.shows(kCamera.project(in_b))) continue;
     FeaturePair pair;
     pair.pixel_a = kCamera.project(in_a) + Eigen::Vector2d(draws.about(noise_px), draws.about(noise_px));
@@ -176,7 +180,8 @@ TEST(RefineAlignment, uses_every_camera_of_a_side) {
   two.problem.cameras_b.push_back({kCamera, b_from_second});
   for (std::size_t i = 0; i < two.problem.pairs.size(); i += 2) {
     two.problem.pairs[i].camera_b = 1;
-    two.problem.pairs[i].pixel_b = kCamera.project(transformed(*two.problem.pairs[i].point_in_b, inverse(b_from_second)));
+    two.problem.pairs[i].pixel_b =
+        kCamera.project(transformed(*two.problem.pairs[i].point_in_b, inverse(b_from_second)));
   }
   const auto fit = search_alignment(two.problem);
   ASSERT_TRUE(fit);

@@ -133,7 +133,8 @@ TEST(BinaryVocabulary, descends_to_the_nearest_child_at_each_level) {
     EXPECT_LT(vocabulary.find(query, 1).node, 3U);
     EXPECT_LT(vocabulary.find(query, 1).node, vocabulary.find(query, 2).node);
     int least = 257;
-    for (std::uint32_t child = 0; child < 3; ++child) least = std::min(least, hamming(query, vocabulary.descriptor_of_node(child)));
+    for (std::uint32_t child = 0; child < 3; ++child)
+      least = std::min(least, hamming(query, vocabulary.descriptor_of_node(child)));
     EXPECT_EQ(hamming(query, vocabulary.descriptor_of_node(vocabulary.find(query, 1).node)), least);
   }
 }
@@ -142,7 +143,8 @@ TEST(BinaryVocabulary, puts_whole_pictures_into_bags_that_add_up) {
   const Planted world = planted(5);
   const BinaryVocabulary vocabulary = trained(world.pictures, 6, 2);
   const std::vector<OrbDescriptor> first(world.pictures.descriptors.begin(), world.pictures.descriptors.begin() + 20);
-  const std::vector<OrbDescriptor> second(world.pictures.descriptors.begin() + 20, world.pictures.descriptors.begin() + 40);
+  const std::vector<OrbDescriptor> second(world.pictures.descriptors.begin() + 20,
+                                          world.pictures.descriptors.begin() + 40);
   const DescribedPicture a = vocabulary.describe_picture(first), b = vocabulary.describe_picture(second);
   EXPECT_EQ(a.node_of_feature.size(), 20U);
   int sum = 0;

@@ -20,11 +20,13 @@ struct Pair {
     map_a = test::truth_map(team.robots[0], team.laser), map_b = test::truth_map(team.robots[1], team.laser);
     for (const auto& [id, submap] : map_a.submaps) a.emplace_back(submap, map_a.nodes);
     for (const auto& [id, submap] : map_b.submaps) b.emplace_back(submap, map_b.nodes);
-    a_from_b_maps = between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
+    a_from_b_maps =
+        between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot);
   }
   Pose2 truth(std::size_t i, std::size_t j) const {
     const auto anchor = [](const Map& map, std::size_t n) {
-      return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(n))->second.anchor())->map_from_node);
+      return planar(
+          map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(n))->second.anchor())->map_from_node);
     };
     return between(anchor(map_a, i), compose(a_from_b_maps, anchor(map_b, j)));
   }
@@ -54,7 +56,8 @@ TEST(BranchAndBound, finds_the_true_alignment_all_around) {
   for (std::size_t j = 0; j < pair().b.size(); ++j) {
     const std::size_t i = partner(j);
     const auto centre_a = pair().a[i].centre(), centre_b = pair().b[j].centre();
-    const auto peaks = search_peaks(pair().a[i], pair().b[j], {{centre_a.x - centre_b.x, centre_a.y - centre_b.y, 0.0}, 8.0, M_PI});
+    const auto peaks =
+        search_peaks(pair().a[i], pair().b[j], {{centre_a.x - centre_b.x, centre_a.y - centre_b.y, 0.0}, 8.0, M_PI});
     if (peaks.empty()) continue;
     const Pose2 apart = between(pair().truth(i, j), peaks.front().a_from_b);
     right += std::hypot(apart.x, apart.y) < 0.4 && std::abs(apart.phi) < 0.1;
@@ -66,7 +69,8 @@ TEST(BranchAndBound, scores_as_high_as_brute_force) {
   const std::size_t i = partner(0);
   const SubmapModel &a = pair().a[i], &b = pair().b[0];
   const Pose2 guess = compose(pair().truth(i, 0), {0.3, -0.2, 0.05});
-  // Windows of less than a block of the pyramid, of some, and of many; the last one where walls of b lie outside all that a knows.
+  // Windows of less than a block of the pyramid, of some, and of many; the last one where walls of b lie outside all
+  // that a knows.
   const struct { double x, radius_m; } windows[] = {{0.0, 0.25}, {0.0, 0.8}, {0.0, 2.0}, {3.0, 1.7}};
   for (const auto& window : windows) {
     const Pose2 middle = compose(guess, {window.x, 0.0, 0.0});

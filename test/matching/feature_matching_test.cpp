@@ -45,7 +45,8 @@ std::pair<Picture, Picture> two_pictures(std::uint64_t seed, int shared, int str
   return {a, b};
 }
 
-std::vector<FeatureMatch> by_brute_force(const Picture& a, const Picture& b, const MatchingOptions& options, bool by_node) {
+std::vector<FeatureMatch> by_brute_force(const Picture& a, const Picture& b, const MatchingOptions& options,
+                                         bool by_node) {
   std::vector<FeatureMatch> matches;
   const auto nearest = [&](const Picture& of, std::uint32_t i, const Picture& among) {
     int first = 257, second = 257;
@@ -107,7 +108,8 @@ TEST(MatchFeatures, leaves_twins_alone) {
 
 TEST(MatchFeatures, drops_what_turned_otherwise_than_most) {
   auto [a, b] = two_pictures(7, 40, 0);
-  for (std::size_t i = 0; i < 6; ++i) b.features.points[i].angle_deg = std::fmod(b.features.points[i].angle_deg + 150.0f, 360.0f);
+  for (std::size_t i = 0; i < 6; ++i)
+    b.features.points[i].angle_deg = std::fmod(b.features.points[i].angle_deg + 150.0f, 360.0f);
   EXPECT_EQ(match_features(a.view(), b.view()).size(), 34U);
   MatchingOptions any_turn;
   any_turn.rotation_window_deg = 360.0;

@@ -17,7 +17,8 @@ SubmapView view(const Map& map, std::size_t number) {
 }
 
 Pose2 anchor(const Map& map, std::size_t number) {
-  return planar(map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(number))->second.anchor())->map_from_node);
+  return planar(
+      map.nodes.find((map.submaps.begin() + static_cast<std::ptrdiff_t>(number))->second.anchor())->map_from_node);
 }
 
 struct Two {
@@ -26,7 +27,8 @@ struct Two {
   explicit Two(const simulation::SimulatedTeam& team)
       : a(test::truth_map(team.robots[0], team.laser)),
         b(test::truth_map(team.robots[1], team.laser)),
-        a_from_b(between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot)) {}
+        a_from_b(
+            between(team.robots[0].steps.front().world_from_robot, team.robots[1].steps.front().world_from_robot)) {}
   Pose2 truth(std::size_t i, std::size_t j) const { return between(anchor(a, i), compose(a_from_b, anchor(b, j))); }
 };
 
@@ -56,7 +58,8 @@ TEST(Judge, aligns_two_views_of_one_place_within_centimetres) {
   EXPECT_LT(errors[errors.size() / 2], 0.04);
 }
 
-// Single rooms of different buildings may look alike, so a pair alone never joins maps (fusion asks for witnesses); but few may.
+// Single rooms of different buildings may look alike, so a pair alone never joins maps (fusion asks for witnesses); but
+// few may.
 TEST(Judge, rarely_takes_a_strangers_room_for_its_own) {
   const Two two(simulation::make_two_strangers());
   std::size_t asked = 0, believed = 0;
@@ -89,7 +92,8 @@ TEST(Judge, calls_a_bare_corridor_unobservable_or_ambiguous) {
   const Two two(simulation::make_corridor(corridor, options));
   const std::size_t middle_a = two.a.submaps.size() / 4, middle_b = two.b.submaps.size() / 4;
   const Judgement judgement = judge(view(two.a, middle_a), view(two.b, middle_b), {{}, 6.0, M_PI});
-  EXPECT_TRUE(judgement.doubt != Reason::none || judgement.probability < 0.5) << "observability " << judgement.evidence.observability(1);
+  EXPECT_TRUE(judgement.doubt != Reason::none || judgement.probability < 0.5)
+      << "observability " << judgement.evidence.observability(1);
 }
 
 TEST(Judge, is_pure_and_names_its_answer_before_it_is_made) {

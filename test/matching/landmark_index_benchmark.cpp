@@ -12,10 +12,13 @@ using namespace mapweave::matching;
 
 int main() {
   std::mt19937_64 random(1);
-  const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53; };
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11) * 0x1p-53;
+  };
   const auto now_ms = [] { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; };
   constexpr std::uint32_t kLandmarks = 60000, kCameras = 2000;
-  std::printf("%8s %8s %10s %10s %10s %10s %10s\n", "side m", "cell m", "answered", "mean ms", "99% ms", "all ms", "set us");
+  std::printf("%8s %8s %10s %10s %10s %10s %10s\n", "side m", "cell m", "answered", "mean ms", "99% ms", "all ms",
+              "set us");
   for (const double side_m : {25.0, 50.0, 100.0})
     for (const double cell_m : {0.5, 1.0, 2.0}) {
       LandmarkIndex index({cell_m, false});
@@ -40,16 +43,17 @@ int main() {
       for (std::uint32_t i = 0; i < kCameras; ++i) {
         Frustum frustum;
         frustum.pinhole = {640, 480, 525.0, 525.0, 319.5, 239.5};
-        frustum.map_from_camera = {{uniform(0, side_m), uniform(0, side_m), 1.0},
-                                   Eigen::Quaterniond(Eigen::AngleAxisd(uniform(-M_PI, M_PI), Eigen::Vector3d::UnitZ())) *
-                                       Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)};
+        frustum.map_from_camera = {
+            {uniform(0, side_m), uniform(0, side_m), 1.0},
+            Eigen::Quaterniond(Eigen::AngleAxisd(uniform(-M_PI, M_PI), Eigen::Vector3d::UnitZ())) *
+                Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)};
         before = now_ms();
         const auto found = index.retrieve(frustum, {}, ClientId{RobotId("gamma"), SensorId("front")});
         spent_ms.push_back(now_ms() - before);
         all_ms += spent_ms.back(), answered += static_cast<double>(found.size());
       }
       std::sort(spent_ms.begin(), spent_ms.end());
-      std::printf("%8.0f %8.1f %10.0f %10.4f %10.4f %10.1f %10.2f\n", side_m, cell_m, answered / kCameras, all_ms / kCameras,
-                  spent_ms[kCameras * 99 / 100], all_ms, set_us);
+      std::printf("%8.0f %8.1f %10.0f %10.4f %10.4f %10.1f %10.2f\n", side_m, cell_m, answered / kCameras,
+                  all_ms / kCameras, spent_ms[kCameras * 99 / 100], all_ms, set_us);
     }
 }

@@ -23,7 +23,8 @@ Frustum looking(const Eigen::Vector3d& from, double yaw, double pitch) {
   Frustum frustum;
   frustum.pinhole = kPinhole;
   frustum.map_from_camera = {from, Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ())) *
-                                       Eigen::Quaterniond(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY())) * kForward};
+                                       Eigen::Quaterniond(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY())) *
+                                       kForward};
   return frustum;
 }
 
@@ -37,28 +38,33 @@ std::vector<std::uint32_t> indices(const std::vector<DescribedLandmark>& landmar
 bool is_retrieved(const DescribedLandmark& one, const Frustum& frustum, const RetrievalOptions& options) {
   const Eigen::Vector3d p = transformed(one.point_in_map, inverse(frustum.map_from_camera));
   if (p.z() < frustum.near_m || p.z() > frustum.far_m) return false;
-  const double u = kPinhole.cx + kPinhole.fx * p.x() / p.z(), v = kPinhole.cy + kPinhole.fy * p.y() / p.z(), m = options.margin_px;
+  const double u = kPinhole.cx + kPinhole.fx * p.x() / p.z(), v = kPinhole.cy + kPinhole.fy * p.y() / p.z(),
+               m = options.margin_px;
   if (u < -m || v < -m || u > kPinhole.width - 1 + m || v > kPinhole.height - 1 + m) return false;
   const Eigen::Vector3d ray = one.point_in_map - frustum.map_from_camera.t;
-  if (one.direction.norm() > 0.0 && std::acos(std::min(1.0, ray.normalized().dot(one.direction))) > options.most_turn_rad) return false;
-  return one.farthest_m == 0.0 ||
-         (ray.norm() * options.most_range_ratio >= one.nearest_m && ray.norm() <= one.farthest_m * options.most_range_ratio);
+  if (one.direction.norm() > 0.0 &&
+      std::acos(std::min(1.0, ray.normalized().dot(one.direction))) > options.most_turn_rad)
+    return false;
+  return one.farthest_m == 0.0 || (ray.norm() * options.most_range_ratio >= one.nearest_m &&
+                                   ray.norm() <= one.farthest_m * options.most_range_ratio);
 }
 
 class RandomLandmarks : public test::RandomMaps {
  public:
   using RandomMaps::RandomMaps;
   DescribedLandmark next(std::uint32_t index, const Eigen::Vector3d& around) {
-    DescribedLandmark one = landmark(index, around + Eigen::Vector3d(uniform(-12, 12), uniform(-12, 12), uniform(-2, 3)));
-    if (below(4) == 0) one.point_in_map.head<2>() = (2.0 * one.point_in_map.head<2>()).array().round() / 2.0;  // on corners of cells
+    DescribedLandmark one =
+        landmark(index, around + Eigen::Vector3d(uniform(-12, 12), uniform(-12, 12), uniform(-2, 3)));
+    if (below(4) == 0)
+      one.point_in_map.head<2>() = (2.0 * one.point_in_map.head<2>()).array().round() / 2.0;  // on corners of cells
     if (below(3) > 0) one.direction = Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-0.3, 0.3)).normalized();
     if (below(3) > 0) one.nearest_m = uniform(0.5, 5), one.farthest_m = one.nearest_m + uniform(0, 4);
     return one;
   }
   Frustum camera(const Eigen::Vector3d& around) {
     const double kPitches[] = {0.0, M_PI / 2, -M_PI / 2, uniform(-1.5, 1.5)};
-    Frustum frustum =
-        looking(around + Eigen::Vector3d(uniform(-10, 10), uniform(-10, 10), uniform(-1, 2)), uniform(-4, 4), kPitches[below(4)]);
+    Frustum frustum = looking(around + Eigen::Vector3d(uniform(-10, 10), uniform(-10, 10), uniform(-1, 2)),
+                              uniform(-4, 4), kPitches[below(4)]);
     if (below(4) == 0) frustum.map_from_camera.q = (frustum.map_from_camera.q * pose().q).normalized();
     frustum.near_m = uniform(0.05, 1.0), frustum.far_m = frustum.near_m + uniform(0.1, 12.0);
     return frustum;
@@ -87,7 +93,8 @@ TEST_P(LandmarkIndexAgainstBruteForce, retrieves_the_same_for_any_camera_while_l
       ASSERT_EQ(index.size(), known.size());
       const Frustum frustum = random.camera(around);
       RetrievalOptions options;
-      options.margin_px = random.uniform(0, 30), options.most_turn_rad = random.uniform(0.2, 3.0), options.most = 100000;
+      options.margin_px = random.uniform(0, 30), options.most_turn_rad = random.uniform(0.2, 3.0),
+      options.most = 100000;
       std::vector<std::uint32_t> expected;
       for (const auto& [number, one] : known)
         if (is_retrieved(one, frustum, options)) expected.push_back(number);
@@ -184,9 +191,11 @@ TEST(LandmarkIndex, looks_across_a_whole_country_without_counting_its_cells) {
   EXPECT_THAT(indices(index.retrieve(frustum)), testing::ElementsAre(1));
 }
 
-// A keyframe at the map's origin that looks along x, with a feature two pixels right of where it sees a landmark 4 m ahead.
+// A keyframe at the map's origin that looks along x, with a feature two pixels right of where it sees a landmark 4 m
+// ahead.
 TEST(LandmarkDescription, takes_the_descriptor_of_the_feature_beside_and_says_where_that_lies) {
-  CameraGeometry camera{kPinhole.width, kPinhole.height, kPinhole.fx, kPinhole.fy, kPinhole.cx, kPinhole.cy, 0.0, 1.2, {}};
+  CameraGeometry camera{
+      kPinhole.width, kPinhole.height, kPinhole.fx, kPinhole.fy, kPinhole.cx, kPinhole.cy, 0.0, 1.2, {}};
   camera.robot_from_camera.q = kForward;
   KeyframeFeatures keyframe;
   keyframe.geometry = std::make_shared<const CameraGeometry>(camera);

@@ -10,14 +10,17 @@ namespace {
 
 constexpr std::size_t kWords = 200;
 
-NodeId keyframe(std::uint32_t index, const char* robot = "alpha") { return {{{RobotId(robot), SensorId("camera")}, 7}, index}; }
+NodeId keyframe(std::uint32_t index, const char* robot = "alpha") {
+  return {{{RobotId(robot), SensorId("camera")}, 7}, index};
+}
 
 BagOfWords any_bag(std::mt19937_64& random) {
   std::map<std::uint32_t, int> counts;
   const int features = 5 + static_cast<int>(random() % 40);
   for (int i = 0; i < features; ++i) ++counts[static_cast<std::uint32_t>(random() % kWords)];
   BagOfWords bag;
-  for (const auto& [word, count] : counts) bag.push_back({word, static_cast<std::uint16_t>(kWholeBag * count / features)});
+  for (const auto& [word, count] : counts)
+    bag.push_back({word, static_cast<std::uint16_t>(kWholeBag * count / features)});
   return bag;
 }
 
@@ -27,7 +30,8 @@ std::vector<SimilarPlace> by_brute_force(const Bags& bags, const BagOfWords& que
   std::vector<SimilarPlace> places;
   for (const auto& [id, bag] : bags)
     if (const int score = common_share(query, bag); score >= least) places.push_back({id, score});
-  std::stable_sort(places.begin(), places.end(), [](const SimilarPlace& a, const SimilarPlace& b) { return a.score > b.score; });
+  std::stable_sort(places.begin(), places.end(),
+                   [](const SimilarPlace& a, const SimilarPlace& b) { return a.score > b.score; });
   if (places.size() > most) places.resize(most);
   return places;
 }
@@ -111,7 +115,8 @@ TEST(PlaceIndex, takes_little_memory) {
 
 TEST(BestOfGroups, lets_covisible_keyframes_speak_for_each_other) {
   // 1, 2, 3 see each other; 9 stands alone with the best single score.
-  const std::vector<SimilarPlace> places = {{keyframe(9), 500}, {keyframe(2), 400}, {keyframe(1), 300}, {keyframe(3), 200}};
+  const std::vector<SimilarPlace> places = {
+      {keyframe(9), 500}, {keyframe(2), 400}, {keyframe(1), 300}, {keyframe(3), 200}};
   const auto covisible = [](const NodeId& id) {
     std::vector<NodeId> others;
     if (id.index <= 3) others = {keyframe(1), keyframe(2), keyframe(3), keyframe(4)};

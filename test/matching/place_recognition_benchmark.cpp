@@ -1,7 +1,7 @@
-// Places known again in RGB-D folders of the TUM layout (rgb, depth, associations.txt, groundtruth.txt, camera.yaml): each picture is
-// looked for among all others of all folders but those of its last seconds, and the five most alike are judged as single keyframes. A
-// judgement is right where it agrees with the true poses; a picture can be known again where an older one of its folder shares 40 % of the
-// view.
+// Places known again in RGB-D folders of the TUM layout (rgb, depth, associations.txt, groundtruth.txt, camera.yaml):
+// each picture is looked for among all others of all folders but those of its last seconds, and the five most alike are
+// judged as single keyframes. A judgement is right where it agrees with the true poses; a picture can be known again
+// where an older one of its folder shares 40 % of the view.
 //   place_recognition_benchmark [--every N] [--gap SECONDS] FOLDER...
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
@@ -22,7 +22,8 @@ using namespace mapweave::matching;
 
 namespace {
 
-constexpr double kGround_s = 0.03, kShared = 0.4, kRight_m = 0.25, kRight_rad = 0.15, kBelieved = 0.6, kFarthest_m = 6.0;
+constexpr double kGround_s = 0.03, kShared = 0.4, kRight_m = 0.25, kRight_rad = 0.15, kBelieved = 0.6,
+                 kFarthest_m = 6.0;
 
 struct Camera {
   Pinhole pinhole;
@@ -59,7 +60,8 @@ Truth read_truth(const std::filesystem::path& path) {
   for (std::string line; std::getline(file, line);) {
     std::istringstream numbers(line);
     double time, x, y, z, qx, qy, qz, qw;
-    if (numbers >> time >> x >> y >> z >> qx >> qy >> qz >> qw) truth[time] = {{x, y, z}, Eigen::Quaterniond(qw, qx, qy, qz).normalized()};
+    if (numbers >> time >> x >> y >> z >> qx >> qy >> qz >> qw)
+      truth[time] = {{x, y, z}, Eigen::Quaterniond(qw, qx, qy, qz).normalized()};
   }
   return truth;
 }
@@ -84,13 +86,15 @@ void add_folder(const std::filesystem::path& folder, std::size_t number, int eve
     std::istringstream words(line);
     double time, depth_time;
     std::string grey_name, depth_name;
-    if (!(words >> time >> grey_name >> depth_time >> depth_name) || index++ % static_cast<std::uint32_t>(every) != 0) continue;
+    if (!(words >> time >> grey_name >> depth_time >> depth_name) || index++ % static_cast<std::uint32_t>(every) != 0)
+      continue;
     const Pose3* pose = nearest(truth, time);
     if (pose == nullptr) continue;
     const cv::Mat grey = cv::imread(folder / grey_name, cv::IMREAD_GRAYSCALE),
                   depth = cv::imread(folder / depth_name, cv::IMREAD_UNCHANGED);
     const auto depth_m = [&](double u, double v) {
-      return depth.at<std::uint16_t>(static_cast<int>(std::lround(v)), static_cast<int>(std::lround(u))) / camera.units_per_metre;
+      return depth.at<std::uint16_t>(static_cast<int>(std::lround(v)), static_cast<int>(std::lround(u))) /
+             camera.units_per_metre;
     };
     Picture picture{number, time, *pose, orb_features({grey.data, grey.cols, grey.rows, grey.step}), {}, {}, {}, {}};
     for (std::size_t i = 0; i < picture.features.points.size(); ++i) {
@@ -127,7 +131,8 @@ double seen_by(const Picture& other, const Picture& one) {
 }
 
 bool is_right(const Picture& a, const Picture& b, const VisualJudgement& result) {
-  const Pose3 error = between(result.judgement.hypotheses.front().a_from_b.pose, between(a.world_from_camera, b.world_from_camera));
+  const Pose3 error =
+      between(result.judgement.hypotheses.front().a_from_b.pose, between(a.world_from_camera, b.world_from_camera));
   return a.folder == b.folder && error.t.norm() < kRight_m && 2.0 * error.q.vec().norm() < kRight_rad;
 }
 
@@ -166,12 +171,16 @@ int main(int argc, char** argv) {
   std::vector<Count> counts(folders.size());
   for (const Picture& picture : pictures) {
     Count& count = counts[picture.folder];
-    const auto is_older = [&](const Picture& other) { return other.folder == picture.folder && picture.time - other.time > gap_s; };
+    const auto is_older = [&](const Picture& other) {
+      return other.folder == picture.folder && picture.time - other.time > gap_s;
+    };
     double shared = 0.0;
     for (const Picture& other : pictures)
       if (is_older(other)) shared = std::max(shared, std::min(seen_by(other, picture), seen_by(picture, other)));
     bool known = false;
-    const auto is_out = [&](const NodeId& id) { return by_id.at(id)->folder == picture.folder && !is_older(*by_id.at(id)); };
+    const auto is_out = [&](const NodeId& id) {
+      return by_id.at(id)->folder == picture.folder && !is_older(*by_id.at(id));
+    };
     for (const SimilarPlace& similar : index.query(picture.words.bag, 5, is_out)) {
       const Picture* a = &picture;
       const Picture* b = by_id.at(similar.id);
@@ -191,8 +200,11 @@ int main(int argc, char** argv) {
   }
   for (std::size_t i = 0; i < folders.size(); ++i) {
     const Count& c = counts[i];
-    std::printf("%s: %d pictures; %d judgements believed, precision %.4f; %d could be known again, recall %.3f; %.1f ms a judgement\n",
-                folders[i].c_str(), c.pictures, c.right + c.wrong, 1.0 * c.right / std::max(1, c.right + c.wrong), c.could,
-                1.0 * c.known / std::max(1, c.could), 1e3 * static_cast<double>(c.judging) / CLOCKS_PER_SEC / std::max(1, c.judged));
+    std::printf(
+        "%s: %d pictures; %d judgements believed, precision %.4f; %d could be known again, recall %.3f; %.1f ms a "
+        "judgement\n",
+        folders[i].c_str(), c.pictures, c.right + c.wrong, 1.0 * c.right / std::max(1, c.right + c.wrong), c.could,
+        1.0 * c.known / std::max(1, c.could),
+        1e3 * static_cast<double>(c.judging) / CLOCKS_PER_SEC / std::max(1, c.judged));
   }
 }

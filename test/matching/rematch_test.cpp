@@ -22,14 +22,16 @@ TEST(Rematch, finds_the_true_relations_from_slightly_wrong_poses) {
   Map bent = truth;
   for (auto& [id, node] : bent.nodes) {
     const double t = 0.0005 * id.index;  // a slow bend
-    node.map_from_node = compose(spatial(Pose2{0.05 * std::sin(t), 0.05 * std::cos(t), 0.01 * std::sin(3 * t)}), node.map_from_node);
+    node.map_from_node =
+        compose(spatial(Pose2{0.05 * std::sin(t), 0.05 * std::cos(t), 0.01 * std::sin(3 * t)}), node.map_from_node);
   }
   WorkerPool pool(2);
   const auto constraints = rematch(bent, {}, pool);
   ASSERT_GT(constraints.size(), 50U);
   std::vector<double> errors;
   for (const auto& c : constraints) {
-    const Pose2 expected = between(planar(truth.nodes.find(c.id.from)->map_from_node), planar(truth.nodes.find(c.id.to)->map_from_node));
+    const Pose2 expected =
+        between(planar(truth.nodes.find(c.id.from)->map_from_node), planar(truth.nodes.find(c.id.to)->map_from_node));
     const Pose2 apart = between(expected, planar(c.from_from_to.pose));
     errors.push_back(std::hypot(apart.x, apart.y));
   }
@@ -63,7 +65,8 @@ TEST(Rematch, gives_the_same_constraints_with_submaps_that_are_ready_and_none_of
   }
   const auto fewer = rematch(map, {}, pool, [&](const NodeId&, const Submap& submap) { return submap.id == ready; });
   EXPECT_LT(fewer.size(), all.size());
-  EXPECT_TRUE(std::none_of(fewer.begin(), fewer.end(), [](const Constraint& c) { return c.id.index == 1; })) << "counted from one";
+  EXPECT_TRUE(std::none_of(fewer.begin(), fewer.end(), [](const Constraint& c) { return c.id.index == 1; }))
+      << "counted from one";
 }
 
 TEST(Rematch, can_be_switched_off) {

@@ -9,10 +9,15 @@ namespace {
 class Draws {
  public:
   explicit Draws(std::uint64_t seed) : random_(seed) {}
-  double uniform(double low, double high) { return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53; }
-  Eigen::Vector3d point(double reach) { return {uniform(-reach, reach), uniform(-reach, reach), uniform(-reach, reach)}; }
+  double uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53;
+  }
+  Eigen::Vector3d point(double reach) {
+    return {uniform(-reach, reach), uniform(-reach, reach), uniform(-reach, reach)};
+  }
   Pose3 pose(double reach) {
-    return {point(reach), Eigen::Quaterniond(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)).normalized()};
+    return {point(reach),
+            Eigen::Quaterniond(uniform(-1, 1), uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)).normalized()};
   }
 
  private:
@@ -58,9 +63,9 @@ TEST(AlignPoints, is_of_least_squares) {
   for (int trial = 0; trial < 200; ++trial) {
     Sim3 other = *best;
     other.pose.t += draws.point(0.01);
-    other.pose.q =
-        (other.pose.q * Eigen::Quaterniond(1.0, draws.uniform(-0.01, 0.01), draws.uniform(-0.01, 0.01), draws.uniform(-0.01, 0.01)))
-            .normalized();
+    other.pose.q = (other.pose.q * Eigen::Quaterniond(1.0, draws.uniform(-0.01, 0.01), draws.uniform(-0.01, 0.01),
+                                                      draws.uniform(-0.01, 0.01)))
+                       .normalized();
     EXPECT_GE(cost(other), cost(*best));
   }
 }
@@ -106,13 +111,19 @@ TEST(PosesFromThreePoints, contain_the_truth_and_all_explain_the_rays) {
 TEST(PosesFromThreePoints, are_none_for_points_or_rays_in_a_line) {
   const std::array<Eigen::Vector3d, 3> rays = {Eigen::Vector3d(0, 0, 1), Eigen::Vector3d(0.1, 0, 1).normalized(),
                                                Eigen::Vector3d(0, 0.1, 1).normalized()};
-  EXPECT_TRUE(poses_from_three_points(rays, {Eigen::Vector3d(0, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(2, 0, 2)}).empty());
-  EXPECT_TRUE(poses_from_three_points(rays, {Eigen::Vector3d(1, 1, 2), Eigen::Vector3d(1, 1, 2), Eigen::Vector3d(1, 1, 2)}).empty());
   EXPECT_TRUE(
-      poses_from_three_points({rays[0], rays[0], rays[1]}, {Eigen::Vector3d(0, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(0, 1, 2)})
+      poses_from_three_points(rays, {Eigen::Vector3d(0, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(2, 0, 2)})
           .empty());
+  EXPECT_TRUE(
+      poses_from_three_points(rays, {Eigen::Vector3d(1, 1, 2), Eigen::Vector3d(1, 1, 2), Eigen::Vector3d(1, 1, 2)})
+          .empty());
+  EXPECT_TRUE(poses_from_three_points({rays[0], rays[0], rays[1]},
+                                      {Eigen::Vector3d(0, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(0, 1, 2)})
+                  .empty());
   const double nan = std::nan("");
-  EXPECT_TRUE(poses_from_three_points(rays, {Eigen::Vector3d(nan, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(0, 1, 2)}).empty());
+  EXPECT_TRUE(
+      poses_from_three_points(rays, {Eigen::Vector3d(nan, 0, 2), Eigen::Vector3d(1, 0, 2), Eigen::Vector3d(0, 1, 2)})
+          .empty());
 }
 
 }  // namespace

@@ -37,7 +37,8 @@ TEST(Correlate, finds_the_best_pose_of_its_window_as_brute_force_does) {
   for (int turn = -5; turn <= 5; ++turn)
     for (int y = -6; y <= 6; ++y)
       for (int x = -8; x <= 7; ++x)
-        best = std::max(best, score_at(field, points, {guess.x + 0.05 * x, guess.y + 0.05 * y, guess.phi + 0.02 * turn}));
+        best =
+            std::max(best, score_at(field, points, {guess.x + 0.05 * x, guess.y + 0.05 * y, guess.phi + 0.02 * turn}));
   const auto found = correlate(field, points, guess, window, {1e3, 1e3});  // a prior this wide weighs nothing
   ASSERT_TRUE(found);
   // Whole cells move with the points: a shift of the pose is a shift of the cells.
@@ -72,11 +73,14 @@ TEST(Correlate, has_no_answer_without_walls_or_points) {
 TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
   const WallField field = room_field();
   std::mt19937_64 random(9);
-  const auto spread = [&](double half) { return half * (2.0 * static_cast<double>(random() >> 11) / 9007199254740992.0 - 1.0); };
+  const auto spread = [&](double half) {
+    return half * (2.0 * static_cast<double>(random() >> 11) / 9007199254740992.0 - 1.0);
+  };
   for (int trial = 0; trial < 50; ++trial) {
     const Pose2 truth{1.8 + spread(0.8), 1.8 + spread(0.3), spread(3.0)};
     const auto points = thinned(seen_from(room(), truth), 0.05, 180);
-    const ScanMatch match = refine(field, points, compose(truth, {spread(0.08), spread(0.08), spread(0.02)}), {}, nullptr, 30);
+    const ScanMatch match =
+        refine(field, points, compose(truth, {spread(0.08), spread(0.08), spread(0.02)}), {}, nullptr, 30);
     EXPECT_THAT(match.field_from_scan, IsNear(truth, 0.006, 0.002)) << "trial " << trial;
     EXPECT_GT(match.inliers, 0.95);
   }
@@ -86,12 +90,14 @@ TEST(Refine, leaves_to_the_prior_what_walls_do_not_tell) {
   WallField corridor;
   std::vector<WallPoint> walls;
   for (int i = -400; i < 400; ++i)
-    walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}), walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
+    walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}),
+        walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
   corridor.add(walls);
   corridor.settle();
   std::vector<WallPoint> points;
   for (int i = -40; i < 40; ++i)
-    points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}), points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
+    points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}),
+        points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
   const PriorWeight prior{0.02, 0.05};
   const ScanMatch match = refine(corridor, points, {0.1, 0.05, 0.01}, {0.02, 0.0, 0.0}, &prior);
   EXPECT_NEAR(match.field_from_scan.x, 0.02, 0.01);
@@ -122,7 +128,8 @@ TEST(Refine, gives_information_in_the_frame_of_the_scan) {
 }
 
 TEST(Refine, is_not_pulled_by_the_other_face_of_a_thin_wall) {
-  // What is known: this room's end walls, and the far face of the partition at y = 1.1. The scan sees its near face, at y = 1.0.
+  // What is known: this room's end walls, and the far face of the partition at y = 1.1. The scan sees its near face, at
+  // y = 1.0.
   WallField field;
   std::vector<WallPoint> known, near_face;
   for (int i = -150; i < 150; ++i) {

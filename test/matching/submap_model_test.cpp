@@ -23,7 +23,8 @@ TEST(SubmapModel, tells_walls_from_free_space) {
   const Fixture f;
   const SubmapModel model(f.first(), f.map.nodes);
   ASSERT_GT(model.walls().size(), 50U);
-  for (const auto& wall : model.walls()) EXPECT_EQ(model.sight().get(cell_of(wall.x, 10.0), cell_of(wall.y, 10.0)), Sight::wall);
+  for (const auto& wall : model.walls())
+    EXPECT_EQ(model.sight().get(cell_of(wall.x, 10.0), cell_of(wall.y, 10.0)), Sight::wall);
   // Where the robot drove there is room.
   std::size_t free = 0;
   for (const auto& [id, pose] : f.first().submap_from_node)
@@ -38,7 +39,8 @@ TEST(SubmapModel, turns_normals_towards_where_walls_were_seen_from) {
   std::size_t inward = 0;
   for (const auto& wall : model.walls()) {
     // A step along the normal is free or at least not farther from the path than the wall.
-    const Sight ahead = model.sight().get(cell_of(wall.x + 0.25 * wall.normal_x, 10.0), cell_of(wall.y + 0.25 * wall.normal_y, 10.0));
+    const Sight ahead =
+        model.sight().get(cell_of(wall.x + 0.25 * wall.normal_x, 10.0), cell_of(wall.y + 0.25 * wall.normal_y, 10.0));
     inward += ahead == Sight::free;
   }
   EXPECT_GT(static_cast<double>(inward), 0.6 * static_cast<double>(model.walls().size()));

@@ -11,7 +11,9 @@ namespace {
 class Draws {
  public:
   explicit Draws(std::uint64_t seed) : random_(seed) {}
-  double uniform(double low, double high) { return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53; }
+  double uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53;
+  }
   std::uint64_t bits() { return random_(); }
   OrbDescriptor descriptor() { return {random_(), random_(), random_(), random_()}; }
   OrbDescriptor with_flips(OrbDescriptor descriptor, int flips) {
@@ -63,7 +65,8 @@ struct Side {
   std::vector<std::unique_ptr<OrbFeatures>> features;
   std::vector<std::unique_ptr<std::vector<std::int32_t>>> landmark_of_feature;
 
-  Side(std::uint32_t index, const Room& room, const std::vector<Pose3>& world_from_cameras, const SideOptions& options = {}) {
+  Side(std::uint32_t index, const Room& room, const std::vector<Pose3>& world_from_cameras,
+       const SideOptions& options = {}) {
     Draws draws(100 + index);
     world_from_side = world_from_cameras.front();
     view.id = {{{RobotId("alpha"), SensorId("camera")}, 1}, index};
@@ -88,7 +91,8 @@ struct Side {
         landmarks->push_back(landmark_of_thing[i]);
       }
       for (int i = 0; i < options.strangers; ++i) {
-        seen->points.push_back({static_cast<float>(draws.uniform(0, 639)), static_cast<float>(draws.uniform(0, 479)), 10.0f, 0});
+        seen->points.push_back(
+            {static_cast<float>(draws.uniform(0, 639)), static_cast<float>(draws.uniform(0, 479)), 10.0f, 0});
         seen->descriptors.push_back(draws.descriptor());
         landmarks->push_back(-1);
       }
@@ -175,7 +179,8 @@ TEST(VisualJudge, refuses_a_poster_that_hangs_twice) {
   Draws draws(9);
   Room two, single;
   for (int i = 0; i < 80; ++i) {
-    const Thing thing{{draws.uniform(-0.6, 0.6), draws.uniform(-0.8, 0.8), draws.uniform(3.9, 4.1)}, draws.descriptor()};
+    const Thing thing{{draws.uniform(-0.6, 0.6), draws.uniform(-0.8, 0.8), draws.uniform(3.9, 4.1)},
+                      draws.descriptor()};
     single.push_back(thing);
     two.push_back({thing.at - Eigen::Vector3d(1.2, 0, 0), thing.looks});
     two.push_back({thing.at + Eigen::Vector3d(1.2, 0, 0), draws.with_flips(thing.looks, 24)});
@@ -210,10 +215,13 @@ TEST(VisualJudge, doubts_what_the_other_side_saw_through) {
   // A poster was carried one room further: it looks the same, and behind it b sees a wall that a's poster would hide.
   Draws draws(11);
   Room poster, here = room(12, 0), there = room(13, 0);
-  for (int i = 0; i < 40; ++i) poster.push_back({{draws.uniform(-0.8, 0.8), draws.uniform(-0.8, 0.8), 4.0}, draws.descriptor()});
+  for (int i = 0; i < 40; ++i)
+    poster.push_back({{draws.uniform(-0.8, 0.8), draws.uniform(-0.8, 0.8), 4.0}, draws.descriptor()});
   here = there = poster;
-  for (int i = 0; i < 200; ++i) here.push_back({{draws.uniform(-2, 2), draws.uniform(-1.5, 1.5), 2.4}, draws.descriptor()});
-  for (int i = 0; i < 400; ++i) there.push_back({{draws.uniform(-4, 4), draws.uniform(-3, 3), 7.0}, draws.descriptor()});
+  for (int i = 0; i < 200; ++i)
+    here.push_back({{draws.uniform(-2, 2), draws.uniform(-1.5, 1.5), 2.4}, draws.descriptor()});
+  for (int i = 0; i < 400; ++i)
+    there.push_back({{draws.uniform(-4, 4), draws.uniform(-3, 3), 7.0}, draws.descriptor()});
   const Side a(1, here, {pose(0, 0, 0, 0)}), b(2, there, {pose(0.1, 0, 0, 0)});
   const VisualJudgement result = judge_places(a.view, b.view);
   EXPECT_EQ(result.judgement.doubt, Reason::contradiction);

@@ -18,8 +18,8 @@ PackedScan square_room(double offset) {
   for (int ray = 0; ray < 360; ++ray) {
     const double angle = ray * M_PI / 180;
     const double noise = 0.004 * ((ray * 7919) % 5 - 2);
-    scan.ranges.push_back(
-        static_cast<std::uint16_t>(1000 * (2.0 / std::max(std::abs(std::cos(angle)), std::abs(std::sin(angle))) + noise)));
+    scan.ranges.push_back(static_cast<std::uint16_t>(
+        1000 * (2.0 / std::max(std::abs(std::cos(angle)), std::abs(std::sin(angle))) + noise)));
   }
   return scan;
 }
@@ -62,7 +62,8 @@ TEST(WallPoints, turn_with_the_frame) {
 std::vector<WallPoint> row_of_legs(bool from_the_left) {
   std::vector<WallPoint> points;
   for (int leg = -5; leg <= 5; ++leg)
-    for (int i = -2; i <= 2; ++i) points.push_back({0.5F * static_cast<float>(leg) + 0.01F * static_cast<float>(i), 2.0F, 0.0F, -1.0F});
+    for (int i = -2; i <= 2; ++i)
+      points.push_back({0.5F * static_cast<float>(leg) + 0.01F * static_cast<float>(i), 2.0F, 0.0F, -1.0F});
   if (from_the_left) std::reverse(points.begin(), points.end());
   return points;
 }
@@ -77,7 +78,8 @@ TEST(ThinnedEvenly, shifts_nothing_to_the_side_that_the_laser_saw_first) {
     const auto points = thinned_evenly(row_of_legs(from_the_left), 0.05, 180);
     EXPECT_EQ(points.size(), 11U);
     EXPECT_NEAR(middle_of(points), 0.0, 1e-6);
-    EXPECT_NEAR(std::abs(middle_of(thinned(row_of_legs(from_the_left), 0.05, 180))), 0.02, 1e-6) << "as the other one does";
+    EXPECT_NEAR(std::abs(middle_of(thinned(row_of_legs(from_the_left), 0.05, 180))), 0.02, 1e-6)
+        << "as the other one does";
   }
 }
 

@@ -39,7 +39,8 @@ TEST(CameraDamage, a_picture_cut_short_is_named) {
     }
     const auto file = folder / ("drive/image_0/000001" + std::string(ending));
     const std::string bytes = bytes_of(file);
-    for (const std::size_t kept : {bytes.size() - 3, bytes.size() / 2, std::size_t{20}, std::size_t{3}, std::size_t{0}}) {
+    for (const std::size_t kept :
+         {bytes.size() - 3, bytes.size() / 2, std::size_t{20}, std::size_t{3}, std::size_t{0}}) {
       write_bytes(file, bytes.substr(0, kept));
       expect_ends_at(folder / "drive", 1, ErrorCode::kCorrupt, "000001" + std::string(ending));
     }
@@ -51,7 +52,8 @@ TEST(CameraDamage, a_picture_of_another_size_is_named_with_both_sizes) {
   make_tum(folder / "walk", 3);
   write_picture(folder / "walk/rgb/100.100000.png", picture(1, CV_8UC3, 16, 12));
   const auto error = problem_of(folder / "walk");
-  EXPECT_THAT(error, IsError(ErrorCode::kBadInput, "100.100000.png: the picture has 16 x 12 pixels; 32 x 24 were expected"));
+  EXPECT_THAT(error,
+              IsError(ErrorCode::kBadInput, "100.100000.png: the picture has 16 x 12 pixels; 32 x 24 were expected"));
   EXPECT_THAT(error, IsError(ErrorCode::kBadInput, "camera.yaml"));
 }
 
@@ -77,12 +79,14 @@ TEST(CameraDamage, a_calibration_that_cannot_be_is_refused) {
     return problem_of(folder / "walk");
   };
   EXPECT_THAT(problem("depth_scale: 5000.0\n", ""), IsError(ErrorCode::kBadInput, "'depth_scale' is missing"));
-  EXPECT_THAT(problem("depth_scale: 5000.0", "depth_scale: 0"), IsError(ErrorCode::kBadInput, "'depth_scale' must be above 0"));
+  EXPECT_THAT(problem("depth_scale: 5000.0", "depth_scale: 0"),
+              IsError(ErrorCode::kBadInput, "'depth_scale' must be above 0"));
   EXPECT_THAT(problem("depth_scale: 5000.0", "depth_scale: 5"), IsError(ErrorCode::kBadInput, "median depth"));
   EXPECT_THAT(problem("fx: 30.5", "fx: nan"), IsError(ErrorCode::kBadInput, "camera.yaml:3: 'fx' is no number"));
   EXPECT_THAT(problem("fx: 30.5", "fx: -3"), IsError(ErrorCode::kBadInput, "focal lengths"));
   EXPECT_THAT(problem("width: 32", "width: 3e9"), IsError(ErrorCode::kBadInput, "size"));
-  EXPECT_THAT(problem("distortion: [0.26,", "distortion: [[1],"), IsError(ErrorCode::kBadInput, "'distortion' does not fit"));
+  EXPECT_THAT(problem("distortion: [0.26,", "distortion: [[1],"),
+              IsError(ErrorCode::kBadInput, "'distortion' does not fit"));
   EXPECT_THAT(problem("cx: 15.5", "cx: ["), IsError(ErrorCode::kBadInput, "is no YAML"));
 }
 
@@ -136,7 +140,8 @@ TEST(CameraDamage, depth_of_8_bits_is_refused) {
   const TemporaryFolder folder;
   make_tum(folder / "walk", 2);
   write_picture(folder / "walk/depth/100.004000.png", picture(0, CV_8UC1));
-  EXPECT_THAT(problem_of(folder / "walk"), IsError(ErrorCode::kBadInput, "1 channel(s) of 8 bits; one of 16 bits was expected"));
+  EXPECT_THAT(problem_of(folder / "walk"),
+              IsError(ErrorCode::kBadInput, "1 channel(s) of 8 bits; one of 16 bits was expected"));
 }
 
 TEST(CameraDamage, a_damaged_depth_picture_is_refused) {
@@ -146,7 +151,8 @@ TEST(CameraDamage, a_damaged_depth_picture_is_refused) {
   std::string bytes = bytes_of(file);
   for (std::size_t i = 45; i < bytes.size() - 20; ++i) bytes[i] = 'x';
   write_bytes(file, bytes);
-  EXPECT_THAT(problem_of(folder / "walk"), IsError(ErrorCode::kCorrupt, "100.104000.png: the depth picture cannot be decoded"));
+  EXPECT_THAT(problem_of(folder / "walk"),
+              IsError(ErrorCode::kCorrupt, "100.104000.png: the depth picture cannot be decoded"));
 }
 
 TEST(CameraDamage, colour_and_depth_that_never_pair_are_refused_with_their_times) {
@@ -178,7 +184,8 @@ TEST(CameraDamage, a_right_camera_that_is_missing_or_stands_left_is_refused) {
   EXPECT_THAT(problem_of(folder / "drive"), IsError(ErrorCode::kMissing, "image_1: holds no pictures"));
   make_kitti(folder / "swapped", 2);
   replace_text(folder / "swapped/calib.txt", "16 -15", "16 15");
-  EXPECT_THAT(problem_of(folder / "swapped"), IsError(ErrorCode::kBadInput, "image_1 stands 0.500000 m left of image_0"));
+  EXPECT_THAT(problem_of(folder / "swapped"),
+              IsError(ErrorCode::kBadInput, "image_1 stands 0.500000 m left of image_0"));
 }
 
 TEST(CameraDamage, pictures_outside_a_rawlog_are_looked_at_when_loaded) {
@@ -198,7 +205,8 @@ TEST(CameraDamage, pictures_outside_a_rawlog_are_looked_at_when_loaded) {
   EXPECT_EQ(problem(), nullptr);  // not calibrated: of any size
   observation.image.unload();
   observation.cameraParams.setIntrinsicParamsFromValues(500, 500, 320, 240);
-  EXPECT_THAT(problem(), IsError(ErrorCode::kBadInput, "left.png: the picture has 32 x 24 pixels; 640 x 480 were expected"));
+  EXPECT_THAT(problem(),
+              IsError(ErrorCode::kBadInput, "left.png: the picture has 32 x 24 pixels; 640 x 480 were expected"));
   observation.image.unload();
   const std::string bytes = bytes_of(folder / "left.png");
   write_bytes(folder / "left.png", bytes.substr(0, bytes.size() / 2));

@@ -54,10 +54,12 @@ constexpr const char* kCameraYaml =
     "distortion: [0.26, -0.95, -0.005, 0.0026, 1.16]\ndepth_scale: 5000.0\n";
 
 // Ten frames at 10 Hz from 100 s; depth comes 4 ms after colour.
-inline std::filesystem::path make_tum(const std::filesystem::path& folder, int frames = 10, double depth_delay_s = 0.004) {
+inline std::filesystem::path make_tum(const std::filesystem::path& folder, int frames = 10,
+                                      double depth_delay_s = 0.004) {
   std::string colour = "# color images\n# timestamp filename\n", depth = "# depth maps\n";
   for (int i = 0; i < frames; ++i) {
-    const std::string first = text_of("%.6f", 100.0 + 0.1 * i), second = text_of("%.6f", 100.0 + 0.1 * i + depth_delay_s);
+    const std::string first = text_of("%.6f", 100.0 + 0.1 * i),
+                      second = text_of("%.6f", 100.0 + 0.1 * i + depth_delay_s);
     write_picture(folder / "rgb" / (first + ".png"), picture(i));
     write_picture(folder / "depth" / (second + ".png"), picture(i, CV_16UC1));
     colour += first + " rgb/" + first + ".png\n";
@@ -83,13 +85,16 @@ inline std::filesystem::path make_kitti(const std::filesystem::path& folder, int
   }
   write_bytes(folder / "times.txt", times);
   write_bytes(folder / "poses.txt", poses);
-  write_bytes(folder / "calib.txt", "P0: 30 0 16 0 0 30 12 0 0 0 1 0\nP1: 30 0 16 -15 0 30 12 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n");
+  write_bytes(folder / "calib.txt",
+              "P0: 30 0 16 0 0 30 12 0 0 0 1 0\nP1: 30 0 16 -15 0 30 12 0 0 0 1 0\nTr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n");
   return folder;
 }
 
 inline std::string euroc_sensor(double y_m) {
-  return "%YAML:1.0\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1,\n    1, 0, 0, " + std::to_string(y_m) +
-         ",\n    0, 0, 1, 0.3,\n    0, 0, 0, 1]\nresolution: [32, 24]\ncamera_model: pinhole\nintrinsics: [30, 31, 15, 11] #fu\n"
+  return "%YAML:1.0\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1,\n    1, 0, 0, " +
+         std::to_string(y_m) +
+         ",\n    0, 0, 1, 0.3,\n    0, 0, 0, 1]\nresolution: [32, 24]\ncamera_model: pinhole\nintrinsics: [30, 31, 15, "
+         "11] #fu\n"
          "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0.0002, 1.8e-05]\n";
 }
 
@@ -140,12 +145,14 @@ inline std::string seen(const Record& record) {
     for (int row = 0; row < pixels.rows; ++row)
       bytes.append(pixels.ptr<char>(row), static_cast<std::size_t>(pixels.cols) * pixels.elemSize());
   };
-  if (const auto* image = dynamic_cast<const mrpt::obs::CObservationImage*>(record.observation.get())) add(image->image);
+  if (const auto* image = dynamic_cast<const mrpt::obs::CObservationImage*>(record.observation.get()))
+    add(image->image);
   if (const auto* stereo = dynamic_cast<const mrpt::obs::CObservationStereoImages*>(record.observation.get())) {
     add(stereo->imageLeft);
     add(stereo->imageRight);
   }
-  if (const auto* depth = dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(record.observation.get())) add(depth->intensityImage);
+  if (const auto* depth = dynamic_cast<const mrpt::obs::CObservation3DRangeScan*>(record.observation.get()))
+    add(depth->intensityImage);
   return bytes + serialized(*record.observation);
 }
 

@@ -14,7 +14,8 @@ using Depth = mrpt::obs::CObservation3DRangeScan;
 using Stereo = mrpt::obs::CObservationStereoImages;
 
 // `every`: of how many observations one is compared.
-void expect_same_from_rawlog(const std::filesystem::path& recording, const TemporaryFolder& folder, std::size_t every = 1) {
+void expect_same_from_rawlog(const std::filesystem::path& recording, const TemporaryFolder& folder,
+                             std::size_t every = 1) {
   convert_log(recording, folder / "converted.rawlog", *make_silent_progress());
   const auto direct = open_log(recording), converted = open_log(folder / "converted.rawlog");
   for (std::size_t i = 0;; ++i) {
@@ -65,7 +66,8 @@ TEST(CameraForms, a_negative_depth_delay_survives_a_rawlog) {
   EXPECT_EQ(depth_delay_ns(depth_of(of_class<Depth>(read_all(folder / "walk.rawlog").records)[1])), -11'500'000);
 }
 
-std::vector<SplitPart> split(const std::filesystem::path& recording, const std::filesystem::path& out, double overlap_s = 0.0) {
+std::vector<SplitPart> split(const std::filesystem::path& recording, const std::filesystem::path& out,
+                             double overlap_s = 0.0) {
   SplitOptions options;
   options.overlap_s = overlap_s;
   return split_log(recording, out, options, *make_silent_progress());

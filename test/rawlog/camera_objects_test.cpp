@@ -84,7 +84,8 @@ TEST(CameraObjects, lengths_that_cannot_be_never_make_room) {
     for (std::size_t place = 0; place + 4 <= bytes.size(); ++place) {
       std::uint32_t value = 0;
       std::memcpy(&value, bytes.data() + place, sizeof value);
-      if (value > kRows * kColumns * 3 || (value == 0 && place % 7 != 0)) continue;  // no length that was written; few of the zeros are
+      if (value > kRows * kColumns * 3 || (value == 0 && place % 7 != 0))
+        continue;  // no length that was written; few of the zeros are
       for (const char* length : {"\xff\xff\xff\x7f", "\xf0\xff\xff\xff"}) {
         const std::string damaged = std::string(bytes).replace(place, 4, length, 4);
         write_bytes(folder / "hostile.rawlog", damaged);
@@ -103,7 +104,8 @@ TEST(CameraObjects, cut_short_at_any_byte_are_an_error) {
   for (const auto& [name, object] : camera_objects()) {
     const std::string bytes = serialized(*object);
     for (std::size_t cut = 1; cut<bytes.size(); cut += cut> 300 && cut + 300 < bytes.size() ? 197 : 7)
-      ASSERT_THAT(read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut))).error, IsError(ErrorCode::kCorrupt, ""))
+      ASSERT_THAT(read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut))).error,
+                  IsError(ErrorCode::kCorrupt, ""))
           << name << cut;
   }
 }
@@ -132,7 +134,8 @@ TEST(CameraObjects, a_picture_larger_than_its_bytes_is_refused) {
     return read_all(write_bytes(folder / "a.rawlog", std::string(bytes).replace(place, 8, columns_and_rows))).error;
   };
   EXPECT_THAT(with_size(std::string("\xff\xff\0\0\xff\xff\0\0", 8)), IsError(ErrorCode::kCorrupt, "65535 x 65535"));
-  EXPECT_THAT(with_size(std::string("\x21\0\0\0\x18\0\0\0", 8)), IsError(ErrorCode::kCorrupt, "announces 768 bytes for 33 x 24 pixels"));
+  EXPECT_THAT(with_size(std::string("\x21\0\0\0\x18\0\0\0", 8)),
+              IsError(ErrorCode::kCorrupt, "announces 768 bytes for 33 x 24 pixels"));
 }
 
 }  // namespace

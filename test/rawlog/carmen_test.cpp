@@ -122,8 +122,11 @@ TEST(Carmen, takes_the_heap_of_longest_readings_for_no_returns) {
 TEST(Carmen, takes_odometry_from_odom_lines_where_the_laser_lines_have_none) {
   const TemporaryFolder folder;
   const std::string odom = "ODOM 1.0 0 0 0 0 0 1.5 robot 1.5\n";
-  EXPECT_EQ(kinds(read_all(write_bytes(folder / "still.log", flaser({1.0}, 1.0) + odom + flaser({1.0}, 2.0))).records), "sos");
-  EXPECT_EQ(kinds(read_all(write_bytes(folder / "moving.log", flaser({1.0}, 1.0, 0.0) + odom + flaser({1.0}, 2.0, 3.0))).records), "osos");
+  EXPECT_EQ(kinds(read_all(write_bytes(folder / "still.log", flaser({1.0}, 1.0) + odom + flaser({1.0}, 2.0))).records),
+            "sos");
+  EXPECT_EQ(kinds(read_all(write_bytes(folder / "moving.log", flaser({1.0}, 1.0, 0.0) + odom + flaser({1.0}, 2.0, 3.0)))
+                      .records),
+            "osos");
 }
 
 TEST(Carmen, takes_the_loggers_stamps_where_the_others_stand_still) {
@@ -146,7 +149,8 @@ TEST(Carmen, uses_its_parameters_where_the_laser_poses_are_corrected_ones) {
   const TemporaryFolder folder;
   std::string text = "PARAM robot_frontlaser_offset 0.25 nohost 0\n";
   for (int i = 1; i <= 9; ++i)
-    text += "FLASER 1 2.0 " + std::to_string(i * i) + " 0 0 " + std::to_string(i) + " 0 0 " + std::to_string(i) + " robot 1\n";
+    text += "FLASER 1 2.0 " + std::to_string(i * i) + " 0 0 " + std::to_string(i) + " 0 0 " + std::to_string(i) +
+            " robot 1\n";
   const auto reading = read_all(write_bytes(folder / "a.log", text));
   ASSERT_EQ(kinds(reading.records.empty() ? std::vector<Record>{} : std::vector<Record>{reading.records[1]}), "s");
   EXPECT_NEAR(scan_of(reading.records[1]).sensorPose.x(), 0.25, 1e-9);
@@ -162,13 +166,17 @@ TEST(Carmen, names_the_line_that_is_wrong) {
     const char *line, *text;
   };
   for (const auto& [line, text] :
-       {Case{"FLASER 2 1.0 nan 0 0 0 0 0 0 1.5 r 1.5", "not a number"}, Case{"FLASER 2 1.0 -3 0 0 0 0 0 0 1.5 r 1.5", "negative"},
+       {Case{"FLASER 2 1.0 nan 0 0 0 0 0 0 1.5 r 1.5", "not a number"},
+        Case{"FLASER 2 1.0 -3 0 0 0 0 0 0 1.5 r 1.5", "negative"},
         Case{"FLASER 0 0 0 0 0 0 0 1.5 r 1.5", "no readings"}, Case{"FLASER 2 1.0 2.0 0 0 0", "ends early"},
-        Case{"FLASER 2 1.0 2.0 3.0 0 0 0 0 0 0 1.5 r 1.5", "number"}, Case{"FLASER two 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "no number"},
-        Case{"FLASER -2 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "out of its range"}, Case{"FLASER 1e18 1.0", "out of its range"},
+        Case{"FLASER 2 1.0 2.0 3.0 0 0 0 0 0 0 1.5 r 1.5", "number"},
+        Case{"FLASER two 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "no number"},
+        Case{"FLASER -2 1.0 2.0 0 0 0 0 0 0 1.5 r 1.5", "out of its range"},
+        Case{"FLASER 1e18 1.0", "out of its range"},
         Case{"FLASER 2 1,0 2,0 0 0 0 0 0 0 1.5 r 1.5", "'1,0' is no number"},
         Case{"FLASER 2 1.0 2.0 0 0 0 inf 0 0 1.5 r 1.5", "not finite"}, Case{"ODOM 0 0 0 0 0", "ends early"},
-        Case{"ODOM x 0 0 0 0 0 1.5 r 1.5", "'x' is no number"}, Case{"FLASER 2 1.0 2.0 0 0 0 0 0 0 1e30 r 1.5", "no time"}}) {
+        Case{"ODOM x 0 0 0 0 0 1.5 r 1.5", "'x' is no number"},
+        Case{"FLASER 2 1.0 2.0 0 0 0 0 0 0 1e30 r 1.5", "no time"}}) {
     const auto reading = problem(line);
     EXPECT_THAT(reading.error, IsError(ErrorCode::kBadInput, text)) << line;
     ASSERT_TRUE(reading.error) << line;
@@ -183,16 +191,18 @@ TEST(Carmen, refuses_a_line_cut_by_the_end_of_the_file) {
   const auto cut = read_all(write_bytes(folder / "a.log", good + good.substr(0, good.size() / 2)));
   EXPECT_EQ(cut.records.size(), 1u);
   EXPECT_THAT(cut.error, IsError(ErrorCode::kCorrupt, "a.log:2"));
-  EXPECT_FALSE(read_all(write_bytes(folder / "b.log", good.substr(0, good.size() - 1))).error);  // whole, but for the line break
+  EXPECT_FALSE(
+      read_all(write_bytes(folder / "b.log", good.substr(0, good.size() - 1))).error);  // whole, but for the line break
 }
 
 TEST(Carmen, ignores_what_it_does_not_know_and_carriage_returns) {
   const TemporaryFolder folder;
-  const auto reading =
-      read_all(write_bytes(folder / "a.log", "# CARMEN log\r\n\r\nNEFF 3\r\nTRUEPOS 1 2 3\r\nFLASER 1 2.0 0 0 0 0 0 0 1.0 r 1.0\r\n"));
+  const auto reading = read_all(write_bytes(
+      folder / "a.log", "# CARMEN log\r\n\r\nNEFF 3\r\nTRUEPOS 1 2 3\r\nFLASER 1 2.0 0 0 0 0 0 0 1.0 r 1.0\r\n"));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "s");
-  EXPECT_THAT(read_all(write_bytes(folder / "none.log", "# CARMEN log\nNEFF 3\n")).error, IsError(ErrorCode::kBadInput, "no observations"));
+  EXPECT_THAT(read_all(write_bytes(folder / "none.log", "# CARMEN log\nNEFF 3\n")).error,
+              IsError(ErrorCode::kBadInput, "no observations"));
 }
 
 }  // namespace

@@ -10,8 +10,8 @@ using test::TemporaryFolder;
 
 TEST(Contents, counts_what_each_sensor_gave) {
   const TemporaryFolder folder;
-  const auto log =
-      write_rawlog(folder / "a.rawlog", {odometry(1.0, 0.0), scan(1.0), odometry(2.0, 3.0, 4.0), scan(2.0), odometry(5.0, 3.0, 5.0)});
+  const auto log = write_rawlog(folder / "a.rawlog", {odometry(1.0, 0.0), scan(1.0), odometry(2.0, 3.0, 4.0), scan(2.0),
+                                                      odometry(5.0, 3.0, 5.0)});
   const auto contents = summarize_log(log);
   EXPECT_EQ(contents.format, "MRPT rawlog");
   EXPECT_EQ(contents.observations, 5u);
@@ -32,7 +32,8 @@ TEST(Contents, counts_what_each_sensor_gave) {
 
 TEST(Contents, tells_lasers_of_two_geometries_apart) {
   const TemporaryFolder folder;
-  const auto contents = summarize_log(write_rawlog(folder / "a.rawlog", {scan(1.0, {1.0f, 1.0f}), scan(2.0), scan(3.0)}));
+  const auto contents =
+      summarize_log(write_rawlog(folder / "a.rawlog", {scan(1.0, {1.0f, 1.0f}), scan(2.0), scan(3.0)}));
   ASSERT_EQ(contents.sensors.size(), 1u);
   ASSERT_EQ(contents.sensors[0].geometries.size(), 2u);
   EXPECT_EQ(contents.sensors[0].geometries[0].rays, 5u);  // the most frequent first

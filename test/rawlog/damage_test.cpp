@@ -1,4 +1,5 @@
-// Logs cut, flipped and lied about at every place: an Error or the clean end, never a crash, never more than the file holds.
+// Logs cut, flipped and lied about at every place: an Error or the clean end, never a crash, never more than the file
+// holds.
 
 #include "logs.h"
 
@@ -16,7 +17,9 @@ using test::own_data;
 using test::TemporaryFolder;
 using ::testing::HasSubstr;
 
-std::vector<Object> four_objects() { return {odometry(1.0, 1.0, 2.0, 0.3), scan(1.0), odometry(2.0, 1.5, 2.0, 0.3), scan(2.0)}; }
+std::vector<Object> four_objects() {
+  return {odometry(1.0, 1.0, 2.0, 0.3), scan(1.0), odometry(2.0, 1.5, 2.0, 0.3), scan(2.0)};
+}
 
 TEST(Damage, a_plain_log_cut_at_any_byte_gives_what_was_whole) {
   const TemporaryFolder folder;
@@ -25,7 +28,8 @@ TEST(Damage, a_plain_log_cut_at_any_byte_gives_what_was_whole) {
   for (const auto& object : four_objects()) ends.push_back((bytes += serialized(*object)).size());
   for (std::size_t cut = 1; cut < bytes.size(); ++cut) {
     const auto reading = read_all(write_bytes(folder / "cut.rawlog", bytes.substr(0, cut)));
-    const auto whole = static_cast<std::size_t>(std::count_if(ends.begin(), ends.end(), [&](std::size_t end) { return end <= cut; }));
+    const auto whole =
+        static_cast<std::size_t>(std::count_if(ends.begin(), ends.end(), [&](std::size_t end) { return end <= cut; }));
     ASSERT_EQ(reading.records.size(), whole) << "cut at " << cut;
     const bool at_a_boundary = std::count(ends.begin(), ends.end(), cut) == 1;
     ASSERT_EQ(reading.error == nullptr, at_a_boundary) << "cut at " << cut;
@@ -66,7 +70,8 @@ TEST(Damage, a_flipped_bit_in_a_gz_is_noticed) {
     damaged[place] = static_cast<char>(damaged[place] ^ (1 << random() % 8));
     const auto reading = read_all(write_bytes(folder / "flipped.rawlog", damaged));
     if (reading.error) continue;
-    ASSERT_EQ(reading.records.size(), whole.records.size()) << "byte " << place;  // a bit that fills up the last byte means nothing
+    ASSERT_EQ(reading.records.size(), whole.records.size())
+        << "byte " << place;  // a bit that fills up the last byte means nothing
     for (std::size_t k = 0; k < whole.records.size(); ++k)
       ASSERT_EQ(serialized(*reading.records[k].observation), serialized(*whole.records[k].observation));
   }
@@ -96,7 +101,8 @@ TEST(Damage, a_flipped_bit_in_a_gz_is_never_taken_for_a_wrong_clock_or_a_bad_obj
     damaged[place] = static_cast<char>(damaged[place] ^ (1 << random() % 8));
     const auto reading = read_all(write_bytes(folder / "flipped.rawlog", damaged));
     if (!reading.error) continue;
-    ASSERT_THAT(reading.error, IsError(ErrorCode::kCorrupt, "the gz ")) << "byte " << place << ": " << reading.error->what();
+    ASSERT_THAT(reading.error, IsError(ErrorCode::kCorrupt, "the gz "))
+        << "byte " << place << ": " << reading.error->what();
     ASSERT_THAT(reading.error->remedy(), HasSubstr("copy the log again"));
     seen_elsewhere += std::string(reading.error->what()).find("first seen as: ") != std::string::npos;
   }
@@ -156,7 +162,8 @@ TEST(Damage, gz_members_may_follow_each_other_and_be_padded) {
   const auto reading = read_all(write_bytes(folder / "both.rawlog", first + second + std::string(1000, '\0')));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "ss");
-  EXPECT_THAT(read_all(write_bytes(folder / "litter.rawlog", first + "litter")).error, IsError(ErrorCode::kCorrupt, "gz"));
+  EXPECT_THAT(read_all(write_bytes(folder / "litter.rawlog", first + "litter")).error,
+              IsError(ErrorCode::kCorrupt, "gz"));
 }
 
 void flip_bits(const std::string& bytes, std::uint64_t seed, int times) {
@@ -223,11 +230,13 @@ TEST(Damage, text_logs_cut_at_any_byte_give_no_record_that_was_not_written) {
     const auto whole = read_all(own_data(name));
     ASSERT_FALSE(whole.error);
     std::vector<double> written = seconds(whole.records);
-    written.insert(written.end(), {100.95, 101.4});  // the ODOM lines of carmen_old.log, used until the robot is seen to move
+    written.insert(written.end(),
+                   {100.95, 101.4});  // the ODOM lines of carmen_old.log, used until the robot is seen to move
     for (std::size_t cut = 1; cut < bytes.size(); ++cut) {
       const auto reading = read_all(write_bytes(folder / name, bytes.substr(0, cut)));
       for (const double stamp : seconds(reading.records)) {
-        ASSERT_TRUE(std::any_of(written.begin(), written.end(), [&](double known) { return std::abs(known - stamp) < 1e-9; }))
+        ASSERT_TRUE(
+            std::any_of(written.begin(), written.end(), [&](double known) { return std::abs(known - stamp) < 1e-9; }))
             << name << " cut at " << cut;
       }
     }

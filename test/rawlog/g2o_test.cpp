@@ -16,8 +16,8 @@ std::string edge(int from, int to, double x) {
   return "EDGE_SE2 " + std::to_string(from) + " " + std::to_string(to) + " " + std::to_string(x) + " 0 0 1 0 0 1 0 1\n";
 }
 std::string laser(double stamp_s) {
-  return "ROBOTLASER1 0 -1.57 3.14 1.57 50.0 0.1 0 3 1 2 3 0 0 0 0 0 0 0 0 0 0 0 0 " + std::to_string(stamp_s) + " host " +
-         std::to_string(stamp_s) + "\n";
+  return "ROBOTLASER1 0 -1.57 3.14 1.57 50.0 0.1 0 3 1 2 3 0 0 0 0 0 0 0 0 0 0 0 0 " + std::to_string(stamp_s) +
+         " host " + std::to_string(stamp_s) + "\n";
 }
 
 TEST(G2o, chains_the_sequential_edges_to_odometry) {
@@ -38,15 +38,16 @@ TEST(G2o, makes_stamps_where_the_scans_have_none) {
   const TemporaryFolder folder;
   ReadOptions options;
   options.scan_rate_hz = 4.0;
-  const auto reading = read_all(write_bytes(folder / "a.g2o", vertex(0) + laser(0) + vertex(1) + laser(0) + edge(0, 1, 1.0)), options);
+  const auto reading =
+      read_all(write_bytes(folder / "a.g2o", vertex(0) + laser(0) + vertex(1) + laser(0) + edge(0, 1, 1.0)), options);
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_THAT(seconds(reading.records), ElementsAre(0.25, 0.25, 0.5, 0.5));
 }
 
 TEST(G2o, says_which_edge_is_missing) {
   const TemporaryFolder folder;
-  const auto reading =
-      read_all(write_bytes(folder / "a.g2o", vertex(0) + laser(1) + vertex(1) + vertex(2) + laser(2) + edge(0, 1, 1.0) + edge(0, 2, 1.0)));
+  const auto reading = read_all(write_bytes(
+      folder / "a.g2o", vertex(0) + laser(1) + vertex(1) + vertex(2) + laser(2) + edge(0, 1, 1.0) + edge(0, 2, 1.0)));
   EXPECT_EQ(kinds(reading.records), "os");
   EXPECT_THAT(reading.error, IsError(ErrorCode::kBadInput, "from vertex 1 to 2"));
   EXPECT_THAT(reading.error->where(), HasSubstr("a.g2o:5"));
@@ -55,7 +56,8 @@ TEST(G2o, says_which_edge_is_missing) {
 TEST(G2o, names_the_line_that_is_wrong) {
   const TemporaryFolder folder;
   const auto problem = [&](const std::string& text) { return read_all(write_bytes(folder / "a.g2o", text)).error; };
-  EXPECT_THAT(problem(vertex(0) + laser(1) + "EDGE_SE2 0 1 nan 0 0 1 0 0 1 0 1\n"), IsError(ErrorCode::kBadInput, "a.g2o:3"));
+  EXPECT_THAT(problem(vertex(0) + laser(1) + "EDGE_SE2 0 1 nan 0 0 1 0 0 1 0 1\n"),
+              IsError(ErrorCode::kBadInput, "a.g2o:3"));
   EXPECT_THAT(problem(vertex(0) + laser(1) + "EDGE_SE2 0 1 1 0 0 1 0\n"), IsError(ErrorCode::kBadInput, "ends early"));
   EXPECT_THAT(problem(vertex(0) + laser(1) + "EDGE_SE2 0 1 1 0"), IsError(ErrorCode::kCorrupt, "a.g2o:3"));
   EXPECT_THAT(problem("VERTEX_SE2 -1 0 0 0\n"), IsError(ErrorCode::kBadInput, "a.g2o:1"));

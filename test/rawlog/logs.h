@@ -24,8 +24,8 @@ using Object = std::shared_ptr<mrpt::serialization::CSerializable>;
 
 inline mrpt::Clock::time_point at(double seconds) { return to_mrpt_time(stamp_from_seconds(seconds)); }
 
-inline std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan(double seconds,
-                                                                std::vector<float> ranges = {1.0f, 2.0f, 3.0f, 4.0f, 5.0f}) {
+inline std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan(double seconds, std::vector<float> ranges = {
+                                                                                    1.0f, 2.0f, 3.0f, 4.0f, 5.0f}) {
   auto made = std::make_shared<mrpt::obs::CObservation2DRangeScan>();
   made->timestamp = at(seconds);
   made->sensorLabel = "LASER";
@@ -35,7 +35,8 @@ inline std::shared_ptr<mrpt::obs::CObservation2DRangeScan> scan(double seconds,
   return made;
 }
 
-inline std::shared_ptr<mrpt::obs::CObservationOdometry> odometry(double seconds, double x = 0.0, double y = 0.0, double heading = 0.0) {
+inline std::shared_ptr<mrpt::obs::CObservationOdometry> odometry(double seconds, double x = 0.0, double y = 0.0,
+                                                                 double heading = 0.0) {
   auto made = std::make_shared<mrpt::obs::CObservationOdometry>();
   made->timestamp = at(seconds);
   made->sensorLabel = "ODOM";
@@ -44,7 +45,8 @@ inline std::shared_ptr<mrpt::obs::CObservationOdometry> odometry(double seconds,
 }
 
 // Null objects too.
-inline std::filesystem::path write_rawlog(const std::filesystem::path& path, const std::vector<Object>& objects, bool gz = true) {
+inline std::filesystem::path write_rawlog(const std::filesystem::path& path, const std::vector<Object>& objects,
+                                          bool gz = true) {
   const auto write_all = [&](auto&& archive) {
     for (const auto& object : objects) archive.WriteObject(object.get());
   };

@@ -60,8 +60,8 @@ TEST(Rawlog, knows_how_far_it_has_read) {
 
 TEST(Rawlog, adds_up_the_increments_of_actions) {
   const TemporaryFolder folder;
-  const auto path = write_rawlog(folder / "pairs.rawlog",
-                                 {movement(1.0, 0.0, M_PI / 2), frame({scan(5.0)}), movement(2.0, 0.0, 0.0), frame({scan(6.0)})});
+  const auto path = write_rawlog(folder / "pairs.rawlog", {movement(1.0, 0.0, M_PI / 2), frame({scan(5.0)}),
+                                                           movement(2.0, 0.0, 0.0), frame({scan(6.0)})});
   const auto reading = read_all(path);
   ASSERT_FALSE(reading.error);
   ASSERT_EQ(kinds(reading.records), "osos");
@@ -72,7 +72,8 @@ TEST(Rawlog, adds_up_the_increments_of_actions) {
 
 TEST(Rawlog, keeps_the_stamp_of_an_action_that_has_one) {
   const TemporaryFolder folder;
-  const auto path = write_rawlog(folder / "pairs.rawlog", {movement(1.0, 0.0, 0.0, 4.9), frame({scan(5.0), scan(5.01)})});
+  const auto path =
+      write_rawlog(folder / "pairs.rawlog", {movement(1.0, 0.0, 0.0, 4.9), frame({scan(5.0), scan(5.01)})});
   const auto reading = read_all(path);
   ASSERT_FALSE(reading.error);
   EXPECT_EQ(kinds(reading.records), "oss");
@@ -96,7 +97,8 @@ TEST(Rawlog, reads_old_pairs_as_mrpt_does) {
   EXPECT_EQ(kinds(reading.records), "sososos");
   std::vector<std::string> scans;
   for (const auto& record : reading.records) {
-    if (IS_CLASS(*record.observation, mrpt::obs::CObservation2DRangeScan)) scans.push_back(serialized(*record.observation));
+    if (IS_CLASS(*record.observation, mrpt::obs::CObservation2DRangeScan))
+      scans.push_back(serialized(*record.observation));
   }
   EXPECT_EQ(scans, expected);
 }
@@ -131,7 +133,8 @@ TEST(Rawlog, passes_over_null_objects_and_comments) {
   comment->timestamp = at(1e9);
   auto with_null = std::make_shared<mrpt::obs::CSensoryFrame>();
   with_null->insert(scan(2.0));
-  const auto reading = read_all(write_rawlog(folder / "a.rawlog", {nullptr, comment, scan(1.0), nullptr, with_null, nullptr}));
+  const auto reading =
+      read_all(write_rawlog(folder / "a.rawlog", {nullptr, comment, scan(1.0), nullptr, with_null, nullptr}));
   ASSERT_FALSE(reading.error) << reading.error->what();
   EXPECT_EQ(kinds(reading.records), "ss");
 }
@@ -181,8 +184,10 @@ TEST(Rawlog, names_an_unknown_class_within_a_frame) {
 
 TEST(Rawlog, refuses_what_holds_no_observations) {
   const TemporaryFolder folder;
-  EXPECT_THAT(read_all(write_rawlog(folder / "nulls.rawlog", {nullptr, nullptr})).error, IsError(ErrorCode::kBadInput, "no observations"));
-  EXPECT_THAT(read_all(write_rawlog(folder / "gz_of_nothing.rawlog", {})).error, IsError(ErrorCode::kBadInput, "no observations"));
+  EXPECT_THAT(read_all(write_rawlog(folder / "nulls.rawlog", {nullptr, nullptr})).error,
+              IsError(ErrorCode::kBadInput, "no observations"));
+  EXPECT_THAT(read_all(write_rawlog(folder / "gz_of_nothing.rawlog", {})).error,
+              IsError(ErrorCode::kBadInput, "no observations"));
   EXPECT_THAT(read_all(write_bytes(folder / "empty.rawlog", "")).error, IsError(ErrorCode::kBadInput, "empty"));
 }
 
@@ -193,7 +198,8 @@ TEST(Rawlog, says_why_a_file_cannot_be_opened) {
   const auto unknown = read_all(write_bytes(folder / "picture.png", "\x89PNG and so on"));
   EXPECT_THAT(unknown.error, IsError(ErrorCode::kUnsupported, "MRPT rawlog"));
   EXPECT_THAT(unknown.error, IsError(ErrorCode::kUnsupported, "CARMEN log"));
-  EXPECT_THAT(read_all(write_bytes(folder / "graph.g2o.zip", "PK\x03\x04")).error, IsError(ErrorCode::kUnsupported, "unzip"));
+  EXPECT_THAT(read_all(write_bytes(folder / "graph.g2o.zip", "PK\x03\x04")).error,
+              IsError(ErrorCode::kUnsupported, "unzip"));
 }
 
 TEST(Rawlog, knows_the_format_by_content_before_the_extension) {
@@ -205,7 +211,8 @@ TEST(Rawlog, refuses_observations_without_a_stamp) {
   const TemporaryFolder folder;
   auto unstamped = scan(1.0);
   unstamped->timestamp = INVALID_TIMESTAMP;
-  EXPECT_THAT(read_all(write_rawlog(folder / "a.rawlog", {unstamped})).error, IsError(ErrorCode::kBadInput, "no time stamp"));
+  EXPECT_THAT(read_all(write_rawlog(folder / "a.rawlog", {unstamped})).error,
+              IsError(ErrorCode::kBadInput, "no time stamp"));
 }
 
 TEST(Rawlog, finds_pictures_in_the_folder_beside_the_log) {
@@ -228,10 +235,13 @@ TEST(Rawlog, finds_pictures_in_the_folder_beside_the_log) {
   ASSERT_FALSE(reading.error);
   ASSERT_EQ(reading.records.size(), 2u);
   EXPECT_EQ(mrpt::img::CImage::getImagesPathBase(), base_before);
-  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.getExternalStorageFile(),
-            (folder / "walk_Images/left.png").string());
+  EXPECT_EQ(
+      dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.getExternalStorageFile(),
+      (folder / "walk_Images/left.png").string());
   load_pictures(*reading.records[1].observation);
-  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.at<std::uint8_t>(1, 1), 77);
+  EXPECT_EQ(
+      dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[1].observation).image.at<std::uint8_t>(1, 1),
+      77);
   try {
     load_pictures(*reading.records[0].observation);
     FAIL() << "the right picture is missing";

@@ -21,7 +21,8 @@ std::filesystem::path ten_seconds(const TemporaryFolder& folder) {
   return write_rawlog(folder / "whole.rawlog", objects);
 }
 
-std::vector<SplitPart> split(const std::filesystem::path& log, const std::filesystem::path& out, const SplitOptions& options) {
+std::vector<SplitPart> split(const std::filesystem::path& log, const std::filesystem::path& out,
+                             const SplitOptions& options) {
   return split_log(log, out, options, *make_silent_progress());
 }
 
@@ -79,8 +80,9 @@ TEST(Split, keeps_cameras_and_where_their_pictures_are) {
   const auto parts = split(write_rawlog(folder / "walk.rawlog", {picture, scan(2.0)}), folder / "elsewhere", options);
   const auto reading = read_all(parts[0].path);
   ASSERT_EQ(reading.records.size(), 2u);
-  EXPECT_EQ(dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[0].observation).image.getExternalStorageFile(),
-            (folder / "walk_Images/left.png").string());
+  EXPECT_EQ(
+      dynamic_cast<const mrpt::obs::CObservationImage&>(*reading.records[0].observation).image.getExternalStorageFile(),
+      (folder / "walk_Images/left.png").string());
 }
 
 TEST(Split, refuses_cuts_that_do_not_fit) {
@@ -106,7 +108,8 @@ TEST(Split, refuses_cuts_that_do_not_fit) {
   EXPECT_THAT(problem(2, {4.0}), IsError(ErrorCode::kBadInput, "100.000 to 110.000"));
   EXPECT_THAT(problem(2, {111.0}), IsError(ErrorCode::kBadInput, "outside"));
   EXPECT_THAT(problem(3, {104.2, 104.8}), IsError(ErrorCode::kBadInput, "robot1.rawlog"));
-  for (const auto& entry : std::filesystem::directory_iterator(folder / "out")) ADD_FAILURE() << entry.path() << " was left behind";
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "out"))
+    ADD_FAILURE() << entry.path() << " was left behind";
 }
 
 TEST(Split, leaves_nothing_of_a_damaged_log) {
@@ -114,7 +117,8 @@ TEST(Split, leaves_nothing_of_a_damaged_log) {
   const std::string bytes = bytes_of(ten_seconds(folder));
   SplitOptions options;
   options.at_s = {103.0};
-  EXPECT_THROW(split(write_bytes(folder / "cut.rawlog", bytes.substr(0, bytes.size() - 4)), folder / "out", options), Error);
+  EXPECT_THROW(split(write_bytes(folder / "cut.rawlog", bytes.substr(0, bytes.size() - 4)), folder / "out", options),
+               Error);
   EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));
 }
 

@@ -20,7 +20,8 @@ TEST(KittiFolder, gives_pairs_with_their_baseline) {
   EXPECT_EQ(pair.leftCamera.ncols, 32u);
   EXPECT_TRUE(pair.areImagesRectified());
   load_pictures(pair);
-  EXPECT_EQ(cv::norm(pair.imageRight.asCvMat<cv::Mat>(mrpt::img::SHALLOW_COPY), picture(53, CV_8UC1), cv::NORM_INF), 0.0);
+  EXPECT_EQ(cv::norm(pair.imageRight.asCvMat<cv::Mat>(mrpt::img::SHALLOW_COPY), picture(53, CV_8UC1), cv::NORM_INF),
+            0.0);
 }
 
 TEST(KittiFolder, with_the_left_camera_alone_is_one_camera) {
@@ -64,7 +65,8 @@ TEST(EurocFolder, gives_pairs_on_the_body_with_distortion_and_the_imu_between) {
 
 TEST(EurocFolder, is_read_on_one_level_too) {
   const TemporaryFolder folder;
-  const auto whole = read_all(make_euroc(folder / "flight")), reduced = read_all(make_reduced_euroc(folder / "reduced"));
+  const auto whole = read_all(make_euroc(folder / "flight")),
+             reduced = read_all(make_reduced_euroc(folder / "reduced"));
   ASSERT_EQ(reduced.error, nullptr) << reduced.error->what();
   const auto expected = of_class<Stereo>(whole.records), pairs = of_class<Stereo>(reduced.records);
   ASSERT_EQ(pairs.size(), expected.size());

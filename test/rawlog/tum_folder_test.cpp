@@ -20,7 +20,8 @@ TEST(TumFolder, gives_colour_with_its_depth_at_the_stamp_of_colour) {
   const cv::Mat depth = picture(3, CV_16UC1);
   ASSERT_EQ(frame.rangeImage.rows(), kRows);
   for (int row = 0; row < kRows; ++row)
-    for (int column = 0; column < kColumns; ++column) ASSERT_EQ(frame.rangeImage(row, column), depth.at<std::uint16_t>(row, column));
+    for (int column = 0; column < kColumns; ++column)
+      ASSERT_EQ(frame.rangeImage(row, column), depth.at<std::uint16_t>(row, column));
   EXPECT_FLOAT_EQ(frame.rangeUnits, 0.0002f);
   EXPECT_TRUE(frame.intensityImage.isExternallyStored());  // loaded by who needs it
   load_pictures(frame);
@@ -30,15 +31,18 @@ TEST(TumFolder, gives_colour_with_its_depth_at_the_stamp_of_colour) {
   EXPECT_EQ(frame.cameraParamsIntensity.k3(), 1.16);
   EXPECT_EQ(frame.cameraParamsIntensity.p1(), -0.005);
   EXPECT_TRUE(frame.doDepthAndIntensityCamerasCoincide());
-  EXPECT_NEAR(frame.sensorPose.norm() + std::abs(frame.sensorPose.yaw()) + std::abs(frame.sensorPose.pitch()), 0.0, 1e-12);
+  EXPECT_NEAR(frame.sensorPose.norm() + std::abs(frame.sensorPose.yaw()) + std::abs(frame.sensorPose.pitch()), 0.0,
+              1e-12);
 }
 
 TEST(TumFolder, pairs_nearest_first_and_leaves_out_what_has_no_partner) {
   const TemporaryFolder folder;
   make_tum(folder / "walk", 4);
   // Colour at 100.0, 100.012; depth at 100.010: the second takes it, and the first has none within 20 ms.
-  write_bytes(folder / "walk/rgb.txt", "100.0 rgb/100.000000.png\n100.012 rgb/100.100000.png\n100.2 rgb/100.200000.png\n");
-  write_bytes(folder / "walk/depth.txt", "100.010 depth/100.004000.png\n100.181 depth/100.204000.png\n100.220 depth/100.304000.png\n");
+  write_bytes(folder / "walk/rgb.txt",
+              "100.0 rgb/100.000000.png\n100.012 rgb/100.100000.png\n100.2 rgb/100.200000.png\n");
+  write_bytes(folder / "walk/depth.txt",
+              "100.010 depth/100.004000.png\n100.181 depth/100.204000.png\n100.220 depth/100.304000.png\n");
   const auto frames = of_class<Depth>(read_all(folder / "walk").records);
   ASSERT_EQ(frames.size(), 2u);
   EXPECT_EQ(depth_delay_ns(depth_of(frames[0])), -2'000'000);
@@ -50,8 +54,9 @@ TEST(TumFolder, takes_the_pairs_of_associations_where_they_are_given) {
   make_tum(folder / "walk", 4);
   std::filesystem::remove(folder / "walk/rgb.txt");
   std::filesystem::remove(folder / "walk/depth.txt");
-  write_bytes(folder / "walk/associations.txt",
-              "100.1 rgb/100.100000.png 100.1 depth/100.104000.png\n100.2 rgb/100.200000.png 100.5 depth/100.204000.png\n");
+  write_bytes(
+      folder / "walk/associations.txt",
+      "100.1 rgb/100.100000.png 100.1 depth/100.104000.png\n100.2 rgb/100.200000.png 100.5 depth/100.204000.png\n");
   const auto frames = of_class<Depth>(read_all(folder / "walk").records);
   ASSERT_EQ(frames.size(), 1u);  // the other pair lies 300 ms apart
   EXPECT_EQ(frames[0].stamp.ns, 100'100'000'000);
@@ -84,7 +89,8 @@ TEST(TumFolder, sorts_the_accelerometer_in) {
 TEST(TumFolder, stands_on_the_robot_as_its_calibration_says) {
   const TemporaryFolder folder;
   make_tum(folder / "walk", 1);
-  std::ofstream(folder / "walk/camera.yaml", std::ios::app) << "robot_from_camera: [0.1, 0, 0.5, -0.5, 0.5, -0.5, 0.5]\n";
+  std::ofstream(folder / "walk/camera.yaml", std::ios::app)
+      << "robot_from_camera: [0.1, 0, 0.5, -0.5, 0.5, -0.5, 0.5]\n";
   const auto frames = of_class<Depth>(read_all(folder / "walk").records);
   ASSERT_EQ(frames.size(), 1u);
   const auto& pose = depth_of(frames[0]).sensorPose;

@@ -15,7 +15,8 @@ using test::TemporaryFolder;
 using ::testing::HasSubstr;
 
 std::size_t files_in(const std::filesystem::path& folder) {
-  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator{}));
+  return static_cast<std::size_t>(
+      std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator{}));
 }
 
 // Writing beyond `bytes` fails, as on a full disk.
@@ -84,7 +85,8 @@ TEST(RawlogWriter, leaves_nothing_when_the_disk_is_full) {
   const FileSizeLimit limit(4096);
   RawlogWriter writer(folder / "a.rawlog");
   try {
-    for (int i = 0; i < 20'000; ++i) writer.add(*scan(i, {static_cast<float>(std::sin(i)), static_cast<float>(std::cos(i))}));
+    for (int i = 0; i < 20'000; ++i)
+      writer.add(*scan(i, {static_cast<float>(std::sin(i)), static_cast<float>(std::cos(i))}));
     writer.close();
     FAIL() << "4096 bytes were enough";
   } catch (const Error& error) {

@@ -20,7 +20,8 @@ SessionId laser_session(const char* robot) { return {{RobotId(robot), SensorId("
 SessionId camera_session(const char* robot) { return {{RobotId(robot), SensorId("camera")}, 1'000'000'000}; }
 
 // Nodes of a laser at the times of keyframes, bending by `drift` from each to the next.
-Map laser_map(const char* robot, const std::vector<Pose2>& trajectory, double drift_rad, double sigma_m = 0.02, double sigma_rad = 0.02) {
+Map laser_map(const char* robot, const std::vector<Pose2>& trajectory, double drift_rad, double sigma_m = 0.02,
+              double sigma_rad = 0.02) {
   Map map;
   map.id = MapId(robot);
   Pose2 pose;
@@ -42,7 +43,8 @@ Map laser_map(const char* robot, const std::vector<Pose2>& trajectory, double dr
 }
 
 double gap_m(const Map& map, const SessionId& session) {
-  const Pose3 &first = map.nodes.find({session, 0})->map_from_node, &last = map.nodes.find({session, 40})->map_from_node;
+  const Pose3 &first = map.nodes.find({session, 0})->map_from_node,
+              &last = map.nodes.find({session, 40})->map_from_node;
   return (first.t - last.t).head<2>().norm();
 }
 
@@ -63,7 +65,8 @@ TEST(LaserCameraAlignment, lets_a_sure_laser_move_keyframes) {
   bent.drift_rad_per_keyframe = 0.006;
   std::vector<Pose2> trajectory = round_trip();
   trajectory.resize(24);
-  const Map laser = laser_map("alpha", trajectory, 0.0, 0.001, 0.0005), camera = building.keyframe_map("alpha", trajectory, bent);
+  const Map laser = laser_map("alpha", trajectory, 0.0, 0.001, 0.0005),
+            camera = building.keyframe_map("alpha", trajectory, bent);
   const Map& both = align_cameras(laser, {camera}).map;
   const auto error_rad = [&](const Map& map) {
     const Pose2 first = planar(map.nodes.find({camera_session("alpha"), 0})->map_from_node),

@@ -43,14 +43,18 @@ std::vector<StampedPose> trajectory_of(const RigMap& merged, const std::vector<R
 // What is left of a member between two times, without landmarks.
 RigMember part_of(RigMember member, double begin_s, double end_s) {
   const Stamp first = member.frames.front().stamp;
-  const auto is_out = [&](Stamp stamp) { return seconds_between(first, stamp) < begin_s || seconds_between(first, stamp) >= end_s; };
+  const auto is_out = [&](Stamp stamp) {
+    return seconds_between(first, stamp) < begin_s || seconds_between(first, stamp) >= end_s;
+  };
   member.map.landmarks = {};
   Table<NodeId, Node> nodes;
   for (const auto& [id, node] : member.map.nodes)
     if (!is_out(node.stamp)) nodes.set(id, node);
   member.map.nodes = nodes;
   auto& frames = member.frames;
-  frames.erase(std::remove_if(frames.begin(), frames.end(), [&](const StampedPose& frame) { return is_out(frame.stamp); }), frames.end());
+  frames.erase(
+      std::remove_if(frames.begin(), frames.end(), [&](const StampedPose& frame) { return is_out(frame.stamp); }),
+      frames.end());
   return member;
 }
 
@@ -80,8 +84,10 @@ TEST_F(TwoCameras, know_the_trajectory_better_than_either_alone) {
   EXPECT_TRUE(both.solved);
   EXPECT_LT(both.apart_after_m, 0.5 * both.apart_before_m);
   EXPECT_EQ(both.map.nodes.size(), robot().members[0].map.nodes.size() + robot().members[1].map.nodes.size());
-  EXPECT_EQ(both.map.landmarks.size(), robot().members[0].map.landmarks.size() + robot().members[1].map.landmarks.size());
-  const double ahead_m = error_m(robot().members[0].frames, robot().truth), back_m = error_m(robot().members[1].frames, robot().truth);
+  EXPECT_EQ(both.map.landmarks.size(),
+            robot().members[0].map.landmarks.size() + robot().members[1].map.landmarks.size());
+  const double ahead_m = error_m(robot().members[0].frames, robot().truth),
+               back_m = error_m(robot().members[1].frames, robot().truth);
   const double both_m = error_m(trajectory_of(both, robot().members, robot().odometry), robot().truth);
   RecordProperty("errors", std::to_string(ahead_m) + " " + std::to_string(back_m) + " " + std::to_string(both_m));
   EXPECT_LT(both_m, 1.25 * std::min(ahead_m, back_m));
@@ -98,7 +104,8 @@ TEST_F(TwoCameras, are_left_as_they_lie_where_they_agree_well_enough) {
 }
 
 TEST_F(TwoCameras, give_the_same_bytes_each_time) {
-  const RigMerge one = merge_rig(robot().members, robot().odometry), other = merge_rig(robot().members, robot().odometry);
+  const RigMerge one = merge_rig(robot().members, robot().odometry),
+                 other = merge_rig(robot().members, robot().odometry);
   EXPECT_EQ(bytes_of(one.maps[0].map), bytes_of(other.maps[0].map));
 }
 
@@ -111,7 +118,8 @@ TEST_F(TwoCameras, are_merged_by_keyframes_alone_too) {
   ASSERT_EQ(rig.maps.size(), 1U) << testing::PrintToString(rig.notes);
   double error = 0.0;
   for (const auto& frames : rig.maps[0].frames) error = std::max(error, error_m(frames, robot().truth));
-  EXPECT_LT(error, std::max(error_m(robot().members[0].frames, robot().truth), error_m(robot().members[1].frames, robot().truth)));
+  EXPECT_LT(error, std::max(error_m(robot().members[0].frames, robot().truth),
+                            error_m(robot().members[1].frames, robot().truth)));
 }
 
 TEST_F(TwoCameras, give_the_scale_to_the_one_without_depth) {
@@ -122,7 +130,8 @@ TEST_F(TwoCameras, give_the_scale_to_the_one_without_depth) {
   ASSERT_EQ(rig.maps.size(), 1U) << testing::PrintToString(rig.notes);
   EXPECT_EQ(rig.maps[0].members.front(), 0U);
   EXPECT_LT(error_m(rig.maps[0].frames[1], robot().truth), 0.02);
-  EXPECT_LT(error_m(trajectory_of(rig.maps[0], members, {}), robot().truth), 1.1 * error_m(members[0].frames, robot().truth));
+  EXPECT_LT(error_m(trajectory_of(rig.maps[0], members, {}), robot().truth),
+            1.1 * error_m(members[0].frames, robot().truth));
   // Landmarks too: each lies where the camera with depth has it.
   double worst = 0.0;
   for (const auto& [id, landmark] : robot().members[1].map.landmarks) {
@@ -142,7 +151,8 @@ TEST_F(TwoCameras, without_depth_take_the_scale_from_wheels) {
   const double both_m = error_m(trajectory_of(rig.maps[0], members, robot().odometry), robot().truth);
   RecordProperty("errors", std::to_string(error_m(robot().odometry, robot().truth)) + " " + std::to_string(both_m));
   EXPECT_LT(both_m, 0.1);
-  EXPECT_LT(both_m, 0.3 * std::min(error_m(members[0].frames, robot().truth), error_m(members[1].frames, robot().truth)));
+  EXPECT_LT(both_m,
+            0.3 * std::min(error_m(members[0].frames, robot().truth), error_m(members[1].frames, robot().truth)));
   for (const auto& entry : rig.maps[0].map.nodes) EXPECT_NE(entry.first.session.client.sensor, SensorId("wheels"));
 }
 
@@ -215,8 +225,9 @@ TEST(Rig, says_so_where_a_camera_is_not_mounted_as_the_log_says) {
   const RigMerge rig = merge_rig(robot.members, robot.odometry);
   EXPECT_EQ(rig.maps.size(), 2U);
   ASSERT_EQ(rig.notes.size(), 1U);
-  EXPECT_THAT(rig.notes[0], testing::AllOf(testing::HasSubstr("'ahead'"), testing::HasSubstr("'back'"), testing::HasSubstr("contradict"),
-                                           testing::HasSubstr("20 deg farther to the left")));
+  EXPECT_THAT(rig.notes[0],
+              testing::AllOf(testing::HasSubstr("'ahead'"), testing::HasSubstr("'back'"),
+                             testing::HasSubstr("contradict"), testing::HasSubstr("20 deg farther to the left")));
 }
 
 }  // namespace

@@ -15,7 +15,9 @@ using test::at;
 using test::longest_step_m;
 
 // Half a metre a second along x.
-Pose3 straight(double seconds, double aside_m = 0.0) { return {{0.5 * seconds, aside_m, 0.0}, Eigen::Quaterniond::Identity()}; }
+Pose3 straight(double seconds, double aside_m = 0.0) {
+  return {{0.5 * seconds, aside_m, 0.0}, Eigen::Quaterniond::Identity()};
+}
 
 using Aside = std::function<double(double seconds)>;
 double none(double) { return 0.0; }
@@ -30,8 +32,8 @@ CameraTrajectory joined(CameraTrajectory trajectory, const CameraTrajectory& mor
 }
 
 // What is answered after each pose, as they come; odometry before cameras.
-std::vector<StampedPose> answered(const std::vector<CameraTrajectory>& cameras, const std::vector<StampedPose>& odometry = {},
-                                  bool reversed = false) {
+std::vector<StampedPose> answered(const std::vector<CameraTrajectory>& cameras,
+                                  const std::vector<StampedPose>& odometry = {}, bool reversed = false) {
   struct Said {
     Stamp stamp;
     std::size_t by;
@@ -40,7 +42,8 @@ std::vector<StampedPose> answered(const std::vector<CameraTrajectory>& cameras, 
   std::vector<Said> all;
   for (const StampedPose& pose : odometry) all.push_back({pose.stamp, 0, pose});
   for (std::size_t c = 0; c < cameras.size(); ++c)
-    for (const StampedPose& frame : cameras[c].frames) all.push_back({frame.stamp, reversed ? cameras.size() - c : c + 1, frame});
+    for (const StampedPose& frame : cameras[c].frames)
+      all.push_back({frame.stamp, reversed ? cameras.size() - c : c + 1, frame});
   std::stable_sort(all.begin(), all.end(),
                    [](const Said& a, const Said& b) { return a.stamp == b.stamp ? a.by < b.by : a.stamp < b.stamp; });
   RobotPose robot;
@@ -82,7 +85,8 @@ TEST(RobotPose, does_not_jump_where_a_camera_goes_silent_and_comes_back) {
   const auto left = [](double) { return 0.08; };
   const CameraTrajectory blinking = joined(camera(0.0, 8.0, left), camera(12.0, 20.0, left));
   for (const bool with_odometry : {false, true}) {
-    const auto trajectory = answered({camera(0.0, 20.0), blinking}, with_odometry ? camera(0.0, 20.0).frames : std::vector<StampedPose>());
+    const auto trajectory =
+        answered({camera(0.0, 20.0), blinking}, with_odometry ? camera(0.0, 20.0).frames : std::vector<StampedPose>());
     EXPECT_NEAR(aside_m(trajectory, 7.0), 0.04, 1e-6);
     EXPECT_NEAR(aside_m(trajectory, 11.0), 0.0, 1e-6);
     EXPECT_NEAR(aside_m(trajectory, 15.0), 0.04, 1e-6);
@@ -171,7 +175,8 @@ TEST(RobotPose, keeps_as_much_after_an_hour_as_after_two_minutes) {
   for (int i = 0; i < 3600 * 100; ++i) {
     const double t = 0.01 * i;
     robot.add_odometry({at(t), straight(t)});
-    if (i % 10 == 0) robot.add(SensorId("camera" + std::to_string(i / 1000)), {at(t), straight(t)});  // another one every ten seconds
+    if (i % 10 == 0)
+      robot.add(SensorId("camera" + std::to_string(i / 1000)), {at(t), straight(t)});  // another one every ten seconds
     if (i <= 120 * 100) early = std::max(early, robot.kept());
     ASSERT_LE(robot.kept(), early + 20) << t;
   }

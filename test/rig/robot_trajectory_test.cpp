@@ -28,7 +28,8 @@ TEST(RobotTrajectory, is_the_weighted_mean_at_every_stamp_of_any_camera) {
   const auto trajectory = robot_trajectory({one, other}, {});
   EXPECT_EQ(trajectory.size(), one.frames.size() + other.frames.size());
   EXPECT_NEAR(aside_m(trajectory, 5.0), 0.01, 1e-6);
-  for (const StampedPose& pose : trajectory) EXPECT_NEAR(pose.map_from_robot.t.x(), 0.5 * (pose.stamp.seconds() - 1000.0), 1e-3);
+  for (const StampedPose& pose : trajectory)
+    EXPECT_NEAR(pose.map_from_robot.t.x(), 0.5 * (pose.stamp.seconds() - 1000.0), 1e-3);
 }
 
 TEST(RobotTrajectory, does_not_jump_where_a_camera_comes_and_goes) {
@@ -62,10 +63,12 @@ TEST(RobotTrajectory, is_told_by_most_where_one_of_three_errs) {
 TEST(RobotTrajectory, believes_the_one_that_wheels_agree_with) {
   // The heavier one slips away slowly.
   const auto slips = [](double t) { return t > 8.0 ? 0.1 * (t - 8.0) : 0.0; };
-  const auto trajectory = robot_trajectory({camera(0.0, 20.0, slips, 5.0), camera(0.0, 20.0)}, camera(0.0, 20.0).frames);
+  const auto trajectory =
+      robot_trajectory({camera(0.0, 20.0, slips, 5.0), camera(0.0, 20.0)}, camera(0.0, 20.0).frames);
   EXPECT_NEAR(aside_m(trajectory, 15.0), 0.0, 0.01);
   const auto moved = [](double t) { return t > 8.0 ? 0.1 * (t - 8.0) : 0.0; };
-  const auto other = robot_trajectory({camera(0.0, 20.0, slips, 5.0), camera(0.0, 20.0)}, camera(0.0, 20.0, moved).frames);
+  const auto other =
+      robot_trajectory({camera(0.0, 20.0, slips, 5.0), camera(0.0, 20.0)}, camera(0.0, 20.0, moved).frames);
   EXPECT_NEAR(aside_m(other, 15.0), 0.7, 0.01);
 }
 
@@ -86,8 +89,10 @@ TEST(RobotTrajectory, of_one_camera_is_its_own) {
 }
 
 TEST(CarriedAlong, frames_go_with_the_keyframes_around_them) {
-  const std::vector<MovedKeyframe> keyframes{{at(1.0), ahead(1.0), ahead(1.0, 0.2), 1.0}, {at(2.0), ahead(2.0), ahead(2.0, 0.4), 1.0}};
-  const auto frames = moved_with_keyframes({{at(0.5), ahead(0.5)}, {at(1.5), ahead(1.5)}, {at(3.0), ahead(3.0)}}, keyframes);
+  const std::vector<MovedKeyframe> keyframes{{at(1.0), ahead(1.0), ahead(1.0, 0.2), 1.0},
+                                             {at(2.0), ahead(2.0), ahead(2.0, 0.4), 1.0}};
+  const auto frames =
+      moved_with_keyframes({{at(0.5), ahead(0.5)}, {at(1.5), ahead(1.5)}, {at(3.0), ahead(3.0)}}, keyframes);
   ASSERT_EQ(frames.size(), 3U);
   EXPECT_NEAR(frames[0].map_from_robot.t.y(), 0.2, 1e-9);
   EXPECT_NEAR(frames[1].map_from_robot.t.y(), 0.3, 1e-9);

@@ -8,7 +8,8 @@ namespace {
 const Eigen::Vector3d kOff(0.3, -0.2, 0.6);  // of the camera
 
 TEST(Scale, of_one_moves_nodes_as_they_are) {
-  const Pose3 node{{0.3, 1.7, 0.2}, Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.1, 0.3, 1.0).normalized()))},
+  const Pose3 node{{0.3, 1.7, 0.2},
+                   Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(0.1, 0.3, 1.0).normalized()))},
       there{{-2.1, 0.4, 0.9}, Eigen::Quaterniond(Eigen::AngleAxisd(-1.1, Eigen::Vector3d(0.2, 0.1, 1.0).normalized()))},
       camera{kOff, Eigen::Quaterniond::Identity()};
   const Pose3 placed = moved_with_camera({there, 1.0}, node, camera), known = transformed(node, Sim3{there, 1.0});

@@ -65,7 +65,8 @@ struct BatchTest : testing::Test {
 };
 
 // As a user writes it, of both robots: their starts, if any.
-RunConfiguration with_starts(RunConfiguration configuration, const std::string& alpha, const std::string& beta, const test::TemporaryFolder& folder) {
+RunConfiguration with_starts(RunConfiguration configuration, const std::string& alpha, const std::string& beta,
+                             const test::TemporaryFolder& folder) {
   const auto line = [&](const std::string& id, const std::string& start) {
     const std::string log = "\"" + simulated_team().log(id).string() + "\"";
     return "  - {id: " + id + ", log: " + log + (start.empty() ? "" : ", start: {" + start + "}") + "}\n";
@@ -113,7 +114,8 @@ TEST_F(BatchTest, leaves_the_files_of_the_contract) {
   for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json"})
     EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;
   for (const char* map : {"robots/alpha", "robots/beta", "edges/north", "edges/south", "team"})
-    for (const char* file : {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"})
+    for (const char* file :
+         {"map.mwdb", "map.png", "map.color.png", "map.pgm", "map.yaml", "map.pcd", "trajectory.tum"})
       EXPECT_TRUE(fs::exists(folder / "out" / map / file)) << map << "/" << file;
   EXPECT_TRUE(fs::exists(folder / "out/team/trajectories")) << entries(folder / "out/team");
   ASSERT_EQ(report.robots.size(), 2u);
@@ -146,7 +148,8 @@ TEST_F(BatchTest, makes_the_same_maps_whoever_maps_and_joins) {
   configuration.mode = Mode::cloud_only;
   const Report by_cloud = run("cloud-only");
   for (const char* other : {"onboard", "cloud-only"})
-    for (const char* file : {"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/map.pgm", "team/trajectory.tum"})
+    for (const char* file :
+         {"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/map.pgm", "team/trajectory.tum"})
       EXPECT_EQ(read_file(folder / "offload" / file), read_file(folder / other / file)) << other << " " << file;
   ASSERT_EQ(by_cloud.team.verdicts.size(), by_edges.team.verdicts.size());
   EXPECT_EQ(by_cloud.team.verdicts[0].decision, by_edges.team.verdicts[0].decision);
@@ -293,10 +296,12 @@ TEST_F(BatchTest, leaves_nothing_when_files_cannot_grow) {
 TEST_F(BatchTest, slam_leaves_the_files_of_the_contract_in_one_folder) {
   WorkerPool pool(1);
   configuration.robots.resize(1);
-  const Report report = run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, *silent);
+  const Report report =
+      run_slam(configuration, make_plan(configuration, {}), {folder / "out", false, false}, pool, *silent);
   EXPECT_EQ(report.exit_code(), ExitCode::done);
-  EXPECT_EQ(entries(folder / "out"),
-            "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml summary.json trajectory.tum ");
+  EXPECT_EQ(
+      entries(folder / "out"),
+      "config.yaml manifest.json map.color.png map.mwdb map.pcd map.pgm map.png map.yaml summary.json trajectory.tum ");
 }
 
 }  // namespace

@@ -31,7 +31,8 @@ struct CoordinatedRun : testing::Test {
     for (const std::string& file : files)
       EXPECT_TRUE(read_file(folder / one / file) == read_file(folder / other / file)) << other << " " << file;
   }
-  const std::vector<std::string> kMaps{"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb", "team/trajectory.tum"};
+  const std::vector<std::string> kMaps{"robots/alpha/map.mwdb", "robots/beta/map.mwdb", "team/map.mwdb",
+                                       "team/trajectory.tum"};
   test::TemporaryFolder folder;
   RunConfiguration configuration = simulated_team().configuration();
   std::unique_ptr<Progress> silent = make_silent_progress();
@@ -47,7 +48,8 @@ TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
   ASSERT_GT(decisions.size(), 2u);
   EXPECT_EQ(decisions.front().at_s, 0.0);
   EXPECT_EQ(decisions.front().moves.size(), 2u);
-  EXPECT_THAT(decisions.front().because, testing::IsSupersetOf({"robot alpha comes", "robot beta comes", "edge north comes"}));
+  EXPECT_THAT(decisions.front().because,
+              testing::IsSupersetOf({"robot alpha comes", "robot beta comes", "edge north comes"}));
   EXPECT_THAT(decisions[1].because, testing::Contains("maps have grown"));
   EXPECT_GT(decisions.back().expected_s, 0.0);
   EXPECT_GT(report.coordination->summary_bytes, 100u);
@@ -98,7 +100,8 @@ TEST_F(CoordinatedRun, expects_robots_to_map_where_the_mode_has_them_do) {
   const double offloaded_s = run("offload").coordination->decisions.back().expected_s;
   configuration.mode = Mode::onboard;
   const Report report = run("onboard");
-  EXPECT_GT(report.coordination->decisions.back().expected_s, 2.0 * offloaded_s) << "robots a hundred times slower map themselves";
+  EXPECT_GT(report.coordination->decisions.back().expected_s, 2.0 * offloaded_s)
+      << "robots a hundred times slower map themselves";
   expect_same("offload", "onboard", kMaps);
 }
 
@@ -147,7 +150,8 @@ TEST_F(CoordinatedRun, joins_at_an_edge_and_tells_a_robot) {
   const auto& first = report.team.components.front();
   const bool is_first = std::find(first.begin(), first.end(), MapId("beta")) != first.end();
   const std::string its_team = is_first ? "team" : "team-1";
-  EXPECT_TRUE(read_file(folder / "pushed/robots/beta/team/map.pgm") == read_file(folder / "pushed" / its_team / "map.pgm"));
+  EXPECT_TRUE(read_file(folder / "pushed/robots/beta/team/map.pgm") ==
+              read_file(folder / "pushed" / its_team / "map.pgm"));
   EXPECT_FALSE(fs::exists(folder / "pushed/robots/alpha/team"));
   ASSERT_EQ(report.timeline->pushes.size(), 1u);
   EXPECT_GT(report.work.pushes[0].bytes, 1000u);

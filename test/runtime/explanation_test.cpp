@@ -68,12 +68,13 @@ TEST(Explanation, of_a_merged_pair_says_what_spoke_for_it) {
   const Explanation page = explained(merged().folder / "out", "robot1", "robot0");
   EXPECT_EQ(page.a, "robot0");
   EXPECT_THAT(page.text, testing::StartsWith("robot0 + robot1: merged (probability "));
-  EXPECT_THAT(page.text,
-              testing::AllOf(HasSubstr("the sum:    "), HasSubstr("m that fit nowhere around - 4 x "), HasSubstr("m seen through - 2 x "),
-                             HasSubstr("m expected by chance = "), HasSubstr("are a probability of ")));
+  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("the sum:    "), HasSubstr("m that fit nowhere around - 4 x "),
+                                        HasSubstr("m seen through - 2 x "), HasSubstr("m expected by chance = "),
+                                        HasSubstr("are a probability of ")));
   EXPECT_THAT(page.text, testing::Not(HasSubstr("none")));
-  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("1. robot1 began at x "), HasSubstr("m of wall coincide"), HasSubstr("m of wall were seen through"),
-                                        HasSubstr("places agree"), HasSubstr("overlap ")));
+  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("1. robot1 began at x "), HasSubstr("m of wall coincide"),
+                                        HasSubstr("m of wall were seen through"), HasSubstr("places agree"),
+                                        HasSubstr("overlap ")));
   EXPECT_EQ(page.png.substr(1, 3), "PNG");
   EXPECT_GT(page.png.size(), 5000U);
 }
@@ -84,7 +85,8 @@ TEST(Explanation, of_strangers_says_why_and_what_helps) {
                                     [](const Verdict& v) { return v.a.str() == "robot0" && v.b.str() == "stranger"; });
   ASSERT_NE(verdict, merged().report.team.verdicts.end());
   ASSERT_NE(verdict->decision, Decision::accepted);
-  EXPECT_THAT(page.text, testing::AllOf(HasSubstr(std::string(mapweave::in_words(verdict->reason))), HasSubstr("what helps: "), HasSubstr("prior: the prior is ")));
+  EXPECT_THAT(page.text, testing::AllOf(HasSubstr(std::string(mapweave::in_words(verdict->reason))),
+                                        HasSubstr("what helps: "), HasSubstr("prior: the prior is ")));
   EXPECT_EQ(page.png.substr(1, 3), "PNG");
 }
 
@@ -94,10 +96,12 @@ TEST(Explanation, has_a_sum_that_gives_the_log_odds) {
     for (const auto& told : verdict["hypotheses"]) {
       const double chance_m = told["by_chance_m"];
       if (chance_m == 0.0 || told["coinciding_m"] == 0.0) continue;
-      const double sum = told["distinctive_m"].get<double>() - fusion::kContradictionWeight * told["contradicted_m"].get<double>() -
+      const double sum = told["distinctive_m"].get<double>() -
+                         fusion::kContradictionWeight * told["contradicted_m"].get<double>() -
                          fusion::kUnclearWeight * told["counted_unclear_m"].get<double>() - chance_m;
       const double with_prior = std::clamp(sum, -20.0, 20.0) + told["prior_log_odds"].get<double>();
-      EXPECT_NEAR(std::clamp(with_prior, -20.0, 20.0), std::clamp(told["log_odds"].get<double>(), -20.0, 20.0), 1e-9) << told;
+      EXPECT_NEAR(std::clamp(with_prior, -20.0, 20.0), std::clamp(told["log_odds"].get<double>(), -20.0, 20.0), 1e-9)
+          << told;
       ++weighed;
     }
   EXPECT_GT(weighed, 0U);
@@ -116,8 +120,10 @@ TEST(Explanation, of_grids_shows_how_they_lie_and_what_is_no_map) {
   east.scale = 1.05;
   east.grid_from_plan = {-7.0, 40.0, 1.9};
   std::vector<fs::path> paths;
-  for (const auto& [name, grid] : std::vector<std::pair<std::string, OccupancyGrid>>{
-           {"west", test::drawn_grid(plan, west)}, {"east", test::drawn_grid(plan, east)}, {"page", test::page_of_text(1)}}) {
+  for (const auto& [name, grid] :
+       std::vector<std::pair<std::string, OccupancyGrid>>{{"west", test::drawn_grid(plan, west)},
+                                                          {"east", test::drawn_grid(plan, east)},
+                                                          {"page", test::page_of_text(1)}}) {
     mapdb::StoredMaps stored;
     stored.maps = {fusion::map_of_grid(MapId(name), grid)};
     paths.push_back(folder / (name + ".mwdb"));
@@ -127,21 +133,24 @@ TEST(Explanation, of_grids_shows_how_they_lie_and_what_is_no_map) {
   run_merge({}, paths, {folder / "out", false, {}}, pool, *make_silent_progress());
   const Explanation joined = explained(folder / "out", "west", "east");
   EXPECT_THAT(joined.text, testing::StartsWith("east + west: merged (probability "));
-  EXPECT_THAT(joined.text, testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("its lengths times 1.0"),
-                                          HasSubstr("m of wall coincide, which count "), HasSubstr("lie in free space of the other"),
-                                          testing::Not(HasSubstr("no hypothesis"))));
+  EXPECT_THAT(joined.text,
+              testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("its lengths times 1.0"),
+                             HasSubstr("m of wall coincide, which count "), HasSubstr("lie in free space of the other"),
+                             testing::Not(HasSubstr("no hypothesis"))));
   EXPECT_GT(joined.png.size(), 5000U);
   const Explanation text = explained(folder / "out", "page", "east");
   EXPECT_THAT(text.text, testing::AllOf(HasSubstr("note: page looks like no map: "), HasSubstr("as on a page of text"),
-                                        HasSubstr("what helps: take a raster of walls and free space"), testing::Not(HasSubstr("drive "))));
+                                        HasSubstr("what helps: take a raster of walls and free space"),
+                                        testing::Not(HasSubstr("drive "))));
 }
 
 TEST(Explanation, of_cameras_tells_the_pictures_that_agree_and_draws_landmarks) {
   const test::TemporaryFolder folder;
   const test::StarryBuilding building({1});
   std::vector<fs::path> paths;
-  for (const auto& [name, way] : std::vector<std::pair<std::string, std::vector<Pose2>>>{{"alpha", test::look_around(-1.0, -0.5, 0.0, 2.4, 14)},
-                                                                                        {"beta", test::look_around(0.5, 0.7, 1.4, 4.0, 14)}}) {
+  for (const auto& [name, way] :
+       std::vector<std::pair<std::string, std::vector<Pose2>>>{{"alpha", test::look_around(-1.0, -0.5, 0.0, 2.4, 14)},
+                                                               {"beta", test::look_around(0.5, 0.7, 1.4, 4.0, 14)}}) {
     mapdb::StoredMaps stored;
     stored.maps = {building.keyframe_map(name, way)};
     paths.push_back(folder / (name + ".mwdb"));
@@ -151,8 +160,9 @@ TEST(Explanation, of_cameras_tells_the_pictures_that_agree_and_draws_landmarks) 
   run_merge({}, paths, {folder / "out", false, {}}, pool, *make_silent_progress());
   const Explanation page = explained(folder / "out", "alpha", "beta");
   EXPECT_THAT(page.text, testing::StartsWith("alpha + beta: merged (probability "));
-  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("1. beta began at x "), HasSubstr("pairs of pictures show the same place so"),
-                                        HasSubstr("no pair of pictures puts them elsewhere"), testing::Not(HasSubstr("of wall"))));
+  EXPECT_THAT(page.text,
+              testing::AllOf(HasSubstr("1. beta began at x "), HasSubstr("pairs of pictures show the same place so"),
+                             HasSubstr("no pair of pictures puts them elsewhere"), testing::Not(HasSubstr("of wall"))));
   EXPECT_GT(page.png.size(), 5000U);
 }
 
@@ -172,19 +182,23 @@ TEST(Explanation, has_the_numbers_of_merges_json) {
 TEST(Explanation, refuses_what_is_not_there_or_damaged) {
   const fs::path out = merged().folder / "out";
   EXPECT_THAT(trouble(out, "robto0", "robot1", ErrorCode::kUsage),
-              testing::AllOf(HasSubstr("unknown map 'robto0'"), HasSubstr("robot0, robot1, stranger"), HasSubstr("did you mean 'robot0'?")));
+              testing::AllOf(HasSubstr("unknown map 'robto0'"), HasSubstr("robot0, robot1, stranger"),
+                             HasSubstr("did you mean 'robot0'?")));
   EXPECT_THAT(trouble(out, "robot0", "robot0", ErrorCode::kUsage), HasSubstr("two maps"));
   EXPECT_THAT(trouble(merged().folder.path(), "robot0", "robot1", ErrorCode::kMissing), HasSubstr("merges.json"));
   const test::TemporaryFolder damaged;
-  for (const char* text : {"", "[", "{}", "[3]", R"([{"a": "x", "b": "y"}])", R"([{"a": 1, "b": 2}])",
-                           R"([{"a": "../x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted"}])",
-                           R"([{"a": "x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted", "hypotheses": [{"b_from_a": {"yaw": "left"}}]}])"}) {
+  for (
+      const char* text :
+      {"", "[", "{}", "[3]", R"([{"a": "x", "b": "y"}])", R"([{"a": 1, "b": 2}])",
+       R"([{"a": "../x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted"}])",
+       R"([{"a": "x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted", "hypotheses": [{"b_from_a": {"yaw": "left"}}]}])"}) {
     write_file(damaged / "merges.json", text);
     try {
       explained(damaged.path(), std::string(text).find("../x") == std::string::npos ? "x" : "../x", "y");
       ADD_FAILURE() << text;
     } catch (const Error& error) {
-      EXPECT_TRUE(error.code() == ErrorCode::kCorrupt || error.code() == ErrorCode::kUsage) << text << ": " << error.what();
+      EXPECT_TRUE(error.code() == ErrorCode::kCorrupt || error.code() == ErrorCode::kUsage)
+          << text << ": " << error.what();
     }
   }
 }

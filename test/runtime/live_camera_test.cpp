@@ -18,14 +18,16 @@ test::FeatureTeam alone(double length_m) {
 }
 
 // Frames [begin, end), so far apart in time that few are dropped.
-void drive(LiveCamera& camera, const Robot& robot, std::size_t begin, std::size_t end, std::chrono::milliseconds apart) {
+void drive(LiveCamera& camera, const Robot& robot, std::size_t begin, std::size_t end,
+           std::chrono::milliseconds apart) {
   for (std::size_t i = begin; i < end; ++i) {
     camera.add(robot.shoot(i).frame);
     std::this_thread::sleep_for(apart);
   }
 }
 
-// What a server has is what the client has: light updates leave out what moved by millimetres, and what one keyframe alone saw.
+// What a server has is what the client has: light updates leave out what moved by millimetres, and what one keyframe
+// alone saw.
 void expect_agreement(const std::vector<Map>& server, const visual::VisualClient& client, const Robot& robot) {
   const auto maps = client.maps(robot.place);
   ASSERT_EQ(server.size(), maps.size());
@@ -75,7 +77,8 @@ TEST(LiveCamera, comes_back_to_a_server_that_was_gone) {
   const auto path = folder.path() / "server.mwj";
   auto team = alone(6.0);
   const Robot& robot = team.robots[0];
-  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, LiveServerOptions{}, path);
+  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{},
+                                               LiveServerOptions{}, path);
   LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, robot.count / 3, 15ms);
   first.reset();
@@ -98,7 +101,8 @@ TEST(LiveCamera, catches_up_through_the_shortest_queue_after_a_minute_without_a_
   options.queue_kb = 64;
   constexpr std::size_t kBefore = 60, kMinute = 60 * 12;
   ASSERT_GT(robot.count, kBefore + kMinute);
-  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, options, path);
+  auto first =
+      std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, options, path);
   LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, kBefore, 5ms);
   first.reset();
@@ -119,8 +123,8 @@ TEST(LiveCamera, catches_up_through_the_shortest_queue_after_a_minute_without_a_
 TEST(LiveCamera, goes_on_with_another_server_that_knows_nothing) {
   auto team = alone(12.0);
   const Robot& robot = team.robots[0];
-  auto first =
-      std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{}, LiveServerOptions{}, std::nullopt);
+  auto first = std::make_unique<LiveMapServer>(TierId("edge"), tiers::ServerOptions{}, fusion::FusionOptions{},
+                                               LiveServerOptions{}, std::nullopt);
   LiveCamera camera(robot.place, robot.camera, 0.0, {}, first->connect());
   drive(camera, robot, 0, robot.count / 2, 8ms);
   EXPECT_GT(first->finish().maps().size(), 0U);

@@ -1,8 +1,8 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <support/received_updates.h>
 #include <support/killed.h>
+#include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
 #include <gmock/gmock.h>
@@ -28,8 +28,8 @@ std::set<SessionId> sessions() {
 
 std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
 
-// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it asks for shared
-// landmarks.
+// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it
+// asks for shared landmarks.
 class Client {
  public:
   Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
@@ -60,7 +60,8 @@ class Client {
   // From where it was last.
   void look(const MapUpdate& update) {
     const Node& node = update.nodes.back();
-    EXPECT_NE(link_->send({Kind::view, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}), Sent::later);
+    EXPECT_NE(link_->send({Kind::view, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}),
+              Sent::later);
   }
   void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
@@ -81,7 +82,8 @@ class Client {
 
 void tell_all(LiveMapServer& server) {
   std::vector<std::thread> clients;
-  for (const SessionId& session : sessions()) clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
+  for (const SessionId& session : sessions())
+    clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
   for (std::thread& client : clients) client.join();
 }
 
@@ -92,7 +94,8 @@ void await_merge(const LiveMapServer& server) {
 
 std::string sealed_in_lockstep() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   return test::sealed(server);
 }
 
@@ -164,7 +167,8 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
   options.answers_kb = 64;
   LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates()) lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
   tell_all(server);
   await_merge(server);
   const ServerCounts joined = server.counts();
@@ -242,7 +246,8 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
       LiveMapServer server(TierId("edge"), sharing, {}, options, path);
       std::vector<std::thread> clients;
       for (const SessionId& session : sessions())
-        clients.emplace_back([&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
+        clients.emplace_back(
+            [&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
       for (std::thread& client : clients) client.join();
       server.finish();
     };
@@ -268,7 +273,8 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   }
   EXPECT_EQ(test::sealed(again.finish()), sealed_in_lockstep());
 }
-// One session after the other; each joins what its journal holds. What its verdicts rest on, and into how many maps it joins.
+// One session after the other; each joins what its journal holds. What its verdicts rest on, and into how many maps it
+// joins.
 std::pair<std::set<Hash>, std::size_t> joined_from(const std::filesystem::path& path) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, path);
   await_merge(server);
@@ -303,7 +309,8 @@ TEST(LiveMapServer, keeps_apart_what_was_vetoed_though_it_is_killed) {
     std::tie(witnesses, components) = joined_from(path);
   }
   EXPECT_EQ(components, 2U);
-  for (int again = 0; again < 2; ++again) EXPECT_EQ(joined_from(path).second, 2U) << "from a journal that was written anew, too";
+  for (int again = 0; again < 2; ++again)
+    EXPECT_EQ(joined_from(path).second, 2U) << "from a journal that was written anew, too";
 
   LiveMapServer serving(TierId("edge"), {}, {}, {}, before);
   for (const Hash& witness : vetoed) serving.veto(witness);

@@ -26,10 +26,13 @@ std::map<SessionId, std::vector<std::string>> told(double turned_rad) {
   options.robots[0].last_room = 3, options.robots[0].length_m = 10.0;
   test::FeatureTeam team(options, tiers::ServerOptions{});
   auto& back = team.robots[1];
-  back.place.robot_from_camera.q = Eigen::AngleAxisd(turned_rad, Eigen::Vector3d::UnitZ()) * back.place.robot_from_camera.q;
+  back.place.robot_from_camera.q =
+      Eigen::AngleAxisd(turned_rad, Eigen::Vector3d::UnitZ()) * back.place.robot_from_camera.q;
   back.agent.emplace(back.place);
   std::map<SessionId, std::vector<std::string>> all;
-  team.overheard = [&](const auto& camera, const std::string& bytes) { all[*camera.client->run(camera.place)].push_back(bytes); };
+  team.overheard = [&](const auto& camera, const std::string& bytes) {
+    all[*camera.client->run(camera.place)].push_back(bytes);
+  };
   team.run();
   return all;
 }
@@ -62,14 +65,16 @@ ClientCounts counts_of(const LiveMapServer& server, const SessionId& session) {
 }
 
 // All of a client's updates, and where it is at each of its keyframes, until all is heard.
-void tell(LiveMapServer& server, const SessionId& session, const std::vector<std::string>& updates, std::chrono::milliseconds apart) {
+void tell(LiveMapServer& server, const SessionId& session, const std::vector<std::string>& updates,
+          std::chrono::milliseconds apart) {
   const auto link = greeted(server, session);
   std::uint64_t views = counts_of(server, session).views;
   for (const std::string& bytes : updates) {
     send(*link, {Kind::update, bytes});
     const MapUpdate update = decode_map_update(bytes, "test");
     for (const Node& node : update.nodes) send(*link, {Kind::view, encode(view_at(node, update.origin.map))}), ++views;
-    for (const ServerMessage& message : link->take(apart)) EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
+    for (const ServerMessage& message : link->take(apart))
+      EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
   }
   while (counts_of(server, session).views < views) std::this_thread::sleep_for(1ms);
 }
@@ -166,7 +171,8 @@ TEST(LiveRobot, is_told_once_why_its_cameras_are_not_tied) {
     await_merge(server);
     ASSERT_EQ(server.counts().notes.size(), 1U);
     notes.push_back(server.counts().notes.front());
-    EXPECT_THAT(notes.back(), testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg farther to the right")));
+    EXPECT_THAT(notes.back(),
+                testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg farther to the right")));
   }
   EXPECT_NE(notes.front(), notes.back()) << "it counts more";
   server.finish();

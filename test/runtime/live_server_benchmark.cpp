@@ -1,8 +1,9 @@
-// What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand over features.
-// live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with its times
-// live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
-// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merging them costs, whatever else runs
-// live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real time: dropped frames
+// What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand
+// over features. live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with
+// its times live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
+// live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merging them costs,
+// whatever else runs live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real
+// time: dropped frames
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_camera.h>
 #include <mapweave/runtime/metrics.h>
@@ -36,7 +37,8 @@ constexpr double kFramesPerSecond = 10.0, kShareRate_hz = 2.0, kMetresPerSecond 
 
 class Building {
  public:
-  Building(std::size_t robots, double seconds, WorkerPool& pool) : options_(options(robots, seconds)), world_(options_, pool) {
+  Building(std::size_t robots, double seconds, WorkerPool& pool)
+      : options_(options(robots, seconds)), world_(options_, pool) {
     field_.emplace(world_.scene(0), world_.buildings()[0], features_);
     for (std::size_t i = 0; i < robots; ++i) recordings_.emplace_back(world_, *field_, features_, i, 0);
   }
@@ -62,7 +64,8 @@ class Building {
     options.buildings.resize(1);
     options.buildings[0].kind = simulation::PlanKind::apartment, options.buildings[0].seed = 7;
     options.cameras.resize(1);
-    options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = kFramesPerSecond;
+    options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd,
+    options.cameras[0].frames_per_second = kFramesPerSecond;
     options.robots.resize(robots);
     for (std::size_t i = 0; i < robots; ++i) {
       auto& robot = options.robots[i];
@@ -99,7 +102,9 @@ std::vector<Told> told_by(const Building& building, std::uint32_t client, double
   for (std::size_t i = 0; i < frames.size(); ++i) {
     camera.add(frames[i]);
     const double after_s = offset_s + static_cast<double>(i + 1) / kFramesPerSecond;
-    const auto tell = [&](ClientMessage::Kind kind, std::string bytes) { told.push_back({after_s, client, {kind, std::move(bytes)}}); };
+    const auto tell = [&](ClientMessage::Kind kind, std::string bytes) {
+      told.push_back({after_s, client, {kind, std::move(bytes)}});
+    };
     if ((i + 1) % static_cast<std::size_t>(kFramesPerSecond / kShareRate_hz) != 0 || !camera.run(place)) continue;
     if (!std::exchange(greeted, true))
       tell(ClientMessage::Kind::hello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
@@ -120,12 +125,14 @@ void record(const std::string& path, std::size_t clients, double seconds) {
   WorkerPool pool(available_processors());
   const Building building(clients, seconds, pool);
   std::vector<Told> all;
-  for (auto& told : pool.map(clients, [&](std::size_t i) { return told_by(building, static_cast<std::uint32_t>(i), seconds); }))
+  for (auto& told :
+       pool.map(clients, [&](std::size_t i) { return told_by(building, static_cast<std::uint32_t>(i), seconds); }))
     std::move(told.begin(), told.end(), std::back_inserter(all));
   std::stable_sort(all.begin(), all.end(), [](const Told& a, const Told& b) { return a.after_s < b.after_s; });
   std::ofstream file(path, std::ios::binary);
   for (const Told& one : all) {
-    file << one.after_s << ' ' << one.client << ' ' << static_cast<int>(one.message.kind) << ' ' << one.message.bytes.size() << '\n';
+    file << one.after_s << ' ' << one.client << ' ' << static_cast<int>(one.message.kind) << ' '
+         << one.message.bytes.size() << '\n';
     file.write(one.message.bytes.data(), static_cast<std::streamsize>(one.message.bytes.size()));
   }
   std::printf("%zu messages of %zu clients\n", all.size(), clients);
@@ -154,7 +161,8 @@ tiers::ServerOptions sharing(tiers::Sharing share) {
 }
 
 struct Journal {
-  std::filesystem::path path = std::filesystem::temp_directory_path() / ("live_server_benchmark." + std::to_string(getpid()) + ".mwj");
+  std::filesystem::path path =
+      std::filesystem::temp_directory_path() / ("live_server_benchmark." + std::to_string(getpid()) + ".mwj");
   ~Journal() {
     for (const char* end : {"", "-wal", "-shm"}) std::filesystem::remove(path.string() + end);
   }
@@ -163,7 +171,9 @@ struct Journal {
 nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t clients, double seconds) {
   runtime::ClientCounts sum;
   for (const runtime::ClientCounts& client : counts.clients) runtime::add(sum, client);
-  const auto each_ms = [](double s, std::uint64_t count) { return count == 0 ? 0.0 : 1e3 * s / static_cast<double>(count); };
+  const auto each_ms = [](double s, std::uint64_t count) {
+    return count == 0 ? 0.0 : 1e3 * s / static_cast<double>(count);
+  };
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   return {{"update_ms", each_ms(sum.update_s, sum.updates)},
           {"retrieval_ms", each_ms(sum.retrieval_s, sum.views)},
@@ -216,8 +226,10 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   while (!has_done_all(server.counts(), told)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const double cpu_s = process_cpu_seconds() - before_s - (runtime::thread_cpu_seconds() - mine_before_s);
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
-  nlohmann::ordered_json row{
-      {"clients", clients}, {"seconds", seconds}, {"cpu_s_per_client_minute", cpu_s / minutes}, {"cores", cpu_s / seconds}};
+  nlohmann::ordered_json row{{"clients", clients},
+                             {"seconds", seconds},
+                             {"cpu_s_per_client_minute", cpu_s / minutes},
+                             {"cores", cpu_s / seconds}};
   row.update(costs(server.counts(), clients, seconds));
   const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
@@ -293,7 +305,8 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
     }
   }
   row["sealed_components"] = sealed.components.size();
-  row["from_seal_m"] = live.empty() ? 0.0 : std::sqrt(square / static_cast<double>(live.size())), row["most_from_seal_m"] = most_m;
+  row["from_seal_m"] = live.empty() ? 0.0 : std::sqrt(square / static_cast<double>(live.size())),
+  row["most_from_seal_m"] = most_m;
   return row;
 }
 
@@ -313,14 +326,16 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
     for (std::size_t i = 0; i < clients; ++i) {
       if (frame >= frames[i].size()) continue;
       std::this_thread::sleep_until(
-          begin + std::chrono::duration<double>((static_cast<double>(frame) + static_cast<double>(i) / static_cast<double>(clients)) /
-                                                kFramesPerSecond));
+          begin +
+          std::chrono::duration<double>(
+              (static_cast<double>(frame) + static_cast<double>(i) / static_cast<double>(clients)) / kFramesPerSecond));
       cameras[i].add(frames[i][frame]);
       ++count;
     }
   const double lasted_s = std::chrono::duration<double>(Clock::now() - begin).count();
   const double cpu_s = process_cpu_seconds() - before_s;
-  nlohmann::ordered_json row{{"clients", clients}, {"seconds", lasted_s}, {"frames", count}, {"cores", cpu_s / lasted_s}};
+  nlohmann::ordered_json row{
+      {"clients", clients}, {"seconds", lasted_s}, {"frames", count}, {"cores", cpu_s / lasted_s}};
   row.update(costs(server.counts(), clients, lasted_s));
   int dropped = 0;
   std::size_t borrowed = 0;
@@ -355,7 +370,8 @@ int main(int argc, char** argv) try {
     std::printf("%s\n", team(static_cast<std::size_t>(number(2, 8)), number(3, 60)).dump(2).c_str());
   } else {
     std::fprintf(stderr,
-                 "live_server_benchmark record FILE [CLIENTS [SECONDS]] | replay|lockstep FILE CLIENTS,... | team [CLIENTS [SECONDS]]\n");
+                 "live_server_benchmark record FILE [CLIENTS [SECONDS]] | replay|lockstep FILE CLIENTS,... | team "
+                 "[CLIENTS [SECONDS]]\n");
     return 2;
   }
   return 0;

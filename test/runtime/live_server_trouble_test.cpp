@@ -2,8 +2,8 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/live_map_server.h>
-#include <support/received_updates.h>
 #include <support/killed.h>
+#include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
 #include <sys/resource.h>
@@ -82,7 +82,8 @@ TEST(LiveServerTrouble, confirms_nothing_while_the_disk_is_full_and_all_once_the
     EXPECT_EQ(stored_of(*link, 300ms), 0U) << "what is not safe is not confirmed";
   }
   std::uint64_t stored = 0;
-  EXPECT_TRUE(comes_true([&] { return stored = std::max(stored, stored_of(*link, 10ms)), stored == last; })) << stored << " of " << last;
+  EXPECT_TRUE(comes_true([&] { return stored = std::max(stored, stored_of(*link, 10ms)), stored == last; }))
+      << stored << " of " << last;
   EXPECT_TRUE(comes_true([&] { return server.counts().trouble.empty(); }));
   const std::string sealed = test::sealed(server.finish());
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
@@ -125,10 +126,12 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
   std::map<SessionId, std::shared_ptr<LiveMapServer::Link>> links;
   for (const ReceivedUpdate& one : received_updates())
-    if (auto& link = links[one.from]; link == nullptr) link = server.connect(), link->send({Kind::hello, encode(hello_of(one.from))});
+    if (auto& link = links[one.from]; link == nullptr)
+      link = server.connect(), link->send({Kind::hello, encode(hello_of(one.from))});
   request_interrupt();  // merges throw
   const std::size_t half = received_updates().size() / 2;
-  for (std::size_t i = 0; i < half; ++i) links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
+  for (std::size_t i = 0; i < half; ++i)
+    links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return !server.counts().trouble.empty(); }));
   clear_interrupt();
   EXPECT_EQ(server.counts().merges, 0);

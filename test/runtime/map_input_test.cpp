@@ -3,8 +3,8 @@
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/merge_runner.h>
-#include <support/received_updates.h>
 #include <support/killed.h>
+#include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
 #include <gmock/gmock.h>
@@ -25,7 +25,8 @@ std::vector<mapdb::JournalEntry> entries() {
 
 std::vector<Map> maps_of_the_server() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates()) server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
   return server.maps();
 }
 
@@ -56,8 +57,8 @@ TEST(GridAsInput, names_the_file_where_every_cell_is_unknown) {
     ADD_FAILURE() << "was read";
   } catch (const Error& error) {
     EXPECT_EQ(error.code(), ErrorCode::kBadInput);
-    EXPECT_THAT(error.what(),
-                testing::AllOf(testing::HasSubstr("hall.yaml: every cell of the grid is unknown"), testing::HasSubstr("thresholds")));
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("hall.yaml: every cell of the grid is unknown"),
+                                             testing::HasSubstr("thresholds")));
   }
   write_file(folder / "hall.pgm", "P5\n40 30\n255\n" + std::string(1200, static_cast<char>(0)));
   EXPECT_THAT(read_map_input(folder / "hall.yaml", MapId("hall")).notes,

@@ -17,10 +17,13 @@ std::vector<std::string> texts(const std::vector<MapId>& names) {
   return result;
 }
 
-TEST(MapNames, are_the_files_stems) { EXPECT_THAT(texts(names_of({"x/alpha.mwdb", "y/hall.yaml"})), ElementsAre("alpha", "hall")); }
+TEST(MapNames, are_the_files_stems) {
+  EXPECT_THAT(texts(names_of({"x/alpha.mwdb", "y/hall.yaml"})), ElementsAre("alpha", "hall"));
+}
 
 TEST(MapNames, are_the_folders_names_where_stems_are_alike) {
-  EXPECT_THAT(texts(names_of({"robots/beta/map.mwdb", "robots/alpha/map.mwdb", "hall.yaml"})), ElementsAre("beta", "alpha", "hall"));
+  EXPECT_THAT(texts(names_of({"robots/beta/map.mwdb", "robots/alpha/map.mwdb", "hall.yaml"})),
+              ElementsAre("beta", "alpha", "hall"));
 }
 
 TEST(MapNames, are_the_stem_with_a_number_where_one_folder_holds_both) {
@@ -64,7 +67,8 @@ TEST(Rekeyed, renames_landmarks_and_who_saw_them) {
 }
 
 TEST(RobotsApart, renames_robots_that_two_maps_share_and_says_so) {
-  Map monday = test::make_map("alpha", 3), tuesday = test::make_map("alpha", 4, 900.0), other = test::make_map("beta", 2);
+  Map monday = test::make_map("alpha", 3), tuesday = test::make_map("alpha", 4, 900.0),
+      other = test::make_map("beta", 2);
   monday.id = MapId("monday");
   tuesday.id = MapId("tuesday");
   std::vector<std::string> notes;

@@ -116,7 +116,8 @@ TEST_F(MergeRequestsTest, a_refused_pair_is_as_it_was_alone) {
   merge(robots({0}), "alone0");
   merge(robots({1}), "alone1");
   for (const char* file : {"map.png", "map.pgm", "map.pcd", "trajectory.tum"}) {
-    const std::string first = report.team.components[0][0].str() == "robot0" ? "alone0" : "alone1", second = first == "alone0" ? "alone1" : "alone0";
+    const std::string first = report.team.components[0][0].str() == "robot0" ? "alone0" : "alone1",
+                      second = first == "alone0" ? "alone1" : "alone0";
     EXPECT_EQ(read_file(folder / "refused/team" / file), read_file(folder / first / "team" / file)) << file;
     EXPECT_EQ(read_file(folder / "refused/team-1" / file), read_file(folder / second / "team" / file)) << file;
   }
@@ -131,31 +132,38 @@ TEST_F(MergeRequestsTest, a_pair_that_is_refused_may_meet_in_a_third_ones_map) {
   requests.refused = {{"robot0", "robot2"}};
   const Report report = merge(robots({0, 1, 2}), "out", requests);
   EXPECT_EQ(report.team.components.size(), 1U);
-  for (const Verdict& verdict : report.team.verdicts) EXPECT_EQ(verdict.reason == Reason::excluded, verdict.a.str() == "robot0" && verdict.b.str() == "robot2");
+  for (const Verdict& verdict : report.team.verdicts)
+    EXPECT_EQ(verdict.reason == Reason::excluded, verdict.a.str() == "robot0" && verdict.b.str() == "robot2");
   const Verdict& refused = report.team.verdicts[1];
   ASSERT_TRUE(refused.in_one_map);
   EXPECT_THAT(refused.in_one_map->through, testing::ElementsAre(MapId("robot1")));
   ASSERT_TRUE(refused.merge);
   EXPECT_GT(refused.merge->probability, 0.9);
-  EXPECT_THAT(in_words(refused), testing::StartsWith("robot0 + robot2: in one map, through robot1 (the merge of robot0"));
+  EXPECT_THAT(in_words(refused),
+              testing::StartsWith("robot0 + robot2: in one map, through robot1 (the merge of robot0"));
   EXPECT_THAT(in_words(refused), testing::EndsWith("; not matched to each other: the user excluded this pair"));
   const auto told = merges_json(report)[1];
   EXPECT_EQ(told["accepted"], false);
   EXPECT_EQ(told["in_one_map"], true);
   EXPECT_EQ(told["connected_through"][0], "robot1");
   const Explanation page = explain(folder / "out", "robot0", "robot2", {}, pool);
-  EXPECT_THAT(page.text, testing::AllOf(HasSubstr("in one map, through robot1"), HasSubstr("in the team's map robot2 began at"),
-                                        HasSubstr("nothing has to be done"), testing::Not(HasSubstr("what helps"))));
+  EXPECT_THAT(page.text,
+              testing::AllOf(HasSubstr("in one map, through robot1"), HasSubstr("in the team's map robot2 began at"),
+                             HasSubstr("nothing has to be done"), testing::Not(HasSubstr("what helps"))));
   EXPECT_GT(page.png.size(), 5000U);
 }
 
 TEST_F(MergeRequestsTest, names_that_are_not_there_are_refused_with_those_that_are) {
   EXPECT_THAT(trouble(robots({0, 1}), {{"robto1"}, {}, {}}),
-              testing::AllOf(HasSubstr("--without: unknown robot 'robto1'"), HasSubstr("robot0, robot1"), HasSubstr("did you mean 'robot1'")));
-  EXPECT_THAT(trouble(robots({0, 1}), {{}, {{"robot0", "gamma"}}, {}}), HasSubstr("--refuse: unknown robot 'gamma'; the maps have: robot0, robot1"));
+              testing::AllOf(HasSubstr("--without: unknown robot 'robto1'"), HasSubstr("robot0, robot1"),
+                             HasSubstr("did you mean 'robot1'")));
+  EXPECT_THAT(trouble(robots({0, 1}), {{}, {{"robot0", "gamma"}}, {}}),
+              HasSubstr("--refuse: unknown robot 'gamma'; the maps have: robot0, robot1"));
   EXPECT_THAT(trouble(robots({0, 1}), {{}, {{"robot0", "robot0"}}, {}}), HasSubstr("are one map"));
-  EXPECT_THAT(trouble(robots({0, 1}), {{}, {}, {{"gamma", "robot0", {}}}}), HasSubstr("--anchor: unknown robot 'gamma'"));
-  EXPECT_THAT(trouble(robots({0, 1}), {{}, {}, {{"robot1", "robot0", {}}, {"robot0", "robot1", {}}}}), HasSubstr("two priors"));
+  EXPECT_THAT(trouble(robots({0, 1}), {{}, {}, {{"gamma", "robot0", {}}}}),
+              HasSubstr("--anchor: unknown robot 'gamma'"));
+  EXPECT_THAT(trouble(robots({0, 1}), {{}, {}, {{"robot1", "robot0", {}}, {"robot0", "robot1", {}}}}),
+              HasSubstr("two priors"));
   EXPECT_THAT(trouble(robots({0, 1}), {{"robot0", "robot1"}, {}, {}}), HasSubstr("no map is left"));
 }
 
@@ -168,7 +176,8 @@ TEST_F(MergeRequestsTest, a_team_map_without_its_robots_own_maps_says_what_to_gi
     merge({folder / "old.mwdb"}, "out", {{"robot1"}, {}, {}});
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("does not hold its robots' own maps"), HasSubstr("robots/*/map.mwdb")));
+    EXPECT_THAT(error.what(),
+                testing::AllOf(HasSubstr("does not hold its robots' own maps"), HasSubstr("robots/*/map.mwdb")));
   }
 }
 
@@ -179,8 +188,9 @@ TEST_F(MergeRequestsTest, anchors_are_read_as_metres_and_radians) {
   EXPECT_THAT(anchor.a_from_b, test::IsNear(Pose2(3.5, -1.0, 1.57), 1e-12, 1e-12));
   EXPECT_EQ(anchor.sigma_m, 0.2);
   EXPECT_EQ(parse_anchor("a,b,0,0,0").sigma_m, 0.5);
-  for (const char* text : {"", "a,b", "a,b,1,2", "a,b,1,2,3,4,5,6", "a,b,one,2,3", "a,b,1,2,", "a,b,1,2,90", "a,b,1,2,nan", "a,b,1,2,3,0", "a,b,1,2,3,-1",
-                           ",b,1,2,3", "a,,1,2,3", "a,b,1e9,2,3", "a,b,1,2x,3"}) {
+  for (const char* text :
+       {"", "a,b", "a,b,1,2", "a,b,1,2,3,4,5,6", "a,b,one,2,3", "a,b,1,2,", "a,b,1,2,90", "a,b,1,2,nan", "a,b,1,2,3,0",
+        "a,b,1,2,3,-1", ",b,1,2,3", "a,,1,2,3", "a,b,1e9,2,3", "a,b,1,2x,3"}) {
     try {
       parse_anchor(text);
       ADD_FAILURE() << text;
@@ -200,7 +210,8 @@ TEST_F(MergeRequestsTest, a_pair_that_was_refused_stays_so_in_a_team_without_a_r
   const Report report = merge({folder / "all"}, "undone", {{"robot2"}, {}, {}});
   expect_same_maps("never", "undone");
   EXPECT_EQ(report.team.verdicts.at(0).reason, Reason::excluded);
-  EXPECT_THAT(in_words(report, "undone"), HasSubstr("note: as before: robot0 and robot1 are never matched to each other (--refuse)"));
+  EXPECT_THAT(in_words(report, "undone"),
+              HasSubstr("note: as before: robot0 and robot1 are never matched to each other (--refuse)"));
   const Report again = merge({folder / "undone"}, "twice");
   expect_same_maps("undone", "twice");
   EXPECT_EQ(again.team.verdicts.at(0).reason, Reason::excluded);
@@ -233,7 +244,8 @@ TEST_F(MergeRequestsTest, a_prior_holds_in_a_team_without_a_robot_until_it_is_sa
   expect_same_maps("never", "undone");
   EXPECT_TRUE(undone.team.verdicts.at(0).prior->is_contradicted);
   EXPECT_THAT(in_words(undone, "undone"), HasSubstr("note: as before: a prior says where robot1 lies in robot0"));
-  const Report anew = merge({folder / "all"}, "anew", {{"robot2"}, {}, {{"robot1", "robot0", inverse(apartment().truth(0, 1))}}});
+  const Report anew =
+      merge({folder / "all"}, "anew", {{"robot2"}, {}, {{"robot1", "robot0", inverse(apartment().truth(0, 1))}}});
   EXPECT_FALSE(anew.team.verdicts.at(0).prior->is_contradicted);
   EXPECT_FALSE(merge_anew({folder / "all"}, "forgotten").team.verdicts.at(0).prior);
 }
@@ -268,7 +280,8 @@ TEST_F(MergeRequestsTest, two_teams_made_with_different_options_are_merged_with_
   configuration = {};
   merge(robots({2}), "other");
   const Report report = merge({folder / "one", folder / "other"}, "both");
-  EXPECT_THAT(report.notes, testing::Contains("the teams were made with different options of fusion: none of them counts here"));
+  EXPECT_THAT(report.notes,
+              testing::Contains("the teams were made with different options of fusion: none of them counts here"));
   RunConfiguration written;
   load(written, {{folder / "both/config.yaml"}, {}, {}});
   EXPECT_EQ(written.fusion.merge_probability, fusion::FusionOptions().merge_probability);
@@ -298,7 +311,8 @@ MergeRequests anchored(const Pose2& a_from_b, double sigma_m = 0.5) {
 }
 
 TEST_F(MergeRequestsTest, a_right_prior_agrees) {
-  const Report report = merge(robots({0, 1}), "out", anchored(compose(apartment().truth(0, 1), Pose2(0.3, -0.2, 0.05))));
+  const Report report =
+      merge(robots({0, 1}), "out", anchored(compose(apartment().truth(0, 1), Pose2(0.3, -0.2, 0.05))));
   EXPECT_EQ(report.team.components.size(), 1U);
   ASSERT_TRUE(report.team.verdicts[0].prior);
   const PriorCheck& prior = *report.team.verdicts[0].prior;
@@ -310,7 +324,8 @@ TEST_F(MergeRequestsTest, a_right_prior_agrees) {
 TEST_F(MergeRequestsTest, a_prior_that_is_wrong_by_ten_metres_is_found_out) {
   const Report report = merge(robots({0, 1}), "out", anchored(compose(apartment().truth(0, 1), Pose2(8.0, 6.0, 0.0))));
   ASSERT_EQ(report.team.components.size(), 1U);
-  EXPECT_THAT(planar(report.team.verdicts[0].alignment->a_from_b.pose), test::IsNear(apartment().truth(0, 1), 0.25, 0.04));
+  EXPECT_THAT(planar(report.team.verdicts[0].alignment->a_from_b.pose),
+              test::IsNear(apartment().truth(0, 1), 0.25, 0.04));
   const PriorCheck& prior = report.team.verdicts[0].prior.value();
   EXPECT_TRUE(prior.is_contradicted);
   EXPECT_NEAR(prior.off_m.value(), 10.0, 0.3);
@@ -321,7 +336,8 @@ TEST_F(MergeRequestsTest, a_prior_that_is_wrong_by_ten_metres_is_found_out) {
 TEST_F(MergeRequestsTest, a_prior_that_is_wrong_by_half_a_turn_is_found_out) {
   const Report report = merge(robots({0, 1}), "out", anchored(compose(apartment().truth(0, 1), Pose2(0.0, 0.0, M_PI))));
   ASSERT_EQ(report.team.components.size(), 1U);
-  EXPECT_THAT(planar(report.team.verdicts[0].alignment->a_from_b.pose), test::IsNear(apartment().truth(0, 1), 0.25, 0.04));
+  EXPECT_THAT(planar(report.team.verdicts[0].alignment->a_from_b.pose),
+              test::IsNear(apartment().truth(0, 1), 0.25, 0.04));
   EXPECT_TRUE(report.team.verdicts[0].prior->is_contradicted);
   EXPECT_NEAR(report.team.verdicts[0].prior->off_rad.value(), M_PI, 0.05);
 }
@@ -340,7 +356,9 @@ TEST_F(MergeRequestsTest, a_prior_does_not_join_strangers) {
 
 TEST_F(MergeRequestsTest, known_starts_are_priors_of_each_pair) {
   const std::vector<Map>& maps = apartment().maps;
-  const auto start = [](const Pose2& pose, double sigma_m) { return StartPose{pose.x, pose.y, pose.phi, sigma_m, 0.1}; };
+  const auto start = [](const Pose2& pose, double sigma_m) {
+    return StartPose{pose.x, pose.y, pose.phi, sigma_m, 0.1};
+  };
   const Pose2 first(10.0, 20.0, 1.0);
   const auto priors = priors_of_starts({{&maps[0], start(first, 0.3)},
                                         {&maps[1], start(compose(first, apartment().truth(0, 1)), 0.4)},

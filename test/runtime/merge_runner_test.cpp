@@ -22,7 +22,8 @@ const fs::path& results() {
   static const fs::path out = [] {
     WorkerPool pool(1);
     const RunConfiguration configuration = simulated_team().configuration();
-    run_batch(configuration, make_plan(configuration, {}), {folder / "run", false, false}, pool, *make_silent_progress());
+    run_batch(configuration, make_plan(configuration, {}), {folder / "run", false, false}, pool,
+              *make_silent_progress());
     return folder / "run";
   }();
   return out;
@@ -40,7 +41,8 @@ struct MergeTest : testing::Test {
 
 TEST_F(MergeTest, joins_robots_maps_as_the_run_did_whatever_their_order) {
   merge({results() / "robots/beta/map.mwdb", results() / "robots/alpha/map.mwdb"});
-  for (const char* file : {"team/map.png", "team/map.pcd", "team/trajectory.tum", "robots/alpha/map.png", "robots/beta/map.png"})
+  for (const char* file :
+       {"team/map.png", "team/map.pcd", "team/trajectory.tum", "robots/alpha/map.png", "robots/beta/map.png"})
     EXPECT_EQ(read_file(folder / "out" / file), read_file(results() / file)) << file;
   for (const char* file : {"config.yaml", "manifest.json", "summary.json", "merges.json", "team/map.mwdb"})
     EXPECT_TRUE(fs::exists(folder / "out" / file)) << file;

@@ -50,26 +50,29 @@ TEST(Report, tells_where_b_is_seen_from_a_the_other_way_round_than_the_alignment
 
 TEST(Report, tells_an_alignment_in_space_with_its_scale) {
   Report report = report_of(Decision::accepted, 1);
-  const Sim3 a_from_b{{Eigen::Vector3d(1.0, 2.0, 3.0), Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()))}, 2.0};
+  const Sim3 a_from_b{
+      {Eigen::Vector3d(1.0, 2.0, 3.0), Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()))}, 2.0};
   report.team.verdicts[0].alignment->a_from_b = a_from_b;
   const auto json = merges_json(report)[0]["b_from_a"];
   const auto t = json["t"].get<std::vector<double>>(), q = json["q"].get<std::vector<double>>();
   const Eigen::Vector3d point_in_b(0.3, -0.2, 0.7);
   const Eigen::Vector3d point_in_a = a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
-  const Eigen::Vector3d back =
-      json["scale"].get<double>() * (Eigen::Quaterniond(q[3], q[0], q[1], q[2]) * point_in_a) + Eigen::Vector3d(t[0], t[1], t[2]);
+  const Eigen::Vector3d back = json["scale"].get<double>() * (Eigen::Quaterniond(q[3], q[0], q[1], q[2]) * point_in_a) +
+                               Eigen::Vector3d(t[0], t[1], t[2]);
   EXPECT_LT((back - point_in_b).norm(), 1e-12);
 }
 
 TEST(Report, has_the_keys_of_the_contract) {
   const auto merges = merges_json(report_of(Decision::refused, 2));
-  for (const char* key : {"tier",      "a",           "b",        "kind",       "accepted",   "decision",          "reason",
-                          "proposer",  "probability", "b_from_a", "covariance", "overlap",    "conflict",          "second_best",
-                          "witnesses", "seconds",     "words",    "detail",     "in_one_map", "connected_through", "team_b_from_a",
-                          "merge"})
+  for (const char* key :
+       {"tier",      "a",           "b",        "kind",       "accepted",   "decision",          "reason",
+        "proposer",  "probability", "b_from_a", "covariance", "overlap",    "conflict",          "second_best",
+        "witnesses", "seconds",     "words",    "detail",     "in_one_map", "connected_through", "team_b_from_a",
+        "merge"})
     EXPECT_TRUE(merges[0].contains(key)) << key;
   const auto summary = summary_json(report_of(Decision::refused, 2));
-  for (const char* key : {"robots", "edges", "team", "wall_seconds", "peak_rss_bytes", "stages"}) EXPECT_TRUE(summary.contains(key)) << key;
+  for (const char* key : {"robots", "edges", "team", "wall_seconds", "peak_rss_bytes", "stages"})
+    EXPECT_TRUE(summary.contains(key)) << key;
   for (const char* key : {"id", "scans", "log_seconds", "wall_seconds", "cpu_seconds", "real_time_factor"})
     EXPECT_TRUE(summary["robots"][0].contains(key)) << key;
   EXPECT_EQ(summary["robots"][0]["real_time_factor"], 10.0);
@@ -104,10 +107,9 @@ TEST(Report, tells_which_merge_put_maps_into_one) {
   direct.probability = 0.21;
   direct.in_one_map = InOneMap{{}, {MapId("gamma")}};
   direct.merge = TeamMerge{{MapId("alpha"), MapId("gamma")}, {MapId("beta")}, 0.996};
-  EXPECT_THAT(
-      in_words(direct),
-      testing::StartsWith("alpha + beta: merged directly, and through gamma (the merge of alpha + gamma with beta has probability 1.00; "
-                          "these two maps by themselves: probability 0.21, overlap 0 %"));
+  EXPECT_THAT(in_words(direct), testing::StartsWith("alpha + beta: merged directly, and through gamma (the merge of "
+                                                    "alpha + gamma with beta has probability 1.00; "
+                                                    "these two maps by themselves: probability 0.21, overlap 0 %"));
   direct.in_one_map->through.clear();
   direct.merge = TeamMerge{{MapId("alpha")}, {MapId("beta")}, 0.21};
   EXPECT_EQ(in_words(direct), "alpha + beta: merged (probability 0.21, overlap 0 %, conflict 0.0 %, 1 place agrees)");
@@ -115,7 +117,8 @@ TEST(Report, tells_which_merge_put_maps_into_one) {
   Verdict through = verdict(Decision::deferred, Reason::little_evidence);
   through.in_one_map = InOneMap{{}, {MapId("gamma")}};
   EXPECT_THAT(in_words(through),
-              testing::StartsWith("alpha + beta: in one map, through gamma; not matched to each other: what fits may fit by chance"));
+              testing::StartsWith(
+                  "alpha + beta: in one map, through gamma; not matched to each other: what fits may fit by chance"));
 }
 
 TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing) {

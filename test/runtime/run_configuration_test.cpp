@@ -16,7 +16,8 @@ struct PlanTest : testing::Test {
     for (const char* list : {"robots", "edges"})
       for (const char* number : {".0", ".1", ".2"})
         for (const char* field : {".id", ".log", ".edge"})
-          origins.set(std::string(list) + number + field, {std::string("team.yaml: ") + list + number + field, folder / "team.yaml"});
+          origins.set(std::string(list) + number + field,
+                      {std::string("team.yaml: ") + list + number + field, folder / "team.yaml"});
   }
   RunPlan plan() { return make_plan(configuration, origins); }
   std::string complaint() {
@@ -107,8 +108,8 @@ TEST_F(PlanTest, carries_out_the_effective_configuration_as_the_first_one) {
 TEST_F(PlanTest, refuses_what_cannot_be_run_and_says_where_it_stands) {
   EXPECT_THAT(complaint(), HasSubstr("no robots"));
   configuration.robots = {{"alpha", "a.rawlog", "north"}, {"alpha", "b.rawlog", "north"}};
-  EXPECT_THAT(complaint(),
-              testing::AllOf(HasSubstr("two robots are called 'alpha'"), HasSubstr("team.yaml: robots.1.id"), HasSubstr("robots.0.id")));
+  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("two robots are called 'alpha'"),
+                                          HasSubstr("team.yaml: robots.1.id"), HasSubstr("robots.0.id")));
   configuration.robots = {{"../alpha", "a.rawlog", ""}};
   EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("'../alpha'"), HasSubstr("robots.0.id")));
   configuration.robots = {{"alpha", "a.rawlog", "no/rth"}};
@@ -121,7 +122,8 @@ TEST_F(PlanTest, refuses_what_cannot_be_run_and_says_where_it_stands) {
   EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("there is no log"), HasSubstr("robots.0.log")));
   configuration.robots = {{"alpha", "a.rawlog", "north"}};
   configuration.edges = {{"north"}, {"south"}};
-  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("no robot uses edge 'south'"), HasSubstr("edges.1.id"), HasSubstr("remove it")));
+  EXPECT_THAT(complaint(),
+              testing::AllOf(HasSubstr("no robot uses edge 'south'"), HasSubstr("edges.1.id"), HasSubstr("remove it")));
   configuration.edges = {{"north"}, {"north"}};
   EXPECT_THAT(complaint(), HasSubstr("two edges are called 'north'"));
 }
@@ -133,7 +135,8 @@ TEST(NameOfFile, is_fit_for_a_robot) {
   EXPECT_EQ(name_of_file("hall.yml"), "hall");
   EXPECT_EQ(name_of_file("x.yaml.mwdb"), "x.yaml");
   EXPECT_EQ(name_of_file("edge.mwj"), "edge");
-  EXPECT_EQ(name_of_file("2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog"), "2006-01ENE-21-SENA_Telecom-Faculty_one_loop_only");
+  EXPECT_EQ(name_of_file("2006-01ENE-21-SENA_Telecom Faculty_one_loop_only.rawlog"),
+            "2006-01ENE-21-SENA_Telecom-Faculty_one_loop_only");
   EXPECT_EQ(name_of_file(std::string(100, 'x') + ".rawlog"), std::string(64, 'x'));
 }
 
@@ -176,7 +179,8 @@ TEST_F(PlanTest, refuses_edges_that_cannot_be) {
   configuration.edges[0].from_s = 0.0, configuration.edges[0].until_s = 4.0;
   EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("cloud.at names edge 'north'"), HasSubstr("until_s")));
   configuration.cloud.at = "south", configuration.coordinator.at = "north";
-  EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("coordinator.at names edge 'north'"), HasSubstr("edge that stays")));
+  EXPECT_THAT(complaint(),
+              testing::AllOf(HasSubstr("coordinator.at names edge 'north'"), HasSubstr("edge that stays")));
   configuration.coordinator.at = "south";
   EXPECT_EQ(complaint(), "none");
 }

@@ -1,5 +1,6 @@
 #pragma once
-// Two robots' logs of one small apartment, and a configuration that maps them; made once per program, since mapping takes its time.
+// Two robots' logs of one small apartment, and a configuration that maps them; made once per program, since mapping
+// takes its time.
 
 #include <mapweave/core/options.h>
 #include <mapweave/core/progress.h>

@@ -1,8 +1,8 @@
 // How groupings compare on random graphs: cut weight and processor time.
 //   grouping_benchmark exact [GRAPHS]         the default against the least cut there is, 4 to 16 robots
 //   grouping_benchmark compare [MOST_ROBOTS]  the default against METIS, greedy and recslam
-//   grouping_benchmark worse [SEEDS]          how often, and by how much, another of them is better on graphs of 10 to 64 robots
-//   grouping_benchmark time                   milliseconds of the default on one core
+//   grouping_benchmark worse [SEEDS]          how often, and by how much, another of them is better on graphs of 10 to
+//   64 robots grouping_benchmark time                   milliseconds of the default on one core
 // Prints JSON.
 #include <mapweave/scheduling/grouping.h>
 
@@ -30,13 +30,15 @@ void exact(std::uint32_t count) {
     const std::uint32_t robots = 4 + i % 13, groups = std::min(2 + i / 13 % 5, robots / 2);
     const OverlapGraph graph = testing_graphs::of_kind(testing_graphs::kKinds[i % 4], robots, i);
     const auto sizes = testing_graphs::even_sizes(robots, groups);
-    const double best = cut_weight(graph, group_exactly(graph, sizes)), ours = cut_weight(graph, group_balanced(graph, sizes, {i}));
+    const double best = cut_weight(graph, group_exactly(graph, sizes)),
+                 ours = cut_weight(graph, group_balanced(graph, sizes, {i}));
     const double excess = best > 1e-12 ? ours / best - 1.0 : ours > 1e-12 ? 1.0 : 0.0;
     sum += excess;
     worst = std::max(worst, excess);
     found += excess < 1e-9;
   }
-  std::printf("{\"graphs\": %u, \"mean_excess\": %.6f, \"worst_excess\": %.6f, \"optimal\": %u}\n", count, sum / count, worst, found);
+  std::printf("{\"graphs\": %u, \"mean_excess\": %.6f, \"worst_excess\": %.6f, \"optimal\": %u}\n", count, sum / count,
+              worst, found);
 }
 
 void compare(std::uint32_t most_robots) {
@@ -55,7 +57,8 @@ void compare(std::uint32_t most_robots) {
           const double seconds = cpu_seconds() - start;
           std::printf(", \"%s\": %.9g, \"%s_ms\": %.4g", name, cut_weight(graph, group_of), name, 1e3 * seconds);
         };
-        std::printf("%s\n{\"kind\": \"%s\", \"robots\": %u, \"links\": %zu, \"groups\": %u", comma, kind, robots, graph.links(), groups);
+        std::printf("%s\n{\"kind\": \"%s\", \"robots\": %u, \"links\": %zu, \"groups\": %u", comma, kind, robots,
+                    graph.links(), groups);
         comma = ",";
         measured("default", [&] { return group_balanced(graph, sizes); });
         if (group_with_metis(graph, sizes)) measured("metis", [&] { return *group_with_metis(graph, sizes); });
@@ -89,7 +92,8 @@ void worse(std::uint32_t seeds) {
           before = cpu_seconds();
           const double ours = cut_weight(graph, group_balanced(graph, sizes));
           seconds += cpu_seconds() - before;
-          double best = std::min(cut_weight(graph, group_greedy(graph, sizes)), cut_weight(graph, group_recslam(graph, groups)));
+          double best =
+              std::min(cut_weight(graph, group_greedy(graph, sizes)), cut_weight(graph, group_recslam(graph, groups)));
           if (const auto metis = group_with_metis(graph, sizes)) best = std::min(best, cut_weight(graph, *metis));
           const double excess = ours <= best + 1e-9 ? 0.0 : best > 0.0 ? ours / best - 1.0 : 1.0;
           ++graphs;
@@ -97,8 +101,10 @@ void worse(std::uint32_t seeds) {
           far_behind += excess > 0.01;
           worst = std::max(worst, excess);
         }
-    std::printf("%s\n{\"robots\": %u, \"graphs\": %u, \"behind\": %u, \"behind_by_a_percent\": %u, \"worst\": %.4f, \"ms\": %.4g}", comma,
-                robots, graphs, behind, far_behind, worst, 1e3 * seconds / graphs);
+    std::printf(
+        "%s\n{\"robots\": %u, \"graphs\": %u, \"behind\": %u, \"behind_by_a_percent\": %u, \"worst\": %.4f, \"ms\": "
+        "%.4g}",
+        comma, robots, graphs, behind, far_behind, worst, 1e3 * seconds / graphs);
     std::fflush(stdout);
     comma = ",";
   }
@@ -118,8 +124,8 @@ void time() {
         const int repetitions = robots <= 200 ? 50 : robots <= 1000 ? 5 : 1;
         const double start = cpu_seconds();
         for (int i = 0; i < repetitions; ++i) group_balanced(graph, sizes, {static_cast<std::uint64_t>(i)});
-        std::printf("%s\n{\"kind\": \"%s\", \"robots\": %u, \"links\": %zu, \"groups\": %u, \"ms\": %.4g}", comma, kind, robots,
-                    graph.links(), groups, 1e3 * (cpu_seconds() - start) / repetitions);
+        std::printf("%s\n{\"kind\": \"%s\", \"robots\": %u, \"links\": %zu, \"groups\": %u, \"ms\": %.4g}", comma, kind,
+                    robots, graph.links(), groups, 1e3 * (cpu_seconds() - start) / repetitions);
         std::fflush(stdout);
         comma = ",";
       }
@@ -141,6 +147,8 @@ int main(int argc, char** argv) {
   else if (what == "time")
     time();
   else
-    return std::fprintf(stderr, "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | worse [SEEDS] | time\n"), 2;
+    return std::fprintf(stderr,
+                        "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | worse [SEEDS] | time\n"),
+           2;
   return 0;
 }

@@ -38,7 +38,8 @@ double least_cut(const OverlapGraph& graph, std::vector<std::uint32_t> sizes) {
 
 TEST(Grouping, keeps_rooms_together) {
   const OverlapGraph graph = two_rooms();
-  for (const GroupOf& group_of : {group_balanced(graph, {3, 3}), group_exactly(graph, {3, 3}), group_recslam(graph, 2)}) {
+  for (const GroupOf& group_of :
+       {group_balanced(graph, {3, 3}), group_exactly(graph, {3, 3}), group_recslam(graph, 2)}) {
     EXPECT_DOUBLE_EQ(cut_weight(graph, group_of), 0.1);
     EXPECT_NEAR(in_group_weight(graph, group_of), 1.8, 1e-12);
   }
@@ -60,7 +61,8 @@ TEST(Grouping, is_within_one_percent_of_the_least_cut_on_average) {
     const std::uint32_t robots = 6 + i % 11;
     const OverlapGraph graph = of_kind(kKinds[i % 4], robots, 1000 + i);
     const auto sizes = even_sizes(robots, 2 + i % 3);
-    const double least = cut_weight(graph, group_exactly(graph, sizes)), ours = cut_weight(graph, group_balanced(graph, sizes));
+    const double least = cut_weight(graph, group_exactly(graph, sizes)),
+                 ours = cut_weight(graph, group_balanced(graph, sizes));
     EXPECT_GE(ours, least - 1e-12);
     excess += least > 0.0 ? ours / least - 1.0 : 0.0;
   }
@@ -90,8 +92,11 @@ TEST(Grouping, keeps_the_sizes_by_every_method) {
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
     const std::uint32_t robots = 12 + 13 * static_cast<std::uint32_t>(seed);
     const OverlapGraph graph = of_kind(kKinds[seed % 4], robots, seed);
-    for (const auto& sizes :
-         {even_sizes(robots, 2), even_sizes(robots, 4), {robots - 6, 4, 1, 1}, {robots}, std::vector<std::uint32_t>(robots, 1)}) {
+    for (const auto& sizes : {even_sizes(robots, 2),
+                              even_sizes(robots, 4),
+                              {robots - 6, 4, 1, 1},
+                              {robots},
+                              std::vector<std::uint32_t>(robots, 1)}) {
       EXPECT_EQ(sizes_of(group_balanced(graph, sizes), sizes.size()), sizes);
       EXPECT_EQ(sizes_of(group_greedy(graph, sizes), sizes.size()), sizes);
       EXPECT_EQ(sizes_of(group_randomly(robots, sizes), sizes.size()), sizes);
@@ -109,9 +114,9 @@ TEST(Grouping, by_recslam_is_within_one_for_any_number_of_groups) {
 }
 
 TEST(Grouping, by_recslam_follows_algorithm_1_by_hand) {
-  // Degrees: 1 for 0, 3 and 4; 2 for 1; 3 for 2. Groups of 5 in 2: |C| <= 2.5 ends it. Seed: 0, the first of least degree; then eq. 5 over
-  // C, from P = {0}: gain(1) = 0.5 - 0.2, gain(2) = 0 - 0.2 - 0.1 - 0.3, gain(3) = -0.1, gain(4) = -0.3: 1. Then 2 candidates remain after
-  // 3 picks: gain(2) = 0.2 - 0.4, gain(3) = -0.1, gain(4) = -0.3: 3.
+  // Degrees: 1 for 0, 3 and 4; 2 for 1; 3 for 2. Groups of 5 in 2: |C| <= 2.5 ends it. Seed: 0, the first of least
+  // degree; then eq. 5 over C, from P = {0}: gain(1) = 0.5 - 0.2, gain(2) = 0 - 0.2 - 0.1 - 0.3, gain(3) = -0.1,
+  // gain(4) = -0.3: 1. Then 2 candidates remain after 3 picks: gain(2) = 0.2 - 0.4, gain(3) = -0.1, gain(4) = -0.3: 3.
   const OverlapGraph graph(5, {{0, 1, 0.5}, {1, 2, 0.2}, {2, 3, 0.1}, {2, 4, 0.3}});
   RecslamOptions options;
   options.search = false;

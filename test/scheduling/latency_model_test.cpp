@@ -50,7 +50,8 @@ TEST(LatencyModel, adds_up_by_hand) {
   EXPECT_DOUBLE_EQ(latency.edge_seconds({0, 1}, 0), 7.75 + 4.0 + 0.125);  // both maps are sent as they are
   // Robot c alone on f: 1 + 1 + 0.5 + 1, fused in half the time, 2000 bytes at 500 a second.
   EXPECT_DOUBLE_EQ(latency.edge_seconds({2}, 1), 3.5 + 0.375 + 4.0 + 0.125);
-  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}), 11.875 + 3.0 + 4.0);  // 300 scans, 200 x 100 pairs for two edges
+  EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1}, {2}}),
+                   11.875 + 3.0 + 4.0);  // 300 scans, 200 x 100 pairs for two edges
   EXPECT_DOUBLE_EQ(latency.total_seconds({{0, 1, 2}, {}}),
                    latency.edge_seconds({0, 1, 2}, 0) + 3.0);  // an edge without robots sends nothing
 }
@@ -148,12 +149,15 @@ TEST(LatencyModel, never_has_a_fused_map_below_its_largest_part_or_above_the_sum
   std::mt19937_64 random(3);
   for (int i = 0; i < 50; ++i) {
     Problem problem = two_edges();
-    const auto weight = [&] { return 0.7 * static_cast<double>(random() >> 11) * 0x1p-53; };  // some above 0.5, which no overlap is
+    const auto weight = [&] {
+      return 0.7 * static_cast<double>(random() >> 11) * 0x1p-53;
+    };  // some above 0.5, which no overlap is
     problem.overlaps = OverlapGraph(3, {{0, 1, weight()}, {1, 2, weight()}, {0, 2, weight()}});
     for (auto& scans : problem.scans) scans = static_cast<double>(random() % 1000);
     const LatencyModel model = round_numbers();
     const Latency latency(problem, model);
-    const double fused = latency.fused_bytes({0, 1, 2}), a = latency.map_bytes(0), b = latency.map_bytes(1), c = latency.map_bytes(2);
+    const double fused = latency.fused_bytes({0, 1, 2}), a = latency.map_bytes(0), b = latency.map_bytes(1),
+                 c = latency.map_bytes(2);
     EXPECT_GE(fused, std::max({a, b, c}));
     EXPECT_LE(fused, a + b + c + 1e-9);
   }
@@ -282,19 +286,22 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
                      {"map_bytes", 1000 + 70 * scans[i]}});
   }
   robots.push_back({{"id", "d"}, {"scans", 900}, {"mapped", false}, {"edge", "s"}});
-  lines.push_back({{"id", "d"}, {"packing_cpu_seconds", 0}, {"mapping_cpu_seconds", 7}, {"sensed_bytes", 0}, {"map_bytes", 0}});
+  lines.push_back(
+      {{"id", "d"}, {"packing_cpu_seconds", 0}, {"mapping_cpu_seconds", 7}, {"sensed_bytes", 0}, {"map_bytes", 0}});
   // Robots a and b overlap, less the farther they drove, and so do b and c.
   const double of_a_and_b = 0.5 / std::sqrt(1.0 + scale), of_b_and_c = 0.05;
-  const double shared_on_n = of_a_and_b * (scans[0] + scans[1]), shared = shared_on_n + of_b_and_c * (scans[1] + scans[2]);
+  const double shared_on_n = of_a_and_b * (scans[0] + scans[1]),
+               shared = shared_on_n + of_b_and_c * (scans[1] + scans[2]);
   const Json overlaps = {{"a", "b", of_a_and_b}, {"b", "c", of_b_and_c}};
   double pairs = (scans[0] + scans[1]) * scans[2];
   double fusing_s = 0.25 + 0.001 * (scans[0] + scans[1] + scans[2]) + 0.02 * shared;
   if (mode != "cloud-only") {  // edges share what is between them
     const double judging_s = 3e-6 * pairs / 2.0;
-    edges.push_back({{"id", "n"},
-                     {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1] + 0.03 * shared_on_n},
-                     {"bytes", 1.5 * (2000 + 70 * (scans[0] + scans[1]))},
-                     {"judging_cpu_seconds", judging_s}});
+    edges.push_back(
+        {{"id", "n"},
+         {"fusing_cpu_seconds", 0.004 * (scans[0] + scans[1]) + 2e-6 * scans[0] * scans[1] + 0.03 * shared_on_n},
+         {"bytes", 1.5 * (2000 + 70 * (scans[0] + scans[1]))},
+         {"judging_cpu_seconds", judging_s}});
     edges.push_back({{"id", "s"},
                      {"fusing_cpu_seconds", 0.004 * scans[2]},
                      {"bytes", 1.5 * (1000 + 70 * scans[2])},
@@ -305,7 +312,11 @@ nlohmann::json summary_of(const std::string& mode, double scale) {
   }
   return {{"robots", robots},
           {"timeline",
-           {{"mode", mode}, {"robots", lines}, {"edges", edges}, {"overlaps", overlaps}, {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
+           {{"mode", mode},
+            {"robots", lines},
+            {"edges", edges},
+            {"overlaps", overlaps},
+            {"cloud", {{"fusing_cpu_seconds", fusing_s}}}}}};
 }
 
 class ProfileOfRuns : public testing::Test {
@@ -355,9 +366,9 @@ TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_tells) {
   EXPECT_NEAR(onboard.model.edge_fusion.per_scan_pair_s, 2e-6, 1e-11);
   EXPECT_EQ(onboard.notes.size(), 2u);  // packing and what robots send
   // Of 100, 300 and 200 scans, all three are paired in the cloud.
-  const Profile alone =
-      profile_runs({run("3", summary_of("cloud-only", 1)), run("4", summary_of("cloud-only", 2)), run("5", summary_of("cloud-only", 6)),
-                    run("6", summary_of("cloud-only", 9)), run("7", summary_of("cloud-only", 40))});
+  const Profile alone = profile_runs({run("3", summary_of("cloud-only", 1)), run("4", summary_of("cloud-only", 2)),
+                                      run("5", summary_of("cloud-only", 6)), run("6", summary_of("cloud-only", 9)),
+                                      run("7", summary_of("cloud-only", 40))});
   EXPECT_EQ(alone.model.edge_fusion.per_scan_pair_s, unknown.edge_fusion.per_scan_pair_s);
   EXPECT_NEAR(alone.model.cloud_fusion.per_scan_pair_s, 3e-6, 1e-11);
   EXPECT_NEAR(alone.model.cloud_fusion.seconds({600.0, 110e3, 41.0}), 0.25 + 0.6 + 0.33 + 0.82, 1e-6);
@@ -402,15 +413,16 @@ TEST_F(ProfileOfRuns, names_the_summary_that_cannot_be_one) {
       EXPECT_THAT(error.what(), HasSubstr("summary.json")) << text;
     }
   };
-  for (const char* text :
-       {"", "[]", "{}", R"({"robots": 3, "timeline": {}})", R"({"robots": [3], "timeline": {}})", R"({"robots": [], "timeline": 3})",
-        R"({"robots": [], "timeline": {"mode": 1}})", R"({"robots": [{"id": "../x", "scans": 1, "mapped": true}], "timeline": {}})"})
+  for (const char* text : {"", "[]", "{}", R"({"robots": 3, "timeline": {}})", R"({"robots": [3], "timeline": {}})",
+                           R"({"robots": [], "timeline": 3})", R"({"robots": [], "timeline": {"mode": 1}})",
+                           R"({"robots": [{"id": "../x", "scans": 1, "mapped": true}], "timeline": {}})"})
     refused(text);
   const nlohmann::json good = summary_of("offload", 1);
   for (const char* at :
-       {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots", "/timeline/edges",
-        "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id", "/timeline/robots/1/packing_cpu_seconds",
-        "/timeline/robots/1/mapping_cpu_seconds", "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
+       {"/robots/0/scans", "/robots/0/mapped", "/robots/1/id", "/robots/1/edge", "/timeline/mode", "/timeline/robots",
+        "/timeline/edges", "/timeline/cloud", "/timeline/robots/0", "/timeline/robots/0/id",
+        "/timeline/robots/1/packing_cpu_seconds", "/timeline/robots/1/mapping_cpu_seconds",
+        "/timeline/robots/1/sensed_bytes", "/timeline/robots/1/map_bytes", "/timeline/edges/0",
         "/timeline/edges/0/fusing_cpu_seconds", "/timeline/edges/0/bytes", "/timeline/cloud/fusing_cpu_seconds"})
     for (const nlohmann::json& wrong : {nlohmann::json(-1), nlohmann::json("a"), nlohmann::json(nullptr)}) {
       nlohmann::json bad = good;

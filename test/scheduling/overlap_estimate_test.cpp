@@ -118,7 +118,8 @@ TEST(OverlapEstimator, compares_ten_thousand_ways_without_all_pairs) {
   std::vector<Waypoint> starts;
   for (int i = 0; i < kRobots; ++i) {
     starts.push_back({place(), place()});
-    estimator.put(RobotId("r" + std::to_string(i)), summary_of_route({starts.back(), {starts.back().x_m + 10.0, starts.back().y_m}}, 4.0));
+    estimator.put(RobotId("r" + std::to_string(i)),
+                  summary_of_route({starts.back(), {starts.back().x_m + 10.0, starts.back().y_m}}, 4.0));
   }
   const auto shared = estimator.overlaps();
   EXPECT_LT(shared.size(), std::size_t{kRobots} * 8);

@@ -14,7 +14,9 @@ namespace {
 
 using testing::ElementsAre;
 
-double uniform(std::mt19937_64& random, double low, double high) { return low + (high - low) * testing_graphs::uniform(random); }
+double uniform(std::mt19937_64& random, double low, double high) {
+  return low + (high - low) * testing_graphs::uniform(random);
+}
 
 // Edges and links of all kinds.
 Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t seed) {
@@ -26,12 +28,13 @@ Problem random_problem(std::uint32_t robots, std::uint32_t edges, std::uint64_t 
     problem.scans.push_back(seed % 3 == 0 ? std::optional(std::floor(uniform(random, 10, 3000))) : std::nullopt);
   }
   for (std::uint32_t i = 0; i < edges; ++i)
-    problem.edges.push_back(
-        {TierId("e" + std::to_string(i)), uniform(random, 1e5, 1e7), seed % 2 == 0 ? uniform(random, 0.3, 3.0) : 1.0, std::nullopt});
+    problem.edges.push_back({TierId("e" + std::to_string(i)), uniform(random, 1e5, 1e7),
+                             seed % 2 == 0 ? uniform(random, 0.3, 3.0) : 1.0, std::nullopt});
   if (seed % 3 == 1) problem.edges.front().delay_s = uniform(random, 0.0, 3.0);
   problem.cloud = {seed % 4 < 2 ? uniform(random, 0.3, 3.0) : 1.0, seed % 5 != 3};
   if (seed % 5 < 2)
-    for (std::uint32_t r = 0; r < robots; ++r) problem.links[{r, r % edges}] = {uniform(random, 1e5, 1e7), uniform(random, 0.0, 0.5)};
+    for (std::uint32_t r = 0; r < robots; ++r)
+      problem.links[{r, r % edges}] = {uniform(random, 1e5, 1e7), uniform(random, 0.0, 0.5)};
   return problem;
 }
 
@@ -42,7 +45,8 @@ double least_of_all(const Latency& latency) {
   double least = INFINITY;
   for (std::uint32_t code = 0; code < std::pow(edges, robots); ++code) {
     Groups robots_at(edges);
-    for (std::uint32_t robot = 0, rest = code; robot < robots; ++robot, rest /= edges) robots_at[rest % edges].push_back(robot);
+    for (std::uint32_t robot = 0, rest = code; robot < robots; ++robot, rest /= edges)
+      robots_at[rest % edges].push_back(robot);
     const auto too_many = [&](std::uint32_t edge) {
       return robots_at[edge].size() > latency.problem().edges[edge].capacity.value_or(robots);
     };
@@ -107,7 +111,8 @@ TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
   const Latency latency(problem, model);
   const double bound = lower_bound_seconds(latency);
   EXPECT_GT(bound,
-            1e-3 * (1000.0 * 5000.0 + 1000.0 * 4000.0) / 3.0);  // two edges but for two robots hold one, and the rest is on the third
+            1e-3 * (1000.0 * 5000.0 + 1000.0 * 4000.0) /
+                3.0);  // two edges but for two robots hold one, and the rest is on the third
   EXPECT_GT(bound, 2.0 * anywhere);
   EXPECT_LE(bound, least_of_all(latency));
 }
@@ -129,8 +134,8 @@ TEST(LowerBound, is_met_where_one_robot_has_one_edge) {
 TEST(Plan, is_never_below_its_bound_and_keeps_sizes) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     const Problem problem = random_problem(12 + seed % 4, 3 + seed % 3, seed);
-    for (const PlanMethod method :
-         {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::metis, PlanMethod::exact}) {
+    for (const PlanMethod method : {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random,
+                                    PlanMethod::metis, PlanMethod::exact}) {
       if (method == PlanMethod::metis && !group_with_metis(problem.overlaps, group_sizes(problem))) continue;
       const Plan plan = make_plan(problem, {method, seed, {}});
       EXPECT_LE(plan.lower_bound_seconds, plan.predicted_seconds);
@@ -179,7 +184,8 @@ TEST(Placement, keeps_capacities) {
 
 TEST(Plan, gives_each_robot_an_edge_of_its_own_where_there_are_more_edges) {
   Problem problem = random_problem(2, 5, 1);
-  for (const PlanMethod method : {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact}) {
+  for (const PlanMethod method :
+       {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact}) {
     const Plan plan = make_plan(problem, {method, 1, {}});
     EXPECT_EQ(plan.groups.size(), 2u);
     EXPECT_NE(plan.edge_of[0], plan.edge_of[1]);
@@ -189,7 +195,8 @@ TEST(Plan, gives_each_robot_an_edge_of_its_own_where_there_are_more_edges) {
 TEST(Plan, is_made_for_graphs_without_links_and_in_pieces) {
   Problem problem = random_problem(7, 3, 1);
   problem.overlaps = OverlapGraph(7, {});
-  for (const PlanMethod method : {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact})
+  for (const PlanMethod method :
+       {PlanMethod::standard, PlanMethod::recslam, PlanMethod::greedy, PlanMethod::random, PlanMethod::exact})
     EXPECT_EQ(make_plan(problem, {method, 1, {}}).groups.size(), 3u);
   problem.overlaps = OverlapGraph(7, {{0, 6, 0.4}, {1, 5, 0.4}, {2, 4, 0.4}});
   EXPECT_EQ(make_plan(problem, {}).cut_weight, 0.0);

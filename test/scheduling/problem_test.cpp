@@ -30,10 +30,11 @@ std::string refusal(const std::string& json, ErrorCode code = ErrorCode::kBadInp
 }
 
 TEST(Problem, is_read_whole) {
-  const Problem problem = parse_problem(R"({"robots": ["r0", "r1", "r2"], "overlaps": [["r0", "r1", 0.31], ["r2", "r0", 0]],
+  const Problem problem =
+      parse_problem(R"({"robots": ["r0", "r1", "r2"], "overlaps": [["r0", "r1", 0.31], ["r2", "r0", 0]],
     "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6}, {"id": "e1", "bandwidth_bytes_per_s": 1e6, "speed": 0.5, "capacity": 2, "delay_s": 0.1}],
     "cloud": {"speed": 4, "edges_judge": false}, "robot_scans": {"r1": 1200}, "links": [["r2", "e1", 1e6, 0.02]]})",
-                                        "p.json");
+                    "p.json");
   EXPECT_THAT(problem.robots, ElementsAre(RobotId("r0"), RobotId("r1"), RobotId("r2")));
   EXPECT_EQ(problem.overlaps.weight(0, 1), 0.31);
   EXPECT_EQ(problem.overlaps.links(), 1u);
@@ -58,8 +59,10 @@ TEST(Problem, names_robots_that_are_unknown_and_the_nearest_known) {
 }
 
 TEST(Problem, refuses_weights_that_are_no_overlap) {
-  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", -0.1]])")), AllOf(HasSubstr("overlaps[0]"), HasSubstr("-0.1")));
-  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", null]])")), HasSubstr("a number from 0 to 1e+12 was expected, not null"));
+  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", -0.1]])")),
+              AllOf(HasSubstr("overlaps[0]"), HasSubstr("-0.1")));
+  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", null]])")),
+              HasSubstr("a number from 0 to 1e+12 was expected, not null"));
   EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", "0.1"]])")), HasSubstr("not string"));
   EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", NaN]])"), ErrorCode::kCorrupt), HasSubstr("line 1"));
   EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", 1e999]])"), ErrorCode::kCorrupt), HasSubstr("1e999"));
@@ -68,24 +71,30 @@ TEST(Problem, refuses_weights_that_are_no_overlap) {
 
 TEST(Problem, refuses_what_stands_there_twice) {
   EXPECT_THAT(refusal(with(R"(["a", "b", "a"])", "[]")), AllOf(HasSubstr("robots[2]"), HasSubstr("twice")));
-  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", 0.1], ["b", "a", 0.1]])")), AllOf(HasSubstr("overlaps[1]"), HasSubstr("twice")));
+  EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "b", 0.1], ["b", "a", 0.1]])")),
+              AllOf(HasSubstr("overlaps[1]"), HasSubstr("twice")));
   EXPECT_THAT(refusal(with(R"(["a", "b"])", R"([["a", "a", 0.1]])")), HasSubstr("overlaps with itself"));
   EXPECT_THAT(
-      refusal(with(R"(["a"])", "[]", R"("edges": [{"id": "e", "bandwidth_bytes_per_s": 1}, {"id": "e", "bandwidth_bytes_per_s": 1}])")),
+      refusal(with(R"(["a"])", "[]",
+                   R"("edges": [{"id": "e", "bandwidth_bytes_per_s": 1}, {"id": "e", "bandwidth_bytes_per_s": 1}])")),
       AllOf(HasSubstr("edges[1]"), HasSubstr("twice")));
   EXPECT_THAT(refusal(with(R"(["a"])", "[]", kEdges + ", " + kEdges)), AllOf(HasSubstr("edges"), HasSubstr("twice")));
-  EXPECT_THAT(refusal(with(R"(["a"])", "[]", kEdges + R"(, "links": [["a", "e0", 1, 0], ["a", "e0", 2, 0]])")), HasSubstr("links[1]"));
+  EXPECT_THAT(refusal(with(R"(["a"])", "[]", kEdges + R"(, "links": [["a", "e0", 1, 0], ["a", "e0", 2, 0]])")),
+              HasSubstr("links[1]"));
 }
 
 TEST(Problem, refuses_robots_and_edges_that_are_not_there) {
   EXPECT_THAT(refusal(with("[]", "[]")), HasSubstr("no robots"));
   EXPECT_THAT(refusal(with(R"(["a"])", "[]", R"("edges": [])")), HasSubstr("no edges"));
   EXPECT_THAT(refusal(with(R"(["a"])", "[]", "")), HasSubstr("the key 'edges' is missing"));
-  EXPECT_THAT(refusal(R"({"robots": {"a": 1}, "overlaps": [], )" + kEdges + "}"), HasSubstr("a list was expected, not object"));
+  EXPECT_THAT(refusal(R"({"robots": {"a": 1}, "overlaps": [], )" + kEdges + "}"),
+              HasSubstr("a list was expected, not object"));
 }
 
 TEST(Problem, refuses_a_cloud_that_cannot_be) {
-  const auto cloud = [](const std::string& fields) { return with(R"(["a"])", "[]", kEdges + R"(, "cloud": )" + fields); };
+  const auto cloud = [](const std::string& fields) {
+    return with(R"(["a"])", "[]", kEdges + R"(, "cloud": )" + fields);
+  };
   EXPECT_THAT(refusal(cloud("3")), HasSubstr("an object was expected"));
   EXPECT_THAT(refusal(cloud(R"({"speed": 0})")), HasSubstr("cloud.speed"));
   EXPECT_THAT(refusal(cloud(R"({"edges_judge": 1})")), HasSubstr("cloud.edges_judge"));
@@ -93,7 +102,9 @@ TEST(Problem, refuses_a_cloud_that_cannot_be) {
 }
 
 TEST(Problem, refuses_edges_that_cannot_be) {
-  const auto edge = [](const std::string& fields) { return with(R"(["a", "b"])", "[]", R"("edges": [{)" + fields + "}]"); };
+  const auto edge = [](const std::string& fields) {
+    return with(R"(["a", "b"])", "[]", R"("edges": [{)" + fields + "}]");
+  };
   EXPECT_THAT(refusal(edge(R"("bandwidth_bytes_per_s": 1)")), HasSubstr("'id' is missing"));
   EXPECT_THAT(refusal(edge(R"("id": "e")")), HasSubstr("'bandwidth_bytes_per_s' is missing"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 0)")), HasSubstr("edges[0].bandwidth_bytes_per_s"));
@@ -101,11 +112,13 @@ TEST(Problem, refuses_edges_that_cannot_be) {
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "delay_s": -1)")), HasSubstr("edges[0].delay_s"));
   EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "capacity": 1.5)")), HasSubstr("no whole number"));
   EXPECT_THAT(refusal(edge(R"("id": "../e", "bandwidth_bytes_per_s": 1)")), HasSubstr("is not a name"));
-  EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "capacity": 1)")), HasSubstr("capacities hold 1 of 2 robots"));
+  EXPECT_THAT(refusal(edge(R"("id": "e", "bandwidth_bytes_per_s": 1, "capacity": 1)")),
+              HasSubstr("capacities hold 1 of 2 robots"));
 }
 
 TEST(Problem, names_the_nearest_key_for_an_unknown_one) {
-  EXPECT_THAT(refusal(with(R"(["a"])", "[]", kEdges + R"(, "robot_scan": {})")), HasSubstr("did you mean 'robot_scans'?"));
+  EXPECT_THAT(refusal(with(R"(["a"])", "[]", kEdges + R"(, "robot_scan": {})")),
+              HasSubstr("did you mean 'robot_scans'?"));
   EXPECT_THAT(refusal(with(R"(["a"])", "[]", R"("edges": [{"id": "e", "bandwidth_bytes_per_s": 1, "sped": 1}])")),
               AllOf(HasSubstr("edges[0]"), HasSubstr("did you mean 'speed'?")));
 }
@@ -127,7 +140,8 @@ TEST(Problem, survives_what_is_no_json_cut_short_or_nested) {
 Problem sized(std::size_t robots, std::vector<std::optional<std::uint32_t>> capacities) {
   Problem problem;
   for (std::size_t i = 0; i < robots; ++i) problem.robots.emplace_back("r" + std::to_string(i));
-  for (std::size_t i = 0; i < capacities.size(); ++i) problem.edges.push_back({TierId("e" + std::to_string(i)), 1.0, 1.0, capacities[i]});
+  for (std::size_t i = 0; i < capacities.size(); ++i)
+    problem.edges.push_back({TierId("e" + std::to_string(i)), 1.0, 1.0, capacities[i]});
   return problem;
 }
 

@@ -12,8 +12,8 @@
 
 namespace mapweave::scheduling::testing_graphs {
 
-// building: discs of what robots saw, in a square; clustered: the same, gathered around places; sparse, dense: Erdos and Renyi's, about
-// 8 links a robot and every second pair.
+// building: discs of what robots saw, in a square; clustered: the same, gathered around places; sparse, dense: Erdos
+// and Renyi's, about 8 links a robot and every second pair.
 constexpr const char* kKinds[] = {"building", "sparse", "dense", "clustered"};
 
 inline double uniform(std::mt19937_64& random) { return static_cast<double>(random() >> 11) * 0x1p-53; }

@@ -8,7 +8,9 @@
 namespace mapweave::simulation {
 namespace {
 
-CameraIntrinsics kinect() { return {640, 480, 517.306408, 516.469215, 318.643040, 255.313989, test::kinect_distortion()}; }
+CameraIntrinsics kinect() {
+  return {640, 480, 517.306408, 516.469215, 318.643040, 255.313989, test::kinect_distortion()};
+}
 
 TEST(CameraModel, finds_the_pixel_of_a_point_on_every_pixels_ray) {
   for (const CameraIntrinsics& intrinsics : {test::small_camera(), kinect()}) {

@@ -230,7 +230,8 @@ TEST(CameraRecording, takes_the_depth_before_or_after_the_colour_and_says_when) 
     const double offset = seconds_between(frame.stamp, frame.depth_stamp);
     EXPECT_LE(std::abs(offset), 0.020001);
     greatest = std::max(greatest, std::abs(offset));
-    const double true_depth = 6.0 - recording.world_from_camera(seconds_between(world.first_stamp(0), frame.depth_stamp)).t.x();
+    const double true_depth =
+        6.0 - recording.world_from_camera(seconds_between(world.first_stamp(0), frame.depth_stamp)).t.x();
     EXPECT_NEAR(depth_at(frame, 80, 60), true_depth, 0.0055);
   }
   EXPECT_GT(greatest, 0.0);
@@ -246,7 +247,8 @@ TEST(CameraRecording, shows_others_walking_by) {
   EXPECT_NEAR(before, 3.0 - 0.2 - 1.15, 0.02) << "below half a metre, beta stands in the way";
   EXPECT_GT(depth_at(frame_of(built(options), 0), 80, 60), 4.5) << "and is lower than the camera";
   options.people.count = 3;
-  EXPECT_NE(frame_of(built(options), 30).left.values, frame_of(built(camera_world(options.cameras[0])), 30).left.values);
+  EXPECT_NE(frame_of(built(options), 30).left.values,
+            frame_of(built(camera_world(options.cameras[0])), 30).left.values);
 }
 
 TEST(CameraRecording, is_black_while_the_robot_is_carried_and_elsewhere_after) {
@@ -292,7 +294,8 @@ TEST(CameraRecording, jumps_between_two_frames_where_carrying_takes_no_time) {
     jumps += (recording.world_from_camera(t).t - recording.world_from_camera(t - 0.1).t).norm() > 1.0;
   EXPECT_EQ(jumps, 1);
   CameraRecording::Workspace workspace;
-  for (std::size_t i = 0; i < recording.frame_count(); i += 3) EXPECT_GT(mean_of(recording.frame(i, workspace).left.values), 20.0);
+  for (std::size_t i = 0; i < recording.frame_count(); i += 3)
+    EXPECT_GT(mean_of(recording.frame(i, workspace).left.values), 20.0);
 }
 
 TEST(CameraRecording, takes_a_robots_own_cameras_for_the_worlds) {

@@ -17,7 +17,8 @@ inline simulation::CameraOptions tiny_camera(simulation::SimulatedCameraKind kin
 
 inline simulation::CameraOptions perfect(simulation::CameraOptions camera) {
   camera.image = {0.0, 0.0, 0.0, 0.0};
-  camera.depth.noise_m = camera.depth.noise_per_m2 = camera.depth.step_per_m2 = camera.depth.shadow_m = camera.depth.dropouts = 0.0;
+  camera.depth.noise_m = camera.depth.noise_per_m2 = camera.depth.step_per_m2 = camera.depth.shadow_m =
+      camera.depth.dropouts = 0.0;
   camera.depth.min_range_m = 0.0;
   camera.depth.max_range_m = 13.0;
   camera.depth.grazing_deg = 90.0;

@@ -24,7 +24,8 @@ int main() {
   std::size_t features = 0;
   const std::clock_t before = std::clock();
   for (std::size_t i = 0; i < recording.frame_count(); ++i) features += recording.frame(i).features.size();
-  std::printf("%zu frames, %.0f features each: %.0f frames/s of processor time\n", recording.frame_count(),
-              static_cast<double>(features) / static_cast<double>(recording.frame_count()),
-              static_cast<double>(recording.frame_count()) * CLOCKS_PER_SEC / static_cast<double>(std::clock() - before));
+  std::printf(
+      "%zu frames, %.0f features each: %.0f frames/s of processor time\n", recording.frame_count(),
+      static_cast<double>(features) / static_cast<double>(recording.frame_count()),
+      static_cast<double>(recording.frame_count()) * CLOCKS_PER_SEC / static_cast<double>(std::clock() - before));
 }

@@ -102,7 +102,8 @@ TEST(FeatureSensor, tells_disparities_of_stereo_cameras) {
   for (const Feature& feature : frame.features) {
     EXPECT_EQ(feature.depth_m, 0.0f);
     if (feature.right_u < 0.0f) continue;
-    const Eigen::Vector3d p = transformed(sensor.field.landmarks()[feature.landmark].point_in_world, inverse(frame.world_from_camera));
+    const Eigen::Vector3d p =
+        transformed(sensor.field.landmarks()[feature.landmark].point_in_world, inverse(frame.world_from_camera));
     EXPECT_NEAR(feature.u - feature.right_u, 525.0 * 0.12 / p.z(), 1e-2);
     ++seen;
   }
@@ -135,8 +136,10 @@ TEST(FeatureSensor, does_not_see_through_walls_or_furniture) {
     const SimulatedFeatureFrame frame = sensor.recording.frame(i);
     render(sensor.world.scene(0), {}, sensor.recording.model(), frame.world_from_camera, Channels::none, view);
     for (const Feature& feature : frame.features) {
-      const double z = transformed(sensor.field.landmarks()[feature.landmark].point_in_world, inverse(frame.world_from_camera)).z();
-      const double seen = view.depth(static_cast<int>(std::lround(feature.v)), static_cast<int>(std::lround(feature.u)));
+      const double z =
+          transformed(sensor.field.landmarks()[feature.landmark].point_in_world, inverse(frame.world_from_camera)).z();
+      const double seen =
+          view.depth(static_cast<int>(std::lround(feature.v)), static_cast<int>(std::lround(feature.u)));
       agreeing += std::abs(seen - z) < 0.03 * z + 0.02;
       ++count;
     }
@@ -163,7 +166,8 @@ TEST(FeatureSensor, gives_rooms_that_look_alike_the_same_descriptors) {
 }
 
 TEST(FeatureSensor, says_the_same_whenever_it_is_asked) {
-  const Sensor one(camera_world(camera(SimulatedCameraKind::rgbd))), other(camera_world(camera(SimulatedCameraKind::rgbd)));
+  const Sensor one(camera_world(camera(SimulatedCameraKind::rgbd))),
+      other(camera_world(camera(SimulatedCameraKind::rgbd)));
   other.recording.frame(9);
   const SimulatedFeatureFrame a = one.recording.frame(4), b = other.recording.frame(4);
   ASSERT_EQ(a.features.size(), b.features.size());

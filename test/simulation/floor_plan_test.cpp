@@ -15,7 +15,9 @@ bool same_walls(const FloorPlan& a, const FloorPlan& b) {
   if (a.walls.size() != b.walls.size()) return false;
   for (std::size_t i = 0; i < a.walls.size(); ++i) {
     const Wall &one = a.walls[i], &other = b.walls[i];
-    if (std::tie(one.from.x, one.from.y, one.to.x, one.to.y) != std::tie(other.from.x, other.from.y, other.to.x, other.to.y)) return false;
+    if (std::tie(one.from.x, one.from.y, one.to.x, one.to.y) !=
+        std::tie(other.from.x, other.from.y, other.to.x, other.to.y))
+      return false;
   }
   return true;
 }
@@ -59,14 +61,19 @@ TEST(FloorPlan, keeps_to_its_size) {
 }
 
 // Every wall of room `room`, seen from the corner of its place in the row.
-std::vector<std::tuple<long, long, long, long>> room_walls(const FloorPlan& plan, int room, double width, bool is_image) {
+std::vector<std::tuple<long, long, long, long>> room_walls(const FloorPlan& plan, int room, double width,
+                                                           bool is_image) {
   std::vector<std::tuple<long, long, long, long>> walls;
   for (const Wall& wall : plan.walls) {
     const double middle = 0.5 * (wall.from.x + wall.to.x);
-    if (middle < room * width || middle > (room + 1) * width || std::abs(wall.to.x - wall.from.x) > width + 1e-6) continue;
+    if (middle < room * width || middle > (room + 1) * width || std::abs(wall.to.x - wall.from.x) > width + 1e-6)
+      continue;
     if (std::min(wall.from.y, wall.to.y) < 1.5) continue;  // the corridor's own
-    const auto local = [&](double x) { return std::lround(1e6 * (is_image ? (room + 1) * width - x : x - room * width)); };
-    const long a = local(wall.from.x), b = local(wall.to.x), c = std::lround(1e6 * wall.from.y), d = std::lround(1e6 * wall.to.y);
+    const auto local = [&](double x) {
+      return std::lround(1e6 * (is_image ? (room + 1) * width - x : x - room * width));
+    };
+    const long a = local(wall.from.x), b = local(wall.to.x), c = std::lround(1e6 * wall.from.y),
+               d = std::lround(1e6 * wall.to.y);
     walls.emplace_back(std::min(a, b), std::max(a, b), std::min(c, d), std::max(c, d));
   }
   std::sort(walls.begin(), walls.end());
@@ -78,7 +85,8 @@ TEST(FloorPlan, repeats_rooms_to_the_last_piece_of_furniture) {
   const FloorPlan plan = make_repeated_rooms_plan(options, 4);
   const auto first = room_walls(plan, 0, options.room_width_m, false);
   EXPECT_GT(first.size(), 12u);
-  for (int room = 1; room < options.rooms; ++room) EXPECT_EQ(room_walls(plan, room, options.room_width_m, false), first) << room;
+  for (int room = 1; room < options.rooms; ++room)
+    EXPECT_EQ(room_walls(plan, room, options.room_width_m, false), first) << room;
 }
 
 TEST(FloorPlan, mirrors_every_second_room) {
@@ -87,7 +95,8 @@ TEST(FloorPlan, mirrors_every_second_room) {
   const auto first = room_walls(plan, 0, options.room_width_m, false);
   for (int room = 1; room < options.rooms; ++room) {
     EXPECT_EQ(room_walls(plan, room, options.room_width_m, room % 2 == 1), first) << room;
-    EXPECT_EQ(room_walls(plan, room, options.room_width_m, room % 2 == 0) == first, false) << "a mirror image is another room: " << room;
+    EXPECT_EQ(room_walls(plan, room, options.room_width_m, room % 2 == 0) == first, false)
+        << "a mirror image is another room: " << room;
   }
 }
 

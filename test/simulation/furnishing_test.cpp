@@ -63,7 +63,8 @@ TEST(Furniture, is_round_where_asked_for) {
     if (piece.shape != PieceShape::cylinder) continue;
     ++cylinders;
     const double radius = 0.5 * std::min(piece.footprint.width(), piece.footprint.height());
-    EXPECT_NEAR(std::hypot(wall.from.x - piece.footprint.centre().x, wall.from.y - piece.footprint.centre().y), radius, 1e-9);
+    EXPECT_NEAR(std::hypot(wall.from.x - piece.footprint.centre().x, wall.from.y - piece.footprint.centre().y), radius,
+                1e-9);
   }
   EXPECT_GT(cylinders, 12);
 }

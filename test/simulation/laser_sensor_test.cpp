@@ -39,7 +39,8 @@ TEST(LaserSensor, looks_from_where_it_is_mounted) {
   options.x_m = 0.3;
   options.y_m = -0.2;
   options.yaw_deg = 90.0;
-  const auto ranges = LaserSensor(room, options).scan({0.0, 0.0, M_PI / 2.0}, {}, numbers(0));  // laser at (0.2, 0.3), looking along -x
+  const auto ranges =
+      LaserSensor(room, options).scan({0.0, 0.0, M_PI / 2.0}, {}, numbers(0));  // laser at (0.2, 0.3), looking along -x
   EXPECT_NEAR(ranges[90], 5.2, 1e-5);
   EXPECT_NEAR(ranges[0], 4.7, 1e-5);
 }
@@ -63,7 +64,8 @@ TEST(LaserSensor, casts_each_ray_from_where_the_robot_is_at_its_time) {
   const auto ranges = LaserSensor(room, options).swept_scan(driving, {}, numbers(0));
   EXPECT_NEAR(ranges[90], 4.0, 1e-5) << "ahead, in the middle of the sweep";
   EXPECT_NEAR(ranges[0], 5.5, 1e-5);
-  EXPECT_NEAR(ranges[120], (5.0 - (1.0 + 2.0 * 0.2 / 6.0)) / std::cos(M_PI / 6.0), 1e-5) << "to the left, a sixth of the sweep later";
+  EXPECT_NEAR(ranges[120], (5.0 - (1.0 + 2.0 * 0.2 / 6.0)) / std::cos(M_PI / 6.0), 1e-5)
+      << "to the left, a sixth of the sweep later";
   options.clockwise = true;
   const auto clockwise = LaserSensor(room, options).swept_scan(driving, {}, numbers(0));
   EXPECT_NEAR(clockwise[120], (5.0 - (1.0 - 2.0 * 0.2 / 6.0)) / std::cos(M_PI / 6.0), 1e-5);

@@ -23,7 +23,8 @@ TEST(RandomStream, differs_by_seed_purpose_owner_and_index) {
   for (const std::uint64_t seed : {0u, 1u, 2u}) {
     for (const char* purpose : {"laser", "odometry", ""}) {
       for (const char* owner : {"alpha", "beta", ""}) {
-        for (std::uint64_t index = 0; index < 50; ++index, ++count) seen.insert(RandomStream(seed, purpose, owner).at(index).bits());
+        for (std::uint64_t index = 0; index < 50; ++index, ++count)
+          seen.insert(RandomStream(seed, purpose, owner).at(index).bits());
       }
     }
   }

@@ -1,4 +1,5 @@
-// Scans per second of one thread, in apartments of two sizes: the exact ranges, and whole recordings with noise and another robot in sight.
+// Scans per second of one thread, in apartments of two sizes: the exact ranges, and whole recordings with noise and
+// another robot in sight.
 #include <mapweave/simulation/world.h>
 
 #include <cstdio>
@@ -38,7 +39,8 @@ int main() {
     double sum = 0.0;
     const double cast_s = seconds_of([&] {
       for (std::size_t i = 0; i < world->scan_count(0); ++i) {
-        sum += static_cast<double>(laser.scan(world->trajectory(0).at(0.2 * static_cast<double>(i)), {}, RandomNumbers(i))[90]);
+        sum += static_cast<double>(
+            laser.scan(world->trajectory(0).at(0.2 * static_cast<double>(i)), {}, RandomNumbers(i))[90]);
       }
     });
     const double record_s = seconds_of([&] {
@@ -46,7 +48,8 @@ int main() {
       while (const auto step = recording.next()) sum += step->odometry_from_robot.x;
     });
     std::printf(
-        "apartment %3.0f m wide, %5zu walls: %7.0f scans/s of 180 rays cast, %7.0f recorded; 2 x 600 m planned in %.2f s (sum %.0f)\n",
+        "apartment %3.0f m wide, %5zu walls: %7.0f scans/s of 180 rays cast, %7.0f recorded; 2 x 600 m planned in %.2f "
+        "s (sum %.0f)\n",
         width_m, plan.walls.size(), scans / cast_s, scans / record_s, build_s, sum);
   }
 }

@@ -22,7 +22,8 @@ TEST(RayCaster, agrees_with_looking_at_every_wall) {
     const Box box = bounds(plan);
     RandomNumbers numbers = RandomStream(1, name).at(0);
     for (int i = 0; i < 3000; ++i) {  // from within and from outside
-      const Point2 origin{numbers.uniform(box.low_x - 5.0, box.high_x + 5.0), numbers.uniform(box.low_y - 5.0, box.high_y + 5.0)};
+      const Point2 origin{numbers.uniform(box.low_x - 5.0, box.high_x + 5.0),
+                          numbers.uniform(box.low_y - 5.0, box.high_y + 5.0)};
       const double angle = numbers.uniform(-M_PI, M_PI), max_range = numbers.uniform(0.5, 60.0);
       const double dx = std::cos(angle), dy = std::sin(angle);
       ASSERT_EQ(caster.distance(origin, dx, dy, max_range), brute_force(plan, origin, dx, dy, max_range))
@@ -36,8 +37,13 @@ TEST(RayCaster, agrees_along_axes_diagonals_and_the_lines_of_its_own_grid) {
   const RayCaster caster(plan.walls);
   for (double x = 0.5; x < 18.0; x += 0.5) {
     for (double y = 0.5; y < 13.0; y += 0.5) {
-      for (const auto& [dx, dy] :
-           {std::pair{1.0, 0.0}, {-1.0, 0.0}, {0.0, 1.0}, {0.0, -1.0}, {M_SQRT1_2, M_SQRT1_2}, {-M_SQRT1_2, M_SQRT1_2}, {1.0, -0.0}}) {
+      for (const auto& [dx, dy] : {std::pair{1.0, 0.0},
+                                   {-1.0, 0.0},
+                                   {0.0, 1.0},
+                                   {0.0, -1.0},
+                                   {M_SQRT1_2, M_SQRT1_2},
+                                   {-M_SQRT1_2, M_SQRT1_2},
+                                   {1.0, -0.0}}) {
         ASSERT_EQ(caster.distance({x, y}, dx, dy, 40.0), brute_force(plan, {x, y}, dx, dy, 40.0))
             << x << " " << y << " " << dx << " " << dy;
       }

@@ -31,7 +31,8 @@ WorldOptions world_of(SimulatedCameraKind kind, bool colour) {
 void write(const CameraFrame& frame, const std::string& path) {
   std::ofstream file(path, std::ios::binary);
   file << (frame.left.channels == 3 ? "P6\n" : "P5\n") << frame.left.width << ' ' << frame.left.height << "\n255\n";
-  file.write(reinterpret_cast<const char*>(frame.left.values.data()), static_cast<std::streamsize>(frame.left.values.size()));
+  file.write(reinterpret_cast<const char*>(frame.left.values.data()),
+             static_cast<std::streamsize>(frame.left.values.size()));
 }
 
 }  // namespace
@@ -59,8 +60,9 @@ int main(int argc, char** argv) {
               write(frame, std::string(argv[1]) + "/" + std::to_string(part) + (colour ? ".ppm" : ".pgm"));
           }
         });
-        std::printf(" %.1f frames/s on %d thread(s) (%.1f ms of processor time each)", static_cast<double>(frames) / watch.seconds(),
-                    pool->threads(), 1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / static_cast<double>(frames));
+        std::printf(" %.1f frames/s on %d thread(s) (%.1f ms of processor time each)",
+                    static_cast<double>(frames) / watch.seconds(), pool->threads(),
+                    1e3 * static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC / static_cast<double>(frames));
       }
       std::printf("\n");
     }

@@ -21,14 +21,15 @@ const Scene& apartment() {
 }
 FloorPlan apartment_plan() { return make_apartment_plan({}, 7); }
 
-RenderedView rendered(const Scene& scene, const CameraModel& camera, const Pose3& world_from_camera, Channels channels = Channels::none,
-                      const std::vector<Surface>& moving = {}) {
+RenderedView rendered(const Scene& scene, const CameraModel& camera, const Pose3& world_from_camera,
+                      Channels channels = Channels::none, const std::vector<Surface>& moving = {}) {
   RenderedView view;
   render(scene, moving, camera, world_from_camera, channels, view);
   return view;
 }
 
-Vector3d point_of(const RenderedView& view, const CameraModel& camera, const Pose3& world_from_camera, int row, int column) {
+Vector3d point_of(const RenderedView& view, const CameraModel& camera, const Pose3& world_from_camera, int row,
+                  int column) {
   const Vector3d ray(camera.x(row)[column], camera.y(row)[column], 1.0);
   return transformed(ray * view.depth(row, column), world_from_camera);
 }
@@ -51,8 +52,8 @@ TEST(Render, shows_a_wall_at_its_distance_whatever_the_camera_is_tipped_by) {
     for (int row = 0; row < 120; row += 5) {
       for (int column = 0; column < 160; column += 5) {
         const Vector3d p = point_of(view, camera, pose, row, column);
-        const double away =
-            std::min({std::abs(p.x() - 20.0), std::abs(p.y()), std::abs(p.y() - 2.0), std::abs(p.z()), std::abs(p.z() - 2.6)});
+        const double away = std::min(
+            {std::abs(p.x() - 20.0), std::abs(p.y()), std::abs(p.y() - 2.0), std::abs(p.z()), std::abs(p.z() - 2.6)});
         EXPECT_LT(away, 1e-4);
         on_wall += std::abs(p.x() - 20.0) < 1e-4;
       }
@@ -77,7 +78,8 @@ TEST(Render, agrees_with_the_ray_caster_about_every_wall_and_piece_of_furniture)
         const double x = camera.x(60)[column], length = std::hypot(1.0, x), angle = yaw - std::atan(x);
         const double distance = caster.distance(eye, std::cos(angle), std::sin(angle), 100.0);
         ++looked;
-        agreeing += std::abs(view.depth(60, column) * length - distance) < 0.005;  // but for pictures, which hang before walls
+        agreeing +=
+            std::abs(view.depth(60, column) * length - distance) < 0.005;  // but for pictures, which hang before walls
       }
     }
   }
@@ -88,7 +90,7 @@ TEST(Render, shows_a_texel_where_the_truth_says_it_is_in_a_second_view) {
   const CameraModel camera(test::small_camera());
   const Pose3 first_pose = looking(9.0, 6.5, 0.6, 0.1), second_pose = looking(9.3, 6.4, 0.7, 0.2, 0.05, -0.03);
   const RenderedView first = rendered(apartment(), camera, first_pose, Channels::grey),
-             second = rendered(apartment(), camera, second_pose, Channels::grey);
+                     second = rendered(apartment(), camera, second_pose, Channels::grey);
   int same_surface = 0, seen = 0;
   double difference = 0.0;
   for (int row = 2; row < 118; ++row) {
@@ -105,7 +107,8 @@ TEST(Render, shows_a_texel_where_the_truth_says_it_is_in_a_second_view) {
       ++same_surface;
       const Vector3d seen_point = transformed(p, inverse(second_pose)), ray = seen_point / seen_point.z();
       const RenderedView::Shown& surface = second.surfaces[static_cast<std::size_t>(second.surface[second.at(v, u)])];
-      ASSERT_NEAR(surface.inverse_depth.cast<double>().dot(ray) * seen_point.z(), 1.0, 1e-4) << "the same point of the same surface";
+      ASSERT_NEAR(surface.inverse_depth.cast<double>().dot(ray) * seen_point.z(), 1.0, 1e-4)
+          << "the same point of the same surface";
       difference += std::abs(first.values[first.at(row, column)] - second.values[second.at(v, u)]);
     }
   }
@@ -129,7 +132,8 @@ TEST(Render, bends_the_picture_as_the_distortion_says) {
       if (!pixel) continue;
       moved = std::max(moved, std::hypot(pixel->x() - column, pixel->y() - row));
       ++seen;
-      const double other = view.depth(static_cast<int>(std::lround(pixel->y())), static_cast<int>(std::lround(pixel->x())));
+      const double other =
+          view.depth(static_cast<int>(std::lround(pixel->y())), static_cast<int>(std::lround(pixel->x())));
       same += std::abs(bent_view.depth(row, column) - other) < 0.05 * other;
     }
   }
@@ -141,7 +145,8 @@ TEST(Render, hides_what_is_behind_a_body_and_nothing_else) {
   const CameraModel camera(test::small_camera());
   const Pose3 pose = looking(9.0, 6.5, 0.6, 0.0);
   const RenderedView empty = rendered(apartment(), camera, pose, Channels::grey);
-  const RenderedView view = rendered(apartment(), camera, pose, Channels::grey, apartment().surfaces_of({{10.0, 6.5, 0.3}, 0.2, 1.7, 1}));
+  const RenderedView view =
+      rendered(apartment(), camera, pose, Channels::grey, apartment().surfaces_of({{10.0, 6.5, 0.3}, 0.2, 1.7, 1}));
   EXPECT_NEAR(view.depth(60, 80), 0.8, 0.03);
   int covered = 0;
   for (int row = 0; row < 120; ++row) {
@@ -187,7 +192,8 @@ TEST(Scene, is_the_same_whatever_the_threads) {
   const auto hash = [](int threads) {
     WorkerPool pool(threads);
     const Scene scene(make_corridor_plan({}, 3), {}, 3, pool);
-    const RenderedView view = rendered(scene, CameraModel(test::small_camera()), looking(5.0, 1.0, 0.5, 0.3), Channels::colour);
+    const RenderedView view =
+        rendered(scene, CameraModel(test::small_camera()), looking(5.0, 1.0, 0.5, 0.3), Channels::colour);
     Hasher hasher;
     for (const float value : view.values) hasher.add(static_cast<double>(value));
     return to_hex(hasher.finish());
@@ -204,11 +210,13 @@ TEST(Scene, repeats_rooms_down_to_the_last_pixel) {
   const Point2 eye = plan.rooms[1].inside.centre();
   // Into the room's far corner, where no door shows what lies beyond.
   const RenderedView one = rendered(scene, camera, looking(eye.x, eye.y, 0.6, M_PI_2), Channels::grey);
-  const RenderedView other = rendered(scene, camera, looking(eye.x + 2.0 * rooms.room_width_m, eye.y, 0.6, M_PI_2), Channels::grey);
+  const RenderedView other =
+      rendered(scene, camera, looking(eye.x + 2.0 * rooms.room_width_m, eye.y, 0.6, M_PI_2), Channels::grey);
   double worst = 0.0;
   for (int row = 0; row < 120; ++row) {
     for (int column = 0; column < 160; ++column)
-      worst = std::max(worst, std::abs(static_cast<double>(one.values[one.at(row, column)] - other.values[other.at(row, column)])));
+      worst = std::max(
+          worst, std::abs(static_cast<double>(one.values[one.at(row, column)] - other.values[other.at(row, column)])));
   }
   EXPECT_LT(worst, 2.0);
 }

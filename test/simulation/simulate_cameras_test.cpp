@@ -49,7 +49,9 @@ std::map<std::string, std::string> all_files(const fs::path& folder) {
   return files;
 }
 
-std::size_t lines_of(const std::string& text) { return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')); }
+std::size_t lines_of(const std::string& text) {
+  return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
 
 TEST(SimulateCameras, writes_the_same_files_whatever_the_threads) {
   const test::TemporaryFolder one, two;
@@ -97,7 +99,8 @@ TEST(SimulateCameras, writes_a_log_whose_pictures_and_depths_read_back_as_they_w
         EXPECT_NEAR(depth->sensorPose.x(), 0.15, 1e-9);
         EXPECT_NEAR(depth->sensorPose.yaw(), 0.0, 1e-9);
         EXPECT_EQ(depth->cameraParams.fx(), 131.0);
-      } else if (const auto stereo = std::dynamic_pointer_cast<mrpt::obs::CObservationStereoImages>(record->observation)) {
+      } else if (const auto stereo =
+                     std::dynamic_pointer_cast<mrpt::obs::CObservationStereoImages>(record->observation)) {
         const CameraFrame frame = CameraRecording(world, 0, 1).frame(number, workspace);
         expect_grey(stereo->imageLeft, frame.left);
         expect_grey(stereo->imageRight, frame.right);
@@ -143,15 +146,18 @@ TEST(SimulateCameras, writes_folders_in_the_layouts_of_the_public_sequences) {
   }
   EXPECT_GT(apart, frames / 2);
   EXPECT_THAT(read_file(depth / "camera.yaml"), testing::HasSubstr("width: 160\nheight: 120\nfx: 131\n"));
-  EXPECT_THAT(read_file(depth / "camera.yaml"), testing::HasSubstr("distortion: [0.1, 0, 0, 0, 0]\ndepth_scale: 5000.0\n"));
+  EXPECT_THAT(read_file(depth / "camera.yaml"),
+              testing::HasSubstr("distortion: [0.1, 0, 0, 0, 0]\ndepth_scale: 5000.0\n"));
   EXPECT_EQ(lines_of(read_file(pair / "poses.txt")), frames);
   EXPECT_EQ(lines_of(read_file(pair / "times.txt")), frames);
-  EXPECT_THAT(read_file(pair / "calib.txt"), testing::HasSubstr("P1: 1.310000000000e+02 0.000000000000e+00 7.950000000000e+01 -1.572"));
+  EXPECT_THAT(read_file(pair / "calib.txt"),
+              testing::HasSubstr("P1: 1.310000000000e+02 0.000000000000e+00 7.950000000000e+01 -1.572"));
   EXPECT_TRUE(fs::is_regular_file(pair / "image_1" / "000000.png"));
   EXPECT_EQ(lines_of(read_file(eye / "rgb.txt")), frames + 1);
   EXPECT_FALSE(fs::exists(eye / "depth"));
   const auto stream = rawlog::open_log(folder / "alpha.rawlog");
-  while (const auto record = stream->next()) EXPECT_THAT(record->observation->sensorLabel, testing::AnyOf("ODOM", "LASER", "IMU"));
+  while (const auto record = stream->next())
+    EXPECT_THAT(record->observation->sensorLabel, testing::AnyOf("ODOM", "LASER", "IMU"));
 }
 
 TEST(SimulateCameras, says_that_a_folder_cannot_hold_a_distorted_pair) {

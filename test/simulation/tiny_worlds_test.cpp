@@ -13,7 +13,8 @@ namespace {
 
 int scans_from(const SimulatedRobot& robot, const Room& room) {
   int scans = 0;
-  for (const SimulatedStep& step : robot.steps) scans += room.inside.contains({step.world_from_robot.x, step.world_from_robot.y});
+  for (const SimulatedStep& step : robot.steps)
+    scans += room.inside.contains({step.world_from_robot.x, step.world_from_robot.y});
   return scans;
 }
 
@@ -21,9 +22,9 @@ TEST(TinyWorlds, have_a_scan_at_every_step_and_robots_by_number) {
   TeamOptions options;
   options.robots = 3;
   options.length_m = 8.0;
-  for (const SimulatedTeam& team :
-       {make_corridor({}, options), make_apartment({}, options), make_repeated_rooms({}, options), make_mirrored_rooms({}, options),
-        make_hall({}, options), make_ring({}, options), make_two_strangers({}, options)}) {
+  for (const SimulatedTeam& team : {make_corridor({}, options), make_apartment({}, options),
+                                    make_repeated_rooms({}, options), make_mirrored_rooms({}, options),
+                                    make_hall({}, options), make_ring({}, options), make_two_strangers({}, options)}) {
     ASSERT_EQ(team.robots.size(), 3u);
     for (std::size_t i = 0; i < 3; ++i) {
       EXPECT_EQ(team.robots[i].id.str(), "robot" + std::to_string(i));

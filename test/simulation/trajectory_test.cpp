@@ -50,10 +50,12 @@ TEST(FreeSpace, goes_straight_in_the_open) {
 }
 
 // A tour of all rooms, its legs planned one after the other.
-SimulatedTrajectory tour(const FloorPlan& plan, const FreeSpace& space, const MotionOptions& motion, double length_m = 0.0) {
+SimulatedTrajectory tour(const FloorPlan& plan, const FreeSpace& space, const MotionOptions& motion,
+                         double length_m = 0.0) {
   std::vector<Leg> legs;
   for (std::size_t i = 1; i < plan.rooms.size(); ++i) {
-    auto path = space.path(*space.nearest_free(plan.rooms[i - 1].inside.centre()), *space.nearest_free(plan.rooms[i].inside.centre()));
+    auto path = space.path(*space.nearest_free(plan.rooms[i - 1].inside.centre()),
+                           *space.nearest_free(plan.rooms[i].inside.centre()));
     EXPECT_TRUE(path);
     legs.push_back({*path, 0.3 + 0.05 * static_cast<double>(i % 8)});
   }
@@ -68,7 +70,8 @@ TEST(Drive, keeps_its_clearance_from_every_wall) {
       const SimulatedTrajectory trajectory = tour(plan, FreeSpace(plan, motion.clearance_m), motion);
       for (double t = 0.0; t <= trajectory.duration_s(); t += 0.2) {
         const Pose2 pose = trajectory.at(t);
-        ASSERT_GE(test::distance_to_nearest_wall(plan, {pose.x, pose.y}), motion.clearance_m) << name << " seed " << seed << " at " << t;
+        ASSERT_GE(test::distance_to_nearest_wall(plan, {pose.x, pose.y}), motion.clearance_m)
+            << name << " seed " << seed << " at " << t;
       }
     }
   }
@@ -102,9 +105,11 @@ TEST(Drive, visits_every_room) {
   const FloorPlan plan = make_apartment_plan({}, 6);
   const SimulatedTrajectory trajectory = tour(plan, FreeSpace(plan, 0.3), {});
   for (const Room& room : plan.rooms) {
-    EXPECT_TRUE(std::any_of(trajectory.knots().begin(), trajectory.knots().end(), [&](const SimulatedTrajectory::Knot& knot) {
-      return room.inside.contains({knot.world_from_robot.x, knot.world_from_robot.y});
-    })) << room.name;
+    EXPECT_TRUE(std::any_of(trajectory.knots().begin(), trajectory.knots().end(),
+                            [&](const SimulatedTrajectory::Knot& knot) {
+                              return room.inside.contains({knot.world_from_robot.x, knot.world_from_robot.y});
+                            }))
+        << room.name;
   }
 }
 

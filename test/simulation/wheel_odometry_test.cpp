@@ -10,7 +10,9 @@
 namespace mapweave::simulation {
 namespace {
 
-Pose2 on_a_curve(int step) { return {3.0 + 0.02 * step, 2.0 * std::sin(0.01 * step), std::atan2(0.02 * std::cos(0.01 * step), 0.02)}; }
+Pose2 on_a_curve(int step) {
+  return {3.0 + 0.02 * step, 2.0 * std::sin(0.01 * step), std::atan2(0.02 * std::cos(0.01 * step), 0.02)};
+}
 
 TEST(WheelOdometry, without_errors_is_the_truth_seen_from_the_start) {
   WheelOdometry odometry(perfect_odometry(), 1, "alpha");
@@ -26,7 +28,8 @@ TEST(WheelOdometry, starts_at_its_own_origin) {
 
 TEST(WheelOdometry, does_not_move_while_the_robot_stands) {
   WheelOdometry odometry({}, 1, "alpha");
-  for (int i = 0; i < 100; ++i) EXPECT_THAT(odometry.step({5.0, -2.0, 1.0}), test::IsNear(Pose2{0.0, 0.0, 0.0}, 1e-12, 1e-12));
+  for (int i = 0; i < 100; ++i)
+    EXPECT_THAT(odometry.step({5.0, -2.0, 1.0}), test::IsNear(Pose2{0.0, 0.0, 0.0}, 1e-12, 1e-12));
 }
 
 TEST(WheelOdometry, errs_with_the_root_of_the_way_whatever_the_steps) {

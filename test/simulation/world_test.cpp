@@ -40,7 +40,8 @@ std::map<std::string, std::string> recordings(const WorldOptions& options, int t
     Hasher hasher;
     while (const auto step = recording.next()) {
       hasher.add(step->stamp.ns);
-      for (const Pose2& pose : {step->world_from_robot, step->odometry_from_robot}) hasher.add(pose.x).add(pose.y).add(pose.phi);
+      for (const Pose2& pose : {step->world_from_robot, step->odometry_from_robot})
+        hasher.add(pose.x).add(pose.y).add(pose.phi);
       for (const float range : step->ranges) hasher.add(static_cast<double>(range));
     }
     return to_hex(hasher.finish());
@@ -94,10 +95,11 @@ TEST(Recording, shows_walls_where_they_are_from_where_the_truth_says_the_robot_i
     const Pose2 world_from_laser = compose(step->world_from_robot, options.laser.robot_from_laser());
     for (std::size_t ray = 0; ray < step->ranges.size(); ray += 5) {
       if (step->ranges[ray] == 0.0f) continue;
-      const double angle =
-          world_from_laser.phi + options.laser.first_angle_rad() + static_cast<double>(ray) * options.laser.angle_step_rad();
-      const double away = test::distance_to_nearest_wall(world.buildings()[0], {world_from_laser.x + step->ranges[ray] * std::cos(angle),
-                                                                                world_from_laser.y + step->ranges[ray] * std::sin(angle)});
+      const double angle = world_from_laser.phi + options.laser.first_angle_rad() +
+                           static_cast<double>(ray) * options.laser.angle_step_rad();
+      const double away = test::distance_to_nearest_wall(world.buildings()[0],
+                                                         {world_from_laser.x + step->ranges[ray] * std::cos(angle),
+                                                          world_from_laser.y + step->ranges[ray] * std::sin(angle)});
       worst = std::max(worst, away);
       square += away * away;
       ++points;

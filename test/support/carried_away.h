@@ -1,5 +1,6 @@
 #pragma once
-// A robot that was carried elsewhere while it mapped, and whose map does not know it: right at first, then of another building.
+// A robot that was carried elsewhere while it mapped, and whose map does not know it: right at first, then of another
+// building.
 
 #include <mapweave/simulation/tiny_worlds.h>
 #include <support/simulated_maps.h>
@@ -18,8 +19,8 @@ inline simulation::SimulatedRobot until_east_of(simulation::SimulatedRobot robot
 }
 
 // What `carried` saw, then what `stranger` saw in its first steps, with the corner of its building at (x_m, 0).
-inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const simulation::SimulatedRobot& stranger, std::size_t steps,
-                        const simulation::SimulatedLaserOptions& laser) {
+inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const simulation::SimulatedRobot& stranger,
+                        std::size_t steps, const simulation::SimulatedLaserOptions& laser) {
   const std::int64_t later_ns = carried.steps.back().stamp.ns - stranger.steps.front().stamp.ns;
   for (std::size_t i = 1; i < std::min(steps, stranger.steps.size()); ++i) {
     simulation::SimulatedStep step = stranger.steps[i];
@@ -30,12 +31,12 @@ inline Map carried_away(simulation::SimulatedRobot carried, double x_m, const si
   return truth_map(carried, laser);
 }
 
-// Three robots of a flat that is 50 m long: "robot0" was everywhere, "robot2" in the west alone; "robot1", too, and its map shows another
-// building in the east.
+// Three robots of a flat that is 50 m long: "robot0" was everywhere, "robot2" in the west alone; "robot1", too, and its
+// map shows another building in the east.
 struct CarriedAway {
   static constexpr double kWest_m = 18.0, kWrongFrom_m = 34.0;
   std::vector<Map> maps;
-  Map before;  // of robot1
+  Map before;              // of robot1
   Pose2 world_from_first;  // where robot0's map frame lies
 
   CarriedAway() {
@@ -51,7 +52,8 @@ struct CarriedAway {
     const auto team = simulation::make_apartment(flat, options);
     const auto stranger = simulation::make_apartment(elsewhere, alone);
     const auto in_west = [&](std::size_t robot) { return until_east_of(team.robots[robot], kWest_m); };
-    maps = {truth_map(team.robots[0], team.laser), carried_away(in_west(1), kWrongFrom_m, stranger.robots[0], kSteps, team.laser),
+    maps = {truth_map(team.robots[0], team.laser),
+            carried_away(in_west(1), kWrongFrom_m, stranger.robots[0], kSteps, team.laser),
             truth_map(in_west(2), team.laser)};
     before = truth_map(in_west(1), team.laser);
     world_from_first = team.robots[0].steps.front().world_from_robot;

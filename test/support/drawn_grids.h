@@ -1,5 +1,6 @@
 #pragma once
-// Occupancy grids drawn straight from floor plans, as other makers would: any resolution, scale, place; bent; parts of a building alone.
+// Occupancy grids drawn straight from floor plans, as other makers would: any resolution, scale, place; bent; parts of
+// a building alone.
 
 #include <mapweave/maps/occupancy_grid.h>
 #include <mapweave/simulation/floor_plan.h>
@@ -41,19 +42,23 @@ inline OccupancyGrid drawn_grid(const simulation::FloorPlan& plan, const DrawnGr
     for (double y = box.low_y; y <= box.high_y; y += step)
       for (double x = box.low_x; x <= box.high_x; x += step) visit(in_grid(options, {x, y}));
   };
-  each(seen, [&](simulation::Point2 p) { x0 = std::min(x0, p.x), y0 = std::min(y0, p.y), x1 = std::max(x1, p.x), y1 = std::max(y1, p.y); });
+  each(seen, [&](simulation::Point2 p) {
+    x0 = std::min(x0, p.x), y0 = std::min(y0, p.y), x1 = std::max(x1, p.x), y1 = std::max(y1, p.y);
+  });
   OccupancyGrid grid;
   grid.resolution_m = options.resolution_m;
   grid.origin_x_m = x0 - 1.0;
   grid.origin_y_m = y0 - 1.0;
   grid.columns = static_cast<int>((x1 - x0 + 2.0) / grid.resolution_m);
   grid.rows = static_cast<int>((y1 - y0 + 2.0) / grid.resolution_m);
-  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows), OccupancyGrid::kUnknown);
+  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
+                       OccupancyGrid::kUnknown);
   const auto set = [&](simulation::Point2 p, std::int16_t value) {
     const int column = static_cast<int>((p.x - grid.origin_x_m) / grid.resolution_m);
     const int row = static_cast<int>((p.y - grid.origin_y_m) / grid.resolution_m);
     if (!grid.inside(column, row)) return;
-    grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)] = value;
+    grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                  static_cast<std::size_t>(column)] = value;
   };
   constexpr std::int16_t kReachable = 1;  // seen, but perhaps behind walls
   each(seen, [&](simulation::Point2 p) { set(p, kReachable); });
@@ -61,7 +66,8 @@ inline OccupancyGrid drawn_grid(const simulation::FloorPlan& plan, const DrawnGr
     const double length = std::hypot(wall.to.x - wall.from.x, wall.to.y - wall.from.y);
     for (double at = 0.0; at <= length; at += step) {
       const double share = at / std::max(length, 1e-9);
-      const simulation::Point2 p{wall.from.x + (wall.to.x - wall.from.x) * share, wall.from.y + (wall.to.y - wall.from.y) * share};
+      const simulation::Point2 p{wall.from.x + (wall.to.x - wall.from.x) * share,
+                                 wall.from.y + (wall.to.y - wall.from.y) * share};
       if (seen.contains(p)) set(in_grid(options, p), 300);
     }
   }
@@ -69,12 +75,14 @@ inline OccupancyGrid drawn_grid(const simulation::FloorPlan& plan, const DrawnGr
   std::vector<std::pair<int, int>> open;
   const auto reach = [&](int column, int row) {
     if (!grid.inside(column, row) || grid.at(column, row) != kReachable) return;
-    grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)] = -300;
+    grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                  static_cast<std::size_t>(column)] = -300;
     open.emplace_back(column, row);
   };
   for (const auto& room : plan.rooms) {
     const simulation::Point2 p = in_grid(options, room.inside.centre());
-    reach(static_cast<int>((p.x - grid.origin_x_m) / grid.resolution_m), static_cast<int>((p.y - grid.origin_y_m) / grid.resolution_m));
+    reach(static_cast<int>((p.x - grid.origin_x_m) / grid.resolution_m),
+          static_cast<int>((p.y - grid.origin_y_m) / grid.resolution_m));
   }
   while (!open.empty()) {
     const auto [column, row] = open.back();
@@ -116,7 +124,8 @@ inline OccupancyGrid page_of_text(unsigned seed) {
       const auto& letter = letters[random() % 26];
       for (int v = 0; v < 21; ++v)
         for (int u = 0; u < 15; ++u)
-          if (letter[static_cast<std::size_t>(v / 3)] >> (u / 3) & 1U) grid.log_odds[static_cast<std::size_t>((y + v) * 500 + x + u)] = 300;
+          if (letter[static_cast<std::size_t>(v / 3)] >> (u / 3) & 1U)
+            grid.log_odds[static_cast<std::size_t>((y + v) * 500 + x + u)] = 300;
     }
   return grid;
 }
@@ -127,7 +136,8 @@ inline OccupancyGrid photograph(unsigned seed) {
   std::mt19937 random(seed);
   std::vector<std::array<double, 4>> waves(40);
   for (auto& wave : waves)
-    wave = {(random() % 1000 - 500.0) / 8000.0, (random() % 1000 - 500.0) / 8000.0, random() % 628 / 100.0, 1.0 + random() % 100 / 50.0};
+    wave = {(random() % 1000 - 500.0) / 8000.0, (random() % 1000 - 500.0) / 8000.0, random() % 628 / 100.0,
+            1.0 + random() % 100 / 50.0};
   for (int y = 0; y < 400; ++y)
     for (int x = 0; x < 500; ++x) {
       double shade = 0.0;

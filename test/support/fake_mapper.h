@@ -34,7 +34,8 @@ class FakeMapper : public laser::LaserMapper {
       return;
     }
     const auto& scan = std::get<laser::ScanInput>(input);
-    if (static_cast<int>(map_.nodes.size()) == fails_at_scan_) throw Error(ErrorCode::kHelperFailed, "the helper was killed", "fake");
+    if (static_cast<int>(map_.nodes.size()) == fails_at_scan_)
+      throw Error(ErrorCode::kHelperFailed, "the helper was killed", "fake");
     if (map_.nodes.empty()) session_.run = scan.stamp.ns;
     const NodeId id{session_, static_cast<std::uint32_t>(map_.nodes.size())};
     map_.nodes.set(id, Node{id, scan.stamp, map_from_robot_, std::make_shared<const Payload>(scan.scan)});
@@ -44,7 +45,8 @@ class FakeMapper : public laser::LaserMapper {
     Submap submap;
     submap.id = {session_, 0};
     const Pose3 anchor = map_.nodes.front().second.map_from_node;
-    for (const auto& [id, node] : map_.nodes) submap.submap_from_node.emplace_back(id, between(anchor, node.map_from_node));
+    for (const auto& [id, node] : map_.nodes)
+      submap.submap_from_node.emplace_back(id, between(anchor, node.map_from_node));
     submap.frozen = true;
     submap.content = content_hash(submap, map_.nodes);
     map_.submaps.set(submap.id, submap);

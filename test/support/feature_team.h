@@ -23,7 +23,8 @@ inline simulation::WorldOptions camera_world(simulation::PlanKind kind, std::int
   options.buildings.resize(1);
   options.buildings[0].kind = kind, options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = frames_per_second;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd,
+  options.cameras[0].frames_per_second = frames_per_second;
   options.robots.resize(robots);
   for (std::size_t i = 0; i < robots; ++i) options.robots[i].id = kNames[i];
   return options;
@@ -51,8 +52,8 @@ class FeatureTeam {
   explicit FeatureTeam(const tiers::ServerOptions& sharing, int threads = 1, const rig::RigOptions& rig = {})
       : pool(threads), server(TierId("edge"), sharing, {}, rig), sharing_(sharing) {}
   // Each camera of a robot is a client.
-  FeatureTeam(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing, const simulation::FeatureOptions& features = {},
-              int threads = 1, const rig::RigOptions& rig = {})
+  FeatureTeam(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing,
+              const simulation::FeatureOptions& features = {}, int threads = 1, const rig::RigOptions& rig = {})
       : FeatureTeam(sharing, threads, rig) {
     world_.emplace(options, pool);
     field_.emplace(world_->scene(0), world_->buildings()[0], features);
@@ -60,7 +61,8 @@ class FeatureTeam {
       for (std::size_t c = 0; c < options.cameras.size(); ++c) {
         const auto recording = std::make_shared<const simulation::FeatureRecording>(*world_, *field_, features, i, c);
         const auto& model = options.cameras[c].intrinsics();
-        const Pose3 robot_from_camera = compose(inverse(world_->world_from_robot(i, 0.0)), recording->frame(0).world_from_camera);
+        const Pose3 robot_from_camera =
+            compose(inverse(world_->world_from_robot(i, 0.0)), recording->frame(0).world_from_camera);
         add({{RobotId(options.robots[i].id), SensorId(options.cameras[c].id)}, robot_from_camera},
             {model.width, model.height, model.fx, model.fy, model.cx, model.cy}, recording->frame_count(),
             [recording](std::size_t number) { return shot_of(recording->frame(number)); });
@@ -91,21 +93,24 @@ class FeatureTeam {
     }
   };
 
-  Robot& add(visual::ClientPlace place, const Pinhole& camera, std::size_t count, std::function<Shot(std::size_t)> shoot,
-             const visual::ClientOptions& options = {}) {
+  Robot& add(visual::ClientPlace place, const Pinhole& camera, std::size_t count,
+             std::function<Shot(std::size_t)> shoot, const visual::ClientOptions& options = {}) {
     Robot& robot = robots.emplace_back();
-    robot.place = std::move(place), robot.camera = camera, robot.options = options, robot.count = count, robot.shoot = std::move(shoot);
+    robot.place = std::move(place), robot.camera = camera, robot.options = options, robot.count = count,
+    robot.shoot = std::move(shoot);
     robot.agent.emplace(robot.place);
     robot.client.emplace(robot.camera, 0.0, robot.options, matching::shipped_vocabulary());
     return robot;
   }
 
   static double laid(const std::vector<matching::PointPair>& pairs, bool with_scale = false, double* scale = nullptr) {
-    const auto found = matching::align_points(pairs, with_scale ? matching::Freedom::similarity : matching::Freedom::rigid);
+    const auto found =
+        matching::align_points(pairs, with_scale ? matching::Freedom::similarity : matching::Freedom::rigid);
     if (!found) return std::numeric_limits<double>::infinity();
     if (scale != nullptr) *scale = found->scale;
     double square = 0.0;
-    for (const auto& pair : pairs) square += (found->scale * (found->pose.q * pair.in_b) + found->pose.t - pair.in_a).squaredNorm();
+    for (const auto& pair : pairs)
+      square += (found->scale * (found->pose.q * pair.in_b) + found->pose.t - pair.in_a).squaredNorm();
     return std::sqrt(square / static_cast<double>(pairs.size()));
   }
 
@@ -115,7 +120,8 @@ class FeatureTeam {
     for (const Robot& robot : robots)
       for (const auto& [id, node] : component.map.nodes)
         if (id.session.client == robot.place.client)
-          pairs.push_back({robot.truth.at(node.stamp.ns), compose(node.map_from_node, robot.place.robot_from_camera).t});
+          pairs.push_back(
+              {robot.truth.at(node.stamp.ns), compose(node.map_from_node, robot.place.robot_from_camera).t});
     return laid(pairs);
   }
 
@@ -150,7 +156,9 @@ class FeatureTeam {
  private:
   static constexpr double kRate_hz = 12.0;
 
-  static Shot shot_of(const simulation::SimulatedFeatureFrame& seen) { return {frame_of(seen), seen.world_from_camera}; }
+  static Shot shot_of(const simulation::SimulatedFeatureFrame& seen) {
+    return {frame_of(seen), seen.world_from_camera};
+  }
 
   void drive(Robot& robot, std::size_t frames) {
     if (robot.begin > rounds_ * frames) return;
@@ -205,7 +213,8 @@ class FeatureTeam {
 
   void greet(Robot& robot) {
     if (robot.greeted) return;
-    robot.agent->reconnected(*robot.client, server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()}));
+    robot.agent->reconnected(*robot.client,
+                             server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()}));
     robot.greeted = true;
   }
 

@@ -11,7 +11,8 @@
 
 namespace mapweave::test {
 
-// `work` in a process of its own, which is killed so long after it wrote so many bytes: to the file that it is given. How many it wrote.
+// `work` in a process of its own, which is killed so long after it wrote so many bytes: to the file that it is given.
+// How many it wrote.
 inline std::size_t killed(const std::function<void(int out)>& work, std::size_t after_bytes, unsigned microseconds) {
   int pipes[2];
   if (pipe(pipes) != 0) return ADD_FAILURE() << "no pipe", 0;

@@ -11,10 +11,13 @@
 namespace mapweave::test {
 
 inline const Pose3 kRobotFromCamera{{0.1, 0.0, 0.4}, Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)};
-inline visual::ClientPlace place_of(const char* robot) { return {{RobotId(robot), SensorId("front")}, kRobotFromCamera}; }
+inline visual::ClientPlace place_of(const char* robot) {
+  return {{RobotId(robot), SensorId("front")}, kRobotFromCamera};
+}
 inline Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
 
-// A corridor along z of the world (optical axes: x right, y down), whose walls carry landmarks; or one that closes on itself around y.
+// A corridor along z of the world (optical axes: x right, y down), whose walls carry landmarks; or one that closes on
+// itself around y.
 class StarryCorridor {
  public:
   static constexpr double kLength_m = 28.0;
@@ -23,9 +26,12 @@ class StarryCorridor {
 
   explicit StarryCorridor(std::uint64_t noise_seed, bool ring = false) {
     std::mt19937_64 world(5);
-    const auto draw = [&](double low, double high) { return low + (high - low) * static_cast<double>(world() >> 11) * 0x1.0p-53; };
+    const auto draw = [&](double low, double high) {
+      return low + (high - low) * static_cast<double>(world() >> 11) * 0x1.0p-53;
+    };
     for (int i = 0; i < 3500; ++i) {
-      Eigen::Vector3d point(draw(-1.5, 1.5), draw(-1.2, 1.2), ring ? draw(0.0, 2.0 * M_PI * kRadius_m) : draw(-2, kLength_m + 4));
+      Eigen::Vector3d point(draw(-1.5, 1.5), draw(-1.2, 1.2),
+                            ring ? draw(0.0, 2.0 * M_PI * kRadius_m) : draw(-2, kLength_m + 4));
       if (i % 3 < 2) point.x() = i % 3 == 0 ? -1.5 : 1.5;
       if (i % 3 == 2) point.y() = i % 2 == 0 ? -1.2 : 1.2;
       points_.push_back(ring ? transformed({point.x(), point.y(), 0.0}, along_ring(point.z())) : point);
@@ -40,7 +46,8 @@ class StarryCorridor {
             Eigen::Quaterniond(Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()))};
   }
   // Errors: uniform within so many pixels, and inverse metres; inverse depths wrong by `offset` besides.
-  visual::FeatureFrame frame(Stamp stamp, const Pose3& world_from_camera, double pixels, double inverse_depth, double offset = 0.0) {
+  visual::FeatureFrame frame(Stamp stamp, const Pose3& world_from_camera, double pixels, double inverse_depth,
+                             double offset = 0.0) {
     visual::FeatureFrame result;
     result.stamp = stamp;
     const Pose3 camera_from_world = inverse(world_from_camera);
@@ -104,8 +111,10 @@ inline double error_of(const visual::VisualClient& client, const std::vector<Pos
                        double* scale = nullptr) {
   std::vector<matching::PointPair> pairs;
   for (const visual::PlacedFrame& frame : client.trajectory())
-    pairs.push_back({truth[static_cast<std::size_t>(std::lround((frame.stamp.seconds() - 100.0) * 15.0))].t, frame.map_from_camera.t});
-  const auto laid = matching::align_points(pairs, with_scale ? matching::Freedom::similarity : matching::Freedom::rigid);
+    pairs.push_back({truth[static_cast<std::size_t>(std::lround((frame.stamp.seconds() - 100.0) * 15.0))].t,
+                     frame.map_from_camera.t});
+  const auto laid =
+      matching::align_points(pairs, with_scale ? matching::Freedom::similarity : matching::Freedom::rigid);
   if (!laid) return std::numeric_limits<double>::infinity();
   if (scale != nullptr) *scale = laid->scale;
   double square = 0;

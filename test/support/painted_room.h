@@ -1,5 +1,6 @@
 #pragma once
-// A box-shaped room with painted walls, as a camera inside sees it: pictures and depth by ray casting, exact and without noise.
+// A box-shaped room with painted walls, as a camera inside sees it: pictures and depth by ray casting, exact and
+// without noise.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/visual/frame.h>
@@ -12,7 +13,8 @@ namespace mapweave::test {
 // Smooth blobs of many sizes, from a hash of the lattice: the same everywhere and always.
 inline double painted(double u, double v, unsigned wall) {
   const auto lattice = [wall](long x, long y, unsigned octave) {
-    std::uint64_t h = static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15ULL ^ static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4FULL ^
+    std::uint64_t h = static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15ULL ^
+                      static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4FULL ^
                       (wall * 31ULL + octave) * 0x165667B19E3779F9ULL;
     h ^= h >> 29, h *= 0xBF58476D1CE4E5B9ULL, h ^= h >> 32;
     return static_cast<double>(h & 0xFFFF) / 65535.0;
@@ -59,7 +61,8 @@ struct PaintedRoom {
       const Pose3 pose{first.t + share * (last.t - first.t), first.q.slerp(share, last.q)};
       for (int x = 0; x < camera.width; ++x) {
         const auto [depth, grey] = look(pose.t, pose.q * camera.ray({static_cast<double>(x), static_cast<double>(y)}));
-        result.grey.row(y)[x] = static_cast<std::uint8_t>(std::lround(30.0 + 200.0 * std::clamp(1.8 * grey - 0.4, 0.0, 1.0)));
+        result.grey.row(y)[x] =
+            static_cast<std::uint8_t>(std::lround(30.0 + 200.0 * std::clamp(1.8 * grey - 0.4, 0.0, 1.0)));
         result.depth.image.row(y)[x] = static_cast<std::uint16_t>(std::lround(std::min(65.0, depth) * 1000.0));
       }
     }

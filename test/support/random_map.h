@@ -1,5 +1,6 @@
 #pragma once
-// Maps of random numbers, for tests of what carries maps: every kind of payload, submap and constraint occurs; nothing in them makes sense.
+// Maps of random numbers, for tests of what carries maps: every kind of payload, submap and constraint occurs; nothing
+// in them makes sense.
 
 #include <mapweave/maps/map_update.h>
 
@@ -13,7 +14,9 @@ class RandomMaps {
  public:
   explicit RandomMaps(std::uint64_t seed) : engine_(seed) {}
 
-  double uniform(double low, double high) { return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53); }
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
   std::uint64_t below(std::uint64_t count) { return engine_() % count; }
 
   Pose3 pose(bool is_planar = false) {
@@ -37,7 +40,8 @@ class RandomMaps {
   std::shared_ptr<const Payload> scan(const std::shared_ptr<const ScanGeometry>& geometry) {
     PackedScan scan{geometry, {}};
     std::uint64_t range = 2000;
-    for (std::uint32_t ray = 0; ray < geometry->ray_count; ++ray) scan.ranges.push_back(static_cast<std::uint16_t>(range += below(40)));
+    for (std::uint32_t ray = 0; ray < geometry->ray_count; ++ray)
+      scan.ranges.push_back(static_cast<std::uint16_t>(range += below(40)));
     return std::make_shared<const Payload>(std::move(scan));
   }
 
@@ -46,7 +50,8 @@ class RandomMaps {
     grid.origin_x_m = uniform(-9, 9);
     grid.columns = columns;
     grid.rows = rows;
-    for (std::int32_t cell = 0; cell < columns * rows; ++cell) grid.log_odds.push_back(static_cast<std::int16_t>(below(65536)));
+    for (std::int32_t cell = 0; cell < columns * rows; ++cell)
+      grid.log_odds.push_back(static_cast<std::int16_t>(below(65536)));
     return std::make_shared<const Payload>(std::move(grid));
   }
 
@@ -75,7 +80,8 @@ class RandomMaps {
         node.payload = scan(i % 4 == 0 ? second : first);
       map.nodes.set(node.id, node);
       if (i == 0) continue;
-      const ConstraintId id{i % 2 == 0 ? ConstraintKind::odometry : ConstraintKind::scan_match, {session, i - 1}, {session, i}, 0};
+      const ConstraintId id{
+          i % 2 == 0 ? ConstraintKind::odometry : ConstraintKind::scan_match, {session, i - 1}, {session, i}, 0};
       map.constraints.set(id, planar_constraint(id, Pose2(uniform(0, 1), 0, uniform(-0.1, 0.1)), planar_symmetric()));
     }
     for (std::uint32_t begin = 0; begin + 3 <= node_count; begin += 10) {
@@ -84,7 +90,8 @@ class RandomMaps {
       submap.frozen = begin + 10 < node_count;
       for (std::uint32_t i = begin; i < std::min(begin + 10, node_count); ++i) {
         if (map.nodes.find({session, i})->payload == nullptr) continue;
-        submap.submap_from_node.emplace_back(NodeId{session, i}, submap.submap_from_node.empty() ? Pose3{} : pose(true));
+        submap.submap_from_node.emplace_back(NodeId{session, i},
+                                             submap.submap_from_node.empty() ? Pose3{} : pose(true));
       }
       if (submap.frozen) submap.content = content_hash(submap, map.nodes);
       map.submaps.set(submap.id, submap);
@@ -113,11 +120,13 @@ class RandomMaps {
     return std::make_shared<const CameraGeometry>(camera);
   }
 
-  std::shared_ptr<const Payload> keyframe(const std::shared_ptr<const CameraGeometry>& camera, std::uint32_t feature_count) {
+  std::shared_ptr<const Payload> keyframe(const std::shared_ptr<const CameraGeometry>& camera,
+                                          std::uint32_t feature_count) {
     KeyframeFeatures keyframe{camera, {}, {}};
     for (std::uint32_t i = 0; i < feature_count; ++i) {
       const LandmarkSighting place = sighting({});
-      keyframe.points.push_back({place.u, place.v, place.inverse_depth, place.level, static_cast<std::uint8_t>(below(256))});
+      keyframe.points.push_back(
+          {place.u, place.v, place.inverse_depth, place.level, static_cast<std::uint8_t>(below(256))});
       keyframe.descriptors.push_back({engine_(), engine_(), engine_(), engine_()});
     }
     return std::make_shared<const Payload>(std::move(keyframe));
@@ -132,8 +141,8 @@ class RandomMaps {
     return sighting;
   }
 
-  // One session of keyframes, each fourth a pose only, with a submap of every ten and three landmarks a keyframe, seen by it and
-  // some of the next ones.
+  // One session of keyframes, each fourth a pose only, with a submap of every ten and three landmarks a keyframe, seen
+  // by it and some of the next ones.
   Map keyframe_map(const std::string& name, std::uint32_t node_count, std::uint32_t feature_count = 9) {
     Map map;
     map.id = MapId(name);
@@ -144,9 +153,10 @@ class RandomMaps {
     for (std::uint32_t i = 0; i < node_count; ++i) {
       const NodeId id{session, i};
       const bool is_bare = i % 4 == 3;
-      map.nodes.set(
-          id,
-          {id, {session.run + std::int64_t{i} * 33'000'000}, pose(), is_bare ? nullptr : keyframe(i < 8 ? first : second, feature_count)});
+      map.nodes.set(id, {id,
+                         {session.run + std::int64_t{i} * 33'000'000},
+                         pose(),
+                         is_bare ? nullptr : keyframe(i < 8 ? first : second, feature_count)});
       if (!is_bare) keyframes.push_back(id);
       if (i == 0) continue;
       Constraint constraint;

@@ -38,7 +38,8 @@ inline const std::vector<ReceivedUpdate>& received_updates() {
   static const std::vector<ReceivedUpdate> all = received_in_the_apartment();
   return all;
 }
-// Where a robot is by a camera without depth, whose lengths are so many times the true ones: those of its way, and of what it sees.
+// Where a robot is by a camera without depth, whose lengths are so many times the true ones: those of its way, and of
+// what it sees.
 inline Pose3 single(Pose3 map_from_robot, const Eigen::Vector3d& camera_m, double scale) {
   const Eigen::Vector3d gone_m = transformed(camera_m, map_from_robot) - camera_m;
   map_from_robot.t += (scale - 1.0) * gone_m;

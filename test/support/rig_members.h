@@ -30,7 +30,8 @@ inline simulation::WorldOptions world_of_two_cameras(double length_m) {
   options.cameras.resize(2);
   for (std::size_t i = 0; i < 2; ++i) {
     simulation::CameraOptions& camera = options.cameras[i];
-    camera.id = i == 0 ? "ahead" : "back", camera.kind = simulation::SimulatedCameraKind::rgbd, camera.frames_per_second = 12.0;
+    camera.id = i == 0 ? "ahead" : "back", camera.kind = simulation::SimulatedCameraKind::rgbd,
+    camera.frames_per_second = 12.0;
     if (i == 1) camera.yaw_deg = 180.0, camera.x_m = -0.15;
   }
   options.robots.resize(1);
@@ -45,13 +46,15 @@ inline void finish(visual::VisualClient& client, const std::string& name, const 
   const visual::ClientPlace place{{RobotId("alpha"), SensorId(name)}, robot_from_camera};
   const std::vector<int> sessions = client.sessions();
   std::vector<MapUpdate> updates = client.take_updates(place, visual::PublishedDetail::exact);
-  std::sort(updates.begin(), updates.end(), [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
+  std::sort(updates.begin(), updates.end(),
+            [](const MapUpdate& a, const MapUpdate& b) { return a.nodes.front().id < b.nodes.front().id; });
   for (std::size_t i = 0; i < sessions.size(); ++i) {
     rig::RigMember member{name, updated({}, updates[i]), {}};
     member.map.id = updates[i].origin.map;
     for (const visual::PlacedFrame& frame : client.trajectory())
       if (frame.session == sessions[i])
-        member.frames.push_back({frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), inverse(robot_from_camera))});
+        member.frames.push_back(
+            {frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), inverse(robot_from_camera))});
     members.push_back(std::move(member));
   }
 }
@@ -101,8 +104,8 @@ inline void forget(Map& map, double after_s) {
   }
 }
 
-// The same camera without depth: its map has another scale, which changes by `drift` until the end. The camera's trajectory and landmarks
-// are rescaled, its extrinsics are not.
+// The same camera without depth: its map has another scale, which changes by `drift` until the end. The camera's
+// trajectory and landmarks are rescaled, its extrinsics are not.
 inline rig::RigMember single(rig::RigMember member, double scale, double drift) {
   const Stamp first = member.frames.front().stamp;
   const double seconds = seconds_between(first, member.frames.back().stamp);
@@ -119,7 +122,8 @@ inline rig::RigMember single(rig::RigMember member, double scale, double drift) 
   }
   for (auto& [id, landmark] : member.map.landmarks) {
     const Eigen::Vector3d seen = landmark.point_in_anchor() - robot_from_camera.t;
-    landmark.point_units = landmark_units(robot_from_camera.t + scale_at(member.map.nodes.find(landmark.anchor)->stamp) * seen);
+    landmark.point_units =
+        landmark_units(robot_from_camera.t + scale_at(member.map.nodes.find(landmark.anchor)->stamp) * seen);
     for (LandmarkSighting& sighting : landmark.seen) sighting.inverse_depth = 0;
   }
   forget(member.map, 8.0);

@@ -34,8 +34,8 @@ inline PackedScan packed(const std::vector<float>& ranges_m, std::shared_ptr<con
   PackedScan scan{std::move(geometry), {}};
   scan.ranges.reserve(ranges_m.size());
   for (const float range : ranges_m) {
-    scan.ranges.push_back(
-        static_cast<std::uint16_t>(std::min(65535L, std::lround(static_cast<double>(range) / scan.geometry->range_unit_m))));
+    scan.ranges.push_back(static_cast<std::uint16_t>(
+        std::min(65535L, std::lround(static_cast<double>(range) / scan.geometry->range_unit_m))));
   }
   return scan;
 }

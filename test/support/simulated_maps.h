@@ -16,13 +16,13 @@ inline Map truth_map(const simulation::SimulatedRobot& robot, const simulation::
   const auto geometry = scan_geometry(laser);
   std::vector<laser::TrackedScan> scans;
   for (const auto& step : robot.steps)
-    scans.push_back(
-        {step.stamp, packed(step.ranges, geometry), between(robot.steps.front().world_from_robot, step.world_from_robot), std::nullopt});
+    scans.push_back({step.stamp, packed(step.ranges, geometry),
+                     between(robot.steps.front().world_from_robot, step.world_from_robot), std::nullopt});
   return laser::cut_into_submaps(MapId(robot.id.str()), session_of(robot), std::move(scans));
 }
 
-inline Map mapped(const simulation::SimulatedRobot& robot, const std::shared_ptr<const ScanGeometry>& geometry, bool with_odometry = true,
-                  const laser::GraphMapperOptions& options = {}) {
+inline Map mapped(const simulation::SimulatedRobot& robot, const std::shared_ptr<const ScanGeometry>& geometry,
+                  bool with_odometry = true, const laser::GraphMapperOptions& options = {}) {
   laser::GraphMapper mapper({robot.id, SensorId("laser")}, options);
   for (const auto& step : robot.steps) {
     if (with_odometry) mapper.add(laser::OdometryInput{step.stamp, spatial(step.odometry_from_robot)});
@@ -31,12 +31,13 @@ inline Map mapped(const simulation::SimulatedRobot& robot, const std::shared_ptr
   mapper.finish();
   return mapper.snapshot();
 }
-inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser, bool with_odometry = true,
-                  const laser::GraphMapperOptions& options = {}) {
+inline Map mapped(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser,
+                  bool with_odometry = true, const laser::GraphMapperOptions& options = {}) {
   return mapped(robot, scan_geometry(laser), with_odometry, options);
 }
 
-// Root mean square distance of the nodes from the truth, the first node laid on it. The map must hold one node per step.
+// Root mean square distance of the nodes from the truth, the first node laid on it. The map must hold one node per
+// step.
 inline double error_m(const Map& map, const simulation::SimulatedRobot& robot) {
   double sum = 0.0;
   std::size_t i = 0;

@@ -1,5 +1,6 @@
 #pragma once
-// Maps of keyframes in rooms whose walls carry landmarks, at poses of our choice: what clients would tell, without clients.
+// Maps of keyframes in rooms whose walls carry landmarks, at poses of our choice: what clients would tell, without
+// clients.
 
 #include <mapweave/maps/map.h>
 
@@ -13,7 +14,7 @@ struct StarryOptions {
   double pixel_noise = 0.3;
   double inverse_depth_noise = 0.002;
   double drift_rad_per_keyframe = 0.0;  // in yaw: the map bends
-  bool depth = true;                    // false: one camera, whose way and landmarks it has `scale` times as long; where it sits it knows
+  bool depth = true;  // false: one camera, whose way and landmarks it has `scale` times as long; where it sits it knows
   double scale = 1.0;
   const char* sensor = "camera";
   Eigen::Vector3d camera_m{0.1, 0.0, 0.6};  // on the robot
@@ -25,7 +26,9 @@ class StarryBuilding {
   explicit StarryBuilding(const std::vector<int>& looks, int landmarks_per_room = 1200) {
     for (std::size_t room = 0; room < looks.size(); ++room) {
       std::mt19937_64 random(static_cast<std::uint64_t>(looks[room]) + 17);
-      const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+      const auto uniform = [&](double low, double high) {
+        return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+      };
       for (int i = 0; i < landmarks_per_room; ++i) {
         Eigen::Vector3d point(uniform(-4, 4), uniform(-4, 4), uniform(0, 3));
         point[i % 2] = i % 4 < 2 ? 4.0 : -4.0;
@@ -39,7 +42,9 @@ class StarryBuilding {
   // x, y, yaw of the robot in the building. The map's frame is the first one's; noise is the name's.
   Map keyframe_map(const std::string& name, const std::vector<Pose2>& poses, const StarryOptions& options = {}) const {
     std::mt19937_64 random(std::hash<std::string>{}(name));
-    const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+    const auto uniform = [&](double low, double high) {
+      return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+    };
     auto geometry = std::make_shared<CameraGeometry>();
     *geometry = {640, 480, 520.0, 520.0, 319.5, 239.5, 0.0, 1.2, {}};
     geometry->robot_from_camera.t = options.camera_m;
@@ -72,21 +77,24 @@ class StarryBuilding {
         BinaryDescriptor descriptor = descriptors_[i];
         for (int bit = 0; bit < 8; ++bit) descriptor[random() % 4] ^= std::uint64_t{1} << (random() % 64);
         const double inverse_depth = 1.0 / p.z() + options.inverse_depth_noise * uniform(-1, 1);
-        KeyframePoint point{pixel_units(u), pixel_units(v), options.depth ? inverse_depth_units(1.0 / inverse_depth) : std::uint16_t{0}, 0,
-                            0};
+        KeyframePoint point{pixel_units(u), pixel_units(v),
+                            options.depth ? inverse_depth_units(1.0 / inverse_depth) : std::uint16_t{0}, 0, 0};
         features.points.push_back(point), features.descriptors.push_back(descriptor);
         auto [landmark, is_new] = seen.try_emplace(i);
         if (is_new) {
           landmark->second.id = {session, static_cast<std::uint32_t>(seen.size() - 1)};
           landmark->second.anchor = id;
           const Eigen::Vector3d in_camera = (options.depth ? 1.0 / inverse_depth : p.z()) / p.z() * p;
-          landmark->second.point_units = landmark_units(options.scale * transformed(in_camera, geometry->robot_from_camera) +
-                                                        (1.0 - options.scale) * geometry->robot_from_camera.t);
+          landmark->second.point_units =
+              landmark_units(options.scale * transformed(in_camera, geometry->robot_from_camera) +
+                             (1.0 - options.scale) * geometry->robot_from_camera.t);
         }
         landmark->second.seen.push_back({id, point.u, point.v, point.inverse_depth, 0});
       }
-      map.nodes.set(
-          id, {id, {session.run + std::int64_t{k} * 100'000'000}, map_from_node, std::make_shared<const Payload>(std::move(features))});
+      map.nodes.set(id, {id,
+                         {session.run + std::int64_t{k} * 100'000'000},
+                         map_from_node,
+                         std::make_shared<const Payload>(std::move(features))});
     }
     std::map<LandmarkId, Landmark> by_id;
     for (auto& [number, landmark] : seen)

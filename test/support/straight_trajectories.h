@@ -23,12 +23,14 @@ inline double longest_step_m(const std::vector<StampedPose>& trajectory) {  // i
   double longest = 0.0;
   for (std::size_t i = 1; i < trajectory.size(); ++i) {
     const StampedPose &before = trajectory[i - 1], &after = trajectory[i];
-    longest = std::max(longest,
-                       (after.map_from_robot.t - before.map_from_robot.t).norm() / (10.0 * seconds_between(before.stamp, after.stamp)));
+    longest = std::max(longest, (after.map_from_robot.t - before.map_from_robot.t).norm() /
+                                    (10.0 * seconds_between(before.stamp, after.stamp)));
   }
   return longest;
 }
 
-inline double aside_m(const std::vector<StampedPose>& trajectory, double seconds) { return pose_at(trajectory, at(seconds), 0.25)->t.y(); }
+inline double aside_m(const std::vector<StampedPose>& trajectory, double seconds) {
+  return pose_at(trajectory, at(seconds), 0.25)->t.y();
+}
 
 }  // namespace mapweave::test

@@ -21,7 +21,10 @@ struct Drive {
   std::size_t next = 0;
 
   explicit Drive(int keyframes = 400, const UplinkOptions& uplink = {})
-      : team(alone(), ServerOptions{}), robot(team.robots[0]), client(camera(robot, keyframes)), agent(robot.place, uplink) {}
+      : team(alone(), ServerOptions{}),
+        robot(team.robots[0]),
+        client(camera(robot, keyframes)),
+        agent(robot.place, uplink) {}
   static simulation::WorldOptions alone() {
     auto options = test::two_in_an_apartment();
     options.robots.resize(1);
@@ -33,7 +36,8 @@ struct Drive {
     return visual::VisualClient(robot.camera, 0.0, options, matching::shipped_vocabulary());
   }
   void go(std::size_t frames) {
-    for (const std::size_t end = std::min(robot.count, next + frames); next < end; ++next) client.add(robot.shoot(next).frame);
+    for (const std::size_t end = std::min(robot.count, next + frames); next < end; ++next)
+      client.add(robot.shoot(next).frame);
   }
   Hello hello() const { return hello_of(*client.run(robot.place)); }
   // What there is to tell, to a server that confirms it.
@@ -124,8 +128,8 @@ TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of
 struct Received {
   double kB_per_s = 0.0;
   std::size_t rounds = 0, views = 0, corrections = 0;
-  std::size_t behind = 0;                // rounds after which the server lacked a keyframe, or had one elsewhere than the client
-  double features = 0.0;                 // of a keyframe, on the mean
+  std::size_t behind = 0;  // rounds after which the server lacked a keyframe, or had one elsewhere than the client
+  double features = 0.0;   // of a keyframe, on the mean
   std::size_t most_features_behind = 0;  // of a keyframe that was told when the server was behind before
   // At the end: keyframes at the server, at the client, and those that are not where the client has them.
   std::size_t keyframes = 0, kept = 0, lacking = 0;
@@ -186,9 +190,11 @@ Received received_over(double bytes_per_s) {
   for (const Map& map : server.maps()) received.keyframes += map.nodes.size();
   received.kept = drive.client.keyframes().size();
   received.lacking = lacking(drive, server);
-  std::printf("bound %.1f kB/s: %.1f kB/s, %.0f features a keyframe (%zu at most when behind), behind after %zu of %zu rounds, %zu views\n",
-              1e-3 * bytes_per_s, received.kB_per_s, received.features, received.most_features_behind, received.behind, received.rounds,
-              received.views);
+  std::printf(
+      "bound %.1f kB/s: %.1f kB/s, %.0f features a keyframe (%zu at most when behind), behind after %zu of %zu rounds, "
+      "%zu views\n",
+      1e-3 * bytes_per_s, received.kB_per_s, received.features, received.most_features_behind, received.behind,
+      received.rounds, received.views);
   return received;
 }
 
@@ -201,7 +207,8 @@ TEST(CameraAgent, tells_fewer_features_first_then_keyframes_later_and_always_whe
   EXPECT_LT(narrow.behind, narrow.rounds / 5) << "features pay for it";
   EXPECT_LT(narrowest.features, 0.7 * narrow.features);
   EXPECT_GT(narrowest.behind, 2 * narrow.behind);
-  EXPECT_EQ(narrowest.most_features_behind, UplinkOptions().least_features) << "who is late has given up all features that he may";
+  EXPECT_EQ(narrowest.most_features_behind, UplinkOptions().least_features)
+      << "who is late has given up all features that he may";
   EXPECT_LT(narrow.kB_per_s, 1.2 * 25.0);
   EXPECT_LT(narrowest.kB_per_s, 1.2 * 10.0);
   for (const Received& received : {wide, narrow, narrowest}) {

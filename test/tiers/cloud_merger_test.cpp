@@ -37,10 +37,12 @@ struct CloudTest : testing::Test {
 };
 
 TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetition) {
-  const auto alpha = told_in_two(test::make_map("alpha", 6), "north"), beta = told_in_two(test::make_map("beta", 4, 900.0), "south");
+  const auto alpha = told_in_two(test::make_map("alpha", 6), "north"),
+             beta = told_in_two(test::make_map("beta", 4, 900.0), "south");
   for (const auto& bytes : {alpha[0], alpha[1], beta[0], beta[1]}) cloud.receive(bytes, "test");
   CloudMerger other(TierId("cloud"), {});
-  for (const auto& bytes : {beta[1], alpha[1], alpha[1], alpha[0], beta[1], alpha[0], beta[0], alpha[1]}) other.receive(bytes, "test");
+  for (const auto& bytes : {beta[1], alpha[1], alpha[1], alpha[0], beta[1], alpha[0], beta[0], alpha[1]})
+    other.receive(bytes, "test");
   EXPECT_EQ(everything(cloud.seal(pool, *progress)), everything(other.seal(pool, *progress)));
 }
 
@@ -49,7 +51,8 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
   std::size_t judgements = 0;
   CloudMerger without(TierId("cloud"), {});
   for (const auto& [robot, first_range_m] : {std::pair("alpha", 2.0), std::pair("beta", 2.05)}) {
-    const auto effects = edge.step({RobotId(robot), test::make_map(robot, 6, 100.0, first_range_m), std::nullopt}, pool, *progress);
+    const auto effects =
+        edge.step({RobotId(robot), test::make_map(robot, 6, 100.0, first_range_m), std::nullopt}, pool, *progress);
     for (const std::string& bytes : effects.for_cloud) {
       const MapUpdate update = decode_map_update(bytes, "test");
       judgements += update.judgements.size();
@@ -62,7 +65,8 @@ TEST_F(CloudTest, takes_an_edges_judgements_for_speed_only) {
 }
 
 TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would_alone) {
-  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}), south(TierId("south"), {RobotId("beta")}, {});
+  EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}),
+      south(TierId("south"), {RobotId("beta")}, {});
   CloudMerger alone(TierId("cloud"), {});
   const auto tell = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
     const Map map = test::make_map(robot, scans, 100.0, first_range_m);  // no copies of one recording
@@ -92,8 +96,10 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
 TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {
   EdgeServer north(TierId("north"), {RobotId("alpha")}, {});
   north.step({RobotId("alpha"), test::make_map("alpha", 6), std::nullopt}, pool, *progress);
-  EXPECT_THROW(north.step(JudgingTask{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error) << "neither is here";
-  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error) << "beta was not sent along";
+  EXPECT_THROW(north.step(JudgingTask{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error)
+      << "neither is here";
+  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error)
+      << "beta was not sent along";
   EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {"nonsense"}}, pool, *progress), Error);
   EXPECT_TRUE(north.step(JudgingTask{}, pool, *progress).for_cloud.empty());
 }

@@ -9,7 +9,9 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-MapSummary corridor(double from_x, double to_x) { return scheduling::summary_of_route({{from_x, 0.0}, {to_x, 0.0}}, 3.0); }
+MapSummary corridor(double from_x, double to_x) {
+  return scheduling::summary_of_route({{from_x, 0.0}, {to_x, 0.0}}, 3.0);
+}
 
 EdgeIs edge(const char* id, double bytes_per_s = 1e6, std::optional<std::uint32_t> capacity = {}) {
   return {{TierId(id), bytes_per_s, 1.0, capacity}};

@@ -42,7 +42,8 @@ TEST_F(EdgeTest, fuses_when_the_last_robot_has_ended_whatever_the_order) {
     EXPECT_EQ(encode(edge.result().verdicts[i]).size(), encode(other.result().verdicts[i]).size());
   ASSERT_EQ(edge.result().components.size(), other.result().components.size());
   for (std::size_t i = 0; i < edge.result().components.size(); ++i)
-    EXPECT_EQ(encode(difference(Map{}, edge.result().components[i].map)), encode(difference(Map{}, other.result().components[i].map)));
+    EXPECT_EQ(encode(difference(Map{}, edge.result().components[i].map)),
+              encode(difference(Map{}, other.result().components[i].map)));
 }
 
 TEST_F(EdgeTest, goes_on_with_the_others_when_a_robot_leaves_no_map) {

@@ -32,7 +32,8 @@ std::size_t count_of(const fusion::Component& component, ConstraintKind kind) {
 }
 
 // What a server makes of what another one was told.
-fusion::FusionResult sealed_again(const VisualServer& told, const rig::RigOptions& rig, int threads = 1, bool reversed = false) {
+fusion::FusionResult sealed_again(const VisualServer& told, const rig::RigOptions& rig, int threads = 1,
+                                  bool reversed = false) {
   VisualServer server(TierId("edge"), {}, {}, rig);
   VisualServer::Snapshot snapshot = told.snapshot();
   if (reversed) std::reverse(snapshot.begin(), snapshot.end());
@@ -71,7 +72,8 @@ TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   team.robots[1].shoot = [see = team.robots[1].shoot](std::size_t number) {  // by another light
     FeatureTeam::Shot shot = see(number);
     for (auto& descriptor : shot.frame.features.descriptors)
-      for (std::size_t word = 0; word < descriptor.size(); ++word) descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
+      for (std::size_t word = 0; word < descriptor.size(); ++word)
+        descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
     return shot;
   };
   team.run();
@@ -89,7 +91,8 @@ TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
 }
 
 TEST(RigServer, lends_each_camera_what_other_cameras_of_its_rig_made) {
-  for (const auto& camera : back_to_back().robots) EXPECT_GT(camera.borrowed_seen, 50U) << camera.place.client.sensor.str();
+  for (const auto& camera : back_to_back().robots)
+    EXPECT_GT(camera.borrowed_seen, 50U) << camera.place.client.sensor.str();
 }
 
 TEST(RigServer, seals_and_joins_the_same_whatever_came_first) {
@@ -149,8 +152,10 @@ TEST(RigServer, gives_a_single_camera_the_scale_of_its_rig) {
     const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
     const Landmark* known = team.landmarks.find(landmark.id);
     ASSERT_NE(known, nullptr);
-    const Eigen::Vector3d in_team = transformed(known->point_in_anchor(), team.nodes.find(known->anchor)->map_from_node);
-    const Eigen::Vector3d& camera_m = keyframe_of(node)->geometry->robot_from_camera.t;  // on the robot, whatever its map's lengths
+    const Eigen::Vector3d in_team =
+        transformed(known->point_in_anchor(), team.nodes.find(known->anchor)->map_from_node);
+    const Eigen::Vector3d& camera_m =
+        keyframe_of(node)->geometry->robot_from_camera.t;  // on the robot, whatever its map's lengths
     const Eigen::Vector3d truly = transformed(in_team, inverse(team_from_node)) - camera_m,
                           told = transformed(landmark.point_in_map, inverse(node.map_from_node)) - camera_m;
     EXPECT_LT((told / kScale - truly).norm(), 0.05 * truly.norm());
@@ -163,7 +168,8 @@ TEST(RigServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
   options.robots[1].id = "beta", options.robots[1].first_room = 1;
   FeatureTeam team(options, sharing(Sharing::none));
   auto& turned = team.robots[1];
-  turned.place.robot_from_camera.q = Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitZ()) * turned.place.robot_from_camera.q;
+  turned.place.robot_from_camera.q =
+      Eigen::AngleAxisd(0.35, Eigen::Vector3d::UnitZ()) * turned.place.robot_from_camera.q;
   turned.agent.emplace(turned.place);
   team.run();
   const fusion::FusionResult sealed = sealed_again(team.server, {});
@@ -175,7 +181,8 @@ TEST(RigServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
       ++ties;
     }
   EXPECT_GT(ties, 50U) << "another robot's cameras are tied";
-  EXPECT_THAT(team.server.notes(), testing::ElementsAre(testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg"))));
+  EXPECT_THAT(team.server.notes(),
+              testing::ElementsAre(testing::AllOf(testing::HasSubstr("robot 'alpha'"), testing::HasSubstr("20 deg"))));
   for (const auto& component : sealed.components) EXPECT_LT(team.error_m(component), 0.05);
 }
 
@@ -197,8 +204,8 @@ TEST(RigServer, reports_to_a_lost_camera_where_its_rig_is) {
     while (team.round())
       if (camera.next <= 12 * 30) at_sight = camera.lost;
     lost[tied] = camera.lost - at_sight;
-    std::printf("%s: answered %d times, placed %d times, lost for %d frames more, %zu sessions\n", tied ? "tied" : "apart", camera.answered,
-                camera.placed, lost[tied], camera.client->sessions().size());
+    std::printf("%s: answered %d times, placed %d times, lost for %d frames more, %zu sessions\n",
+                tied ? "tied" : "apart", camera.answered, camera.placed, lost[tied], camera.client->sessions().size());
     EXPECT_EQ(camera.placed > 0, tied);
     EXPECT_EQ(camera.client->sessions().size() == 1, tied) << "it goes on in its own map, or begins another one";
     if (tied) {
@@ -238,7 +245,8 @@ TEST(RigServer, uses_where_a_rig_camera_said_it_was_around_that_time) {
   for (const auto& [id, lost] : maps[1].nodes)
     for (std::size_t i = 1; i + 1 < seen.size(); ++i) {
       if (!(seen[i]->stamp < lost.stamp && lost.stamp < seen[i + 1]->stamp)) continue;
-      const double since_s = seconds_between(seen[i]->stamp, lost.stamp), until_s = seconds_between(lost.stamp, seen[i + 1]->stamp);
+      const double since_s = seconds_between(seen[i]->stamp, lost.stamp),
+                   until_s = seconds_between(lost.stamp, seen[i + 1]->stamp);
       const auto say = [&](const Node& node) { server.share(ahead, {maps[0].id, node.stamp, node.map_from_node, 0}); };
       say(*seen[i - 1]), say(*seen[i]);
       const auto expect_there = [&](const std::optional<PlaceAnswer>& answer, double most_m) {
@@ -258,7 +266,8 @@ TEST(RigServer, uses_where_a_rig_camera_said_it_was_around_that_time) {
       say(*seen[i + 1]);
       between += expect_there(ask(lost), 0.08);
     }
-  std::printf("asked between two views %d times, after the last one %d times, too late %d times\n", between, after, too_late);
+  std::printf("asked between two views %d times, after the last one %d times, too late %d times\n", between, after,
+              too_late);
   EXPECT_GT(between, 5);
   EXPECT_GT(after, 5);
   EXPECT_GT(too_late, 0);

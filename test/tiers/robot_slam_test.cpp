@@ -13,7 +13,9 @@ using test::make_scan;
 const RobotId kAlpha("alpha");
 
 Sensed message(std::uint64_t sequence, StreamEnd end) { return {kAlpha, sequence, {}, std::move(end)}; }
-Sensed message(std::uint64_t sequence, const laser::ScanInput& scan) { return {kAlpha, sequence, scan.stamp, scan.scan}; }
+Sensed message(std::uint64_t sequence, const laser::ScanInput& scan) {
+  return {kAlpha, sequence, scan.stamp, scan.scan};
+}
 Sensed message(std::uint64_t sequence, const laser::OdometryInput& odometry) {
   return {kAlpha, sequence, odometry.stamp, odometry.odometry_from_robot};
 }

@@ -45,10 +45,11 @@ std::vector<Said> said(std::size_t frames_between) {
     for (const visual::PlacedFrame& frame : robot.client->trajectory()) {
       const double seconds = seconds_between(begin, frame.stamp);
       if (static_cast<std::size_t>(std::lround(12.0 * seconds)) % 6 != behind) continue;
-      const Pose3 map_from_robot =
-          compose(compose(robot.place.robot_from_camera, frame.map_from_camera), inverse(robot.place.robot_from_camera));
-      all.push_back(
-          {robot.place.client.sensor, {visual::map_of(robot.place.client, frame.session), frame.stamp, map_from_robot, 0}, seconds});
+      const Pose3 map_from_robot = compose(compose(robot.place.robot_from_camera, frame.map_from_camera),
+                                           inverse(robot.place.robot_from_camera));
+      all.push_back({robot.place.client.sensor,
+                     {visual::map_of(robot.place.client, frame.session), frame.stamp, map_from_robot, 0},
+                     seconds});
     }
     behind += frames_between;
   }
@@ -132,12 +133,13 @@ TEST(ServerRobots, knows_a_robot_by_all_of_its_cameras_whether_or_not_they_speak
     replay.join();
     ASSERT_EQ(replay.server.merged().components.size(), 1U);
     const Received received(replay, said(frames_between));
-    std::printf("%zu frames between cameras: %.3f m, %.3f rad off at most, %d of %zu answers late\n", frames_between, received.farthest_m(),
-                received.farthest_rad(), received.late, received.answers.size());
+    std::printf("%zu frames between cameras: %.3f m, %.3f rad off at most, %d of %zu answers late\n", frames_between,
+                received.farthest_m(), received.farthest_rad(), received.late, received.answers.size());
     EXPECT_LT(received.farthest_m(), 0.06);
     EXPECT_LT(received.farthest_rad(), 0.05);
     EXPECT_LT(received.late, 6);
-    // The third one is lost from the seventh second on, begins another map in the 33rd, and is lost once more in the 47th.
+    // The third one is lost from the seventh second on, begins another map in the 33rd, and is lost once more in the
+    // 47th.
     EXPECT_GT(received.share(3, 1.0, 7.0), 0.9);
     EXPECT_GT(received.share(2, 8.5, 33.0), 0.9);
     EXPECT_GT(received.share(3, 35.0, 47.0), 0.9);
@@ -156,7 +158,8 @@ TEST(ServerRobots, goes_on_by_one_camera_where_another_falls_silent) {
     Replay replay;
     replay.join();
     const Received received(replay, without(said(1), [&](const Said& one) {
-                        return one.camera == kAside || (one.camera == silent && one.seconds > 10.0 && one.seconds < 20.0);
+                              return one.camera == kAside ||
+                                     (one.camera == silent && one.seconds > 10.0 && one.seconds < 20.0);
                             }));
     EXPECT_GT(received.share(2, 1.0, 10.0), 0.9);
     EXPECT_EQ(received.share(1, 11.5, 20.0), 1.0);
@@ -195,7 +198,8 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
       KeyframeFeatures features = *keyframe_of(node);
       if (node.id.session.client.sensor == kAside)
         for (auto& descriptor : features.descriptors)
-          for (std::size_t word = 0; word < descriptor.size(); ++word) descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
+          for (std::size_t word = 0; word < descriptor.size(); ++word)
+            descriptor[word] ^= (word + 1) * 0x9e3779b97f4a7c15ULL;
       node.payload = std::make_shared<const Payload>(std::move(features));
     }
     return true;
@@ -210,7 +214,8 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
   EXPECT_LT(together.farthest_m(), 0.06);
   for (const RobotInTeam& answer : together.answers) EXPECT_EQ(answer.team, MapId("alpha.ahead"));
   // Where all but one are silent, it speaks of its own map.
-  Said alone = *std::find_if(all.begin(), all.end(), [](const Said& one) { return one.camera == kAside && one.seconds > 40.0; });
+  Said alone =
+      *std::find_if(all.begin(), all.end(), [](const Said& one) { return one.camera == kAside && one.seconds > 40.0; });
   replay.say(alone);
   const auto answer = replay.server.robot(kAlpha);
   ASSERT_TRUE(answer);
@@ -218,7 +223,8 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
   EXPECT_EQ(answer->cameras, 1);
   EXPECT_LT((answer->team_from_robot.t - alone.view.map_from_robot.t).norm(), 0.01);
   // Of as many here as there, those that spoke last.
-  Said after = *std::find_if(all.begin(), all.end(), [&](const Said& one) { return one.camera == kBack && one.seconds > alone.seconds; });
+  Said after = *std::find_if(all.begin(), all.end(),
+                             [&](const Said& one) { return one.camera == kBack && one.seconds > alone.seconds; });
   replay.say(after);
   ASSERT_TRUE(replay.server.robot(kAlpha));
   EXPECT_EQ(replay.server.robot(kAlpha)->team, MapId("alpha.ahead"));

@@ -1,9 +1,11 @@
-// Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what goes over the wire.
-// team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, another-day, repeated-rooms-SEEDS. Prints one JSON object each.
+// Teams of cameras that hand over features, with their map server: is one map made of them, how good is it, and what
+// goes over the wire. team_benchmark SCENARIO...: apartment-3, apartment-8, single-camera, another-day,
+// repeated-rooms-SEEDS. Prints one JSON object each.
 //   apartment-N       N robots in an apartment of seven rooms, 60 m each; every one shares rooms with the next
 //   single-camera     alpha's depth camera maps three rooms; then a single camera comes and asks where it is
 //   another-day       a robot comes back a day later, half of the furniture elsewhere
-//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds. repeated-rooms-N@S: from seed
+//   repeated-rooms-N  two robots in rooms that are alike down to the pictures, in other rooms each; N seeds.
+//   repeated-rooms-N@S: from seed
 //   S
 
 #include <support/feature_team.h>
@@ -152,7 +154,8 @@ nlohmann::json apartment(int robots) {
   team.run();
   FeatureTeam unheard(test::apartment(static_cast<std::size_t>(robots), 60.0), tiers::ServerOptions{}, {}, 2);
   unheard.run();
-  auto told = report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s, alone_m(unheard.robots));
+  auto told =
+      report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s, alone_m(unheard.robots));
   std::size_t loops = 0;
   for (const auto& robot : unheard.robots) loops += robot.client->loops().size();
   told["told"] = parts.json(), told["loops_alone"] = loops;
@@ -228,7 +231,8 @@ nlohmann::json repeated_rooms(int seeds, int first) {
     const Judged found = judged(team.server.seal(team.pool, *silent), truth_of(team.robots));
     falsely_joined += found.falsely_joined;
     rightly_joined += found.maps - found.components - found.falsely_joined;
-    std::fprintf(stderr, "seed %d: %zu of %zu maps, %zu falsely joined\n", seed, found.components, found.maps, found.falsely_joined);
+    std::fprintf(stderr, "seed %d: %zu of %zu maps, %zu falsely joined\n", seed, found.components, found.maps,
+                 found.falsely_joined);
   }
   return {{"name", "rooms that are all alike, " + std::to_string(seeds) + " seeds"},
           {"robots", 2},

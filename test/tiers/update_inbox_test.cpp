@@ -35,8 +35,9 @@ class InboxTest : public ::testing::Test {
       for (const auto& [id, landmark] : whole.landmarks) {
         if (!is_there(landmark.anchor)) continue;
         Landmark seen = landmark;
-        seen.seen.erase(std::remove_if(seen.seen.begin(), seen.seen.end(), [&](const auto& s) { return !is_there(s.node); }),
-                        seen.seen.end());
+        seen.seen.erase(
+            std::remove_if(seen.seen.begin(), seen.seen.end(), [&](const auto& s) { return !is_there(s.node); }),
+            seen.seen.end());
         state.landmarks.set(id, seen);
       }
       MapUpdate update = difference(states_.back(), state);
@@ -145,7 +146,8 @@ TEST_F(InboxTest, lets_others_read_what_they_hold_while_updates_come) {
         }
         wrong.fetch_add(bytes_of(*map) != bytes[number], std::memory_order_relaxed);
         map.reset();
-        read.fetch_add(1, std::memory_order_relaxed);  // so that nothing but the snapshot orders what was read before what comes
+        read.fetch_add(
+            1, std::memory_order_relaxed);  // so that nothing but the snapshot orders what was read before what comes
       }
     });
   for (std::size_t i = 0; i < updates_.size(); ++i) {

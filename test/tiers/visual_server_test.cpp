@@ -37,8 +37,8 @@ TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   for (const auto& robot : team.robots) {
     std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, heard %.1f kB in %.0f s\n",
                 robot.place.client.robot.str().c_str(), robot.error_m(), robot.borrowed_seen,
-                1e-3 * static_cast<double>(robot.agent->sent_bytes()), 1e-3 * static_cast<double>(robot.agent->received_bytes()),
-                static_cast<double>(robot.next) / 12.0);
+                1e-3 * static_cast<double>(robot.agent->sent_bytes()),
+                1e-3 * static_cast<double>(robot.agent->received_bytes()), static_cast<double>(robot.next) / 12.0);
     EXPECT_LT(robot.error_m(), 0.05);
     EXPECT_EQ(robot.agent->waiting_bytes(), 0U);
   }
@@ -53,14 +53,17 @@ TEST(VisualServer, joins_step_by_step_about_as_it_seals) {
   ASSERT_EQ(sealed.components.size(), 1U);
   std::vector<matching::PointPair> pairs;
   for (const auto& [id, node] : server.merged().components.front().map.nodes)
-    if (const Node* other = sealed.components.front().map.nodes.find(id)) pairs.push_back({node.map_from_node.t, other->map_from_node.t});
+    if (const Node* other = sealed.components.front().map.nodes.find(id))
+      pairs.push_back({node.map_from_node.t, other->map_from_node.t});
   ASSERT_GT(pairs.size(), 50U);
   std::printf("steps end %.4f m from the seal; errors %.4f m, %.4f m\n", FeatureTeam::laid(pairs),
               apartment().error_m(server.merged().components.front()), apartment().error_m(sealed.components.front()));
   EXPECT_LT(FeatureTeam::laid(pairs), 0.03);
   VisualServer at_once(TierId("edge"), {}, {});
-  for (auto& [session, update] : server.snapshot()) at_once.greet(test::hello_of(session)), at_once.receive(session, update);
-  EXPECT_EQ(sealed_bytes(sealed), sealed_bytes(at_once.seal(pool, *make_silent_progress()))) << "a seal knows nothing of the steps";
+  for (auto& [session, update] : server.snapshot())
+    at_once.greet(test::hello_of(session)), at_once.receive(session, update);
+  EXPECT_EQ(sealed_bytes(sealed), sealed_bytes(at_once.seal(pool, *make_silent_progress())))
+      << "a seal knows nothing of the steps";
 }
 
 TEST(VisualServer, has_every_map_as_its_client_has_it) {
@@ -68,8 +71,8 @@ TEST(VisualServer, has_every_map_as_its_client_has_it) {
     Map whole;
     visual::VisualClient& client = *robot.client;
     const auto maps = apartment().server.maps();
-    const auto told =
-        std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == visual::map_of(robot.place.client, 0); });
+    const auto told = std::find_if(maps.begin(), maps.end(),
+                                   [&](const Map& map) { return map.id == visual::map_of(robot.place.client, 0); });
     ASSERT_NE(told, maps.end());
     std::size_t keyframes = 0;
     for (const visual::PlacedFrame& frame : client.keyframes()) keyframes += frame.session == 0;
@@ -180,7 +183,8 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
   EXPECT_EQ(waiting, 63);
   server.leave(alpha);
   EXPECT_THROW(server.receive(alpha, received_updates().front().bytes), Error) << "it told nothing, and left";
-  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   const std::string before = sealed(server);
   server.leave(alpha);
   EXPECT_EQ(sealed(server), before) << "maps stay";
@@ -189,10 +193,12 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
 
 TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
   VisualServer whole(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates()) whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
   VisualServer again(TierId("edge"), {}, {});
   for (std::size_t i = 0; i < received_updates().size() / 2; ++i)
-    again.greet(hello_of(received_updates()[i].from)), again.receive(received_updates()[i].from, received_updates()[i].bytes);
+    again.greet(hello_of(received_updates()[i].from)),
+        again.receive(received_updates()[i].from, received_updates()[i].bytes);
   for (const ReceivedUpdate& one : received_updates()) {  // clients say hello again and repeat what was not stored
     std::uint64_t stored = 0;
     const MapUpdate update = decode_map_update(one.bytes, "test");
@@ -205,7 +211,8 @@ TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
 
 TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
   VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates()) server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates())
+    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
   WorkerPool pool(1);
   server.advance(received_updates().front().from.run == 0 ? Stamp{} : Stamp{received_updates().front().from.run}, pool);
   server.pending()->run();
@@ -221,8 +228,8 @@ TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
   EXPECT_EQ(server.merged().components.size(), 2U);
 }
 
-// A corridor that closes on itself: alpha, who sees well, drives where beta begins and ends; beta drives around and stops before it sees
-// again what it saw first (CORB-SLAM, figure 5).
+// A corridor that closes on itself: alpha, who sees well, drives where beta begins and ends; beta drives around and
+// stops before it sees again what it saw first (CORB-SLAM, figure 5).
 TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
   using test::StarryCorridor;
   constexpr std::size_t kStanding = 60;  // frames at the end
@@ -233,15 +240,16 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
     options.correct_m = 0.03, options.retrieval.most = 1;  // shared landmarks help too: not here
     FeatureTeam team(options);
     StarryCorridor good(1, true), poor(2, true);
-    const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m, double pixels, double inverse_depth,
-                           double offset) {
+    const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m, double pixels,
+                           double inverse_depth, double offset) {
       visual::ClientOptions seeing;
       seeing.window.learn_depth_offset = false;
       team.add(
           test::place_of(name), corridor.camera, static_cast<std::size_t>((end_m - begin_m) / kStep_m) + kStanding,
           [=, &corridor](std::size_t i) {
             const Pose3 there = StarryCorridor::along_ring(std::min(end_m, begin_m + kStep_m * static_cast<double>(i)));
-            return FeatureTeam::Shot{corridor.frame(test::at(static_cast<int>(i)), there, pixels, inverse_depth, offset), there};
+            return FeatureTeam::Shot{
+                corridor.frame(test::at(static_cast<int>(i)), there, pixels, inverse_depth, offset), there};
           },
           seeing);
     };
@@ -250,8 +258,9 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
     team.run();
     const auto& beta = team.robots[1];
     error_m[share] = beta.error_m();
-    std::printf("beta: error %.3f m, %zu loops of its own, corrected %d times, %d frames lost; %zu components\n", beta.error_m(),
-                beta.client->loops().size(), beta.corrections, beta.lost, team.server.merged().components.size());
+    std::printf("beta: error %.3f m, %zu loops of its own, corrected %d times, %d frames lost; %zu components\n",
+                beta.error_m(), beta.client->loops().size(), beta.corrections, beta.lost,
+                team.server.merged().components.size());
     EXPECT_TRUE(beta.client->loops().empty());
     EXPECT_EQ(beta.corrections > 0, share == Sharing::full);
     const fusion::FusionResult sealed = team.server.seal(team.pool, *make_silent_progress());
@@ -275,7 +284,8 @@ TEST(VisualServer, tells_a_single_camera_where_it_is_at_true_scale) {
   team.run();
   double scale = 0.0;
   const double error_m = beta.error_m(0, true, &scale);
-  std::printf("beta: placed %d times, error %.3f m, scale %.3f, lost %d of %zu\n", beta.placed, error_m, scale, beta.lost, beta.next);
+  std::printf("beta: placed %d times, error %.3f m, scale %.3f, lost %d of %zu\n", beta.placed, error_m, scale,
+              beta.lost, beta.next);
   EXPECT_GE(beta.placed, 1);
   EXPECT_NEAR(scale, 1.0, 0.02);
   EXPECT_LT(error_m, 0.05);
@@ -339,7 +349,8 @@ TEST(VisualServer, keeps_within_a_clients_wire_by_sharing_less) {
     team.run();
     for (const auto& robot : team.robots) {
       received_updates[cap] += robot.agent->received_bytes();
-      const double kB_per_s = 1e-3 * static_cast<double>(robot.agent->received_bytes()) * 12.0 / static_cast<double>(robot.next);
+      const double kB_per_s =
+          1e-3 * static_cast<double>(robot.agent->received_bytes()) * 12.0 / static_cast<double>(robot.next);
       std::printf("bound %.0f kB/s: %.2f kB/s, %zu borrowed landmarks seen\n", cap, kB_per_s, robot.borrowed_seen);
       if (cap > 0.0) {
         EXPECT_LT(kB_per_s, 1.1 * cap);

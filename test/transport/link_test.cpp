@@ -72,7 +72,8 @@ TEST(Link, says_which_line_of_a_trace_is_wrong) {
 
 TEST(Link, is_slower_the_farther_the_profile_reaches) {
   double last_s = 0.0;
-  for (const LinkProfile profile : {LinkProfile::none, LinkProfile::lan, LinkProfile::wifi, LinkProfile::nr, LinkProfile::lte}) {
+  for (const LinkProfile profile :
+       {LinkProfile::none, LinkProfile::lan, LinkProfile::wifi, LinkProfile::nr, LinkProfile::lte}) {
     LinkOptions options;
     options.profile = profile;
     Link link(options, 1);

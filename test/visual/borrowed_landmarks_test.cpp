@@ -64,7 +64,8 @@ TEST_F(BorrowedLandmarksTest, are_looked_for_where_their_feature_lies_and_matche
   borrowed.receive(map, 0, landmarks);
   const auto found = look();
   ASSERT_EQ(found.size(), 9U);
-  for (const Match& match : found) EXPECT_LT((match.pixel - map.camera.project(map.landmark(match.landmark).point)).norm(), 1.01);
+  for (const Match& match : found)
+    EXPECT_LT((match.pixel - map.camera.project(map.landmark(match.landmark).point)).norm(), 1.01);
 }
 
 TEST_F(BorrowedLandmarksTest, are_not_looked_for_from_behind_or_far_away) {
@@ -110,7 +111,8 @@ TEST_F(BorrowedLandmarksTest, that_do_not_fit_are_landmarks_of_nobody) {
   fits[2] = fits[5] = 0;
   borrowed.keep(map, found, fits);
   EXPECT_EQ(found.size(), 7U);
-  EXPECT_EQ(std::count_if(map.landmarks.begin(), map.landmarks.end(), [](const Landmark& one) { return !one.gone; }), 7);
+  EXPECT_EQ(std::count_if(map.landmarks.begin(), map.landmarks.end(), [](const Landmark& one) { return !one.gone; }),
+            7);
   see(found);
   EXPECT_EQ(look(found).size(), 2U) << "they are looked for again";
 }

@@ -1,6 +1,7 @@
-// What it is worth to a camera client that a server shares landmarks of a map with it made before (CVS III-C), and tells it where it is.
-// borrowing_benchmark FOLDER [FIRST]: a TUM folder with groundtruth.txt. The frames before number FIRST (416) make the map, the others
-// borrow from it: with their depth, and as a camera alone. borrowing_benchmark [METRES [SEED]]: in a simulated building, by features.
+// What it is worth to a camera client that a server shares landmarks of a map with it made before (CVS III-C), and
+// tells it where it is. borrowing_benchmark FOLDER [FIRST]: a TUM folder with groundtruth.txt. The frames before number
+// FIRST (416) make the map, the others borrow from it: with their depth, and as a camera alone. borrowing_benchmark
+// [METRES [SEED]]: in a simulated building, by features.
 
 #include <mapweave/matching/landmark_description.h>
 #include <mapweave/matching/rigid_from_points.h>
@@ -64,7 +65,8 @@ struct Server {
   }
 };
 
-// The map's frame by all of its frames' axes and places: places alone hardly tell it for a camera that turns on the spot.
+// The map's frame by all of its frames' axes and places: places alone hardly tell it for a camera that turns on the
+// spot.
 Pose3 world_from_map(const VisualClient& client, const Drive& drive) {
   Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -79,7 +81,8 @@ Pose3 world_from_map(const VisualClient& client, const Drive& drive) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> parts(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Pose3 result;
   result.q = Eigen::Quaterniond(Eigen::Matrix3d(parts.matrixU() * parts.matrixV().transpose())).normalized();
-  for (std::size_t i = 0; i < placed.size(); ++i) sum += drive.truth[numbers[i]].t - result.q * placed[i].map_from_camera.t;
+  for (std::size_t i = 0; i < placed.size(); ++i)
+    sum += drive.truth[numbers[i]].t - result.q * placed[i].map_from_camera.t;
   result.t = sum / static_cast<double>(placed.size());
   return result;
 }
@@ -91,7 +94,8 @@ std::optional<Pose3> first_place(Server& server, const Drive& drive, const Pose3
   VisualClient probe(drive.camera, 0.0, options);
   drive.add(probe, 0, true);
   const auto request = probe.place_request(kBeta);
-  if (!request || probe.place(kBeta, {request->stamp, MapId("alpha"), about, server.under(drive.camera, about)}) != PlaceVerdict::taken)
+  if (!request || probe.place(kBeta, {request->stamp, MapId("alpha"), about, server.under(drive.camera, about)}) !=
+                      PlaceVerdict::taken)
     return std::nullopt;
   return probe.trajectory().front().map_from_camera;
 }
@@ -128,10 +132,12 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
   if (!laid || !similar) return;
   const Sim3 kept = alone && !shares ? *similar : *laid;
   double square = 0;
-  for (const auto& pair : pairs) square += (kept.scale * (kept.pose.q * pair.in_b) + kept.pose.t - pair.in_a).squaredNorm();
-  std::printf("%-28s error %.4f m, scale %.4f; %zu frames placed, %d lost; %.2f ms a frame; %d sightings of borrowed ones\n", what,
-              std::sqrt(square / static_cast<double>(pairs.size())), similar->scale, pairs.size(), lost,
-              spent_ms / static_cast<double>(drive.stamps.size()), told);
+  for (const auto& pair : pairs)
+    square += (kept.scale * (kept.pose.q * pair.in_b) + kept.pose.t - pair.in_a).squaredNorm();
+  std::printf(
+      "%-28s error %.4f m, scale %.4f; %zu frames placed, %d lost; %.2f ms a frame; %d sightings of borrowed ones\n",
+      what, std::sqrt(square / static_cast<double>(pairs.size())), similar->scale, pairs.size(), lost,
+      spent_ms / static_cast<double>(drive.stamps.size()), told);
 }
 
 void compare(const Drive& mapping, const Drive& borrowing, bool has_pictures) {
@@ -151,9 +157,11 @@ void compare(const Drive& mapping, const Drive& borrowing, bool has_pictures) {
   const matching::LandmarkDescriber describer(map);
   for (const auto& [id, landmark] : map.landmarks)
     if (const auto known = describer.described(landmark)) server.index.set(*known);
-  std::printf("map: error %.4f m; %zu landmarks, %zu described in %.1f ms\n", std::sqrt(square / static_cast<double>(pairs.size())),
-              map.landmarks.size(), server.index.size(), now_ms() - before);
-  const auto first = first_place(server, borrowing, compose(inverse(world_from_map(client, mapping)), borrowing.truth.front()));
+  std::printf("map: error %.4f m; %zu landmarks, %zu described in %.1f ms\n",
+              std::sqrt(square / static_cast<double>(pairs.size())), map.landmarks.size(), server.index.size(),
+              now_ms() - before);
+  const auto first =
+      first_place(server, borrowing, compose(inverse(world_from_map(client, mapping)), borrowing.truth.front()));
   if (!first) {
     std::printf("the first frame is not known there\n");
     return;
@@ -184,9 +192,11 @@ void compare_in_folder(const std::filesystem::path& folder, std::size_t first) {
   for (std::size_t i = 0; i < frames->size(); ++i) {
     Drive& drive = drives[i < first ? 0 : 1];
     const double t = (*frames)[i].stamp.seconds();
-    const auto near = std::min_element(truth.begin(), truth.end(),
-                                       [&](const auto& a, const auto& b) { return std::abs(a.first - t) < std::abs(b.first - t); });
-    drive.stamps.push_back((*frames)[i].stamp), drive.truth.push_back(near->second), drive.camera = packer.rig()->camera;
+    const auto near = std::min_element(truth.begin(), truth.end(), [&](const auto& a, const auto& b) {
+      return std::abs(a.first - t) < std::abs(b.first - t);
+    });
+    drive.stamps.push_back((*frames)[i].stamp), drive.truth.push_back(near->second),
+        drive.camera = packer.rig()->camera;
   }
   for (int side = 0; side < 2; ++side)
     drives[side].add = [frames, begin = side == 0 ? 0 : first](VisualClient& client, std::size_t i, bool alone) {
@@ -232,5 +242,6 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::filesystem::is_directory(argv[1]))
     compare_in_folder(argv[1], argc > 2 ? static_cast<std::size_t>(std::atoll(argv[2])) : 416);
   else
-    compare_in_building(argc > 1 ? std::atof(argv[1]) : 60.0, argc > 2 ? static_cast<std::uint64_t>(std::atoll(argv[2])) : 1);
+    compare_in_building(argc > 1 ? std::atof(argv[1]) : 60.0,
+                        argc > 2 ? static_cast<std::uint64_t>(std::atoll(argv[2])) : 1);
 }

@@ -11,8 +11,8 @@ namespace {
 
 using test::at;
 using test::error_of;
-using test::SharingServer;
 using test::place_of;
+using test::SharingServer;
 using test::StarryCorridor;
 
 Pose3 along(double way_m) {
@@ -56,7 +56,8 @@ struct Drive {
         told = updated(std::move(told), decode_map_update(encode(update), "test"));
         for (const LandmarkChange& change : update.borrowed) {
           EXPECT_EQ(change.id.session.client.robot, RobotId("alpha"));
-          for (const LandmarkSighting& sighting : change.seen) EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
+          for (const LandmarkSighting& sighting : change.seen)
+            EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
           borrowed_seen += change.seen.size();
         }
       }
@@ -71,8 +72,9 @@ TEST(Borrowing, keeps_a_client_from_drifting) {
   Drive alone(options), helped(options);
   alone.run(kFrames, [](const Pose3&) {});
   helped.run(kFrames, [&](const Pose3& world_from_camera) {
-    helped.client.borrow(place_of("beta"), 0,
-                  SharingServer::in_map(server().under(helped.corridor.camera, world_from_camera), helped.world_from_map()));
+    helped.client.borrow(
+        place_of("beta"), 0,
+        SharingServer::in_map(server().under(helped.corridor.camera, world_from_camera), helped.world_from_map()));
   });
   const double without = error_of(alone.client, alone.truth), with = error_of(helped.client, helped.truth);
   std::printf("error %.3f m alone, %.3f m with shared landmarks\n", without, with);
@@ -85,8 +87,9 @@ TEST(Borrowing, keeps_a_client_from_drifting) {
 TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
   Drive drive;
   drive.run(60, [&](const Pose3& world_from_camera) {
-    drive.client.borrow(place_of("beta"), 0,
-                 SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map()));
+    drive.client.borrow(
+        place_of("beta"), 0,
+        SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map()));
   });
   EXPECT_GT(drive.client.borrowed_seen(), 30U);
   EXPECT_GT(drive.borrowed_seen, 100U);
@@ -96,7 +99,8 @@ TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
   EXPECT_EQ(drive.told.landmarks.size(), drive.client.landmarks().size());
   for (const auto& [id, landmark] : drive.told.landmarks) {
     EXPECT_EQ(id.session.client.robot, RobotId("beta"));
-    for (const LandmarkSighting& sighting : landmark.seen) EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
+    for (const LandmarkSighting& sighting : landmark.seen)
+      EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
   }
 }
 
@@ -110,7 +114,8 @@ TEST(Borrowing, is_not_led_astray_by_landmarks_that_lie) {
     std::mt19937_64 random(3);
     const auto noise = [&] { return static_cast<double>(random() >> 11) * 0x1.0p-53 - 0.5; };
     drive.run(200, [&](const Pose3& world_from_camera) {
-      auto borrowed = SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      auto borrowed =
+          SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
       for (DescribedLandmark& one : borrowed)
         one.point_in_map += together ? Eigen::Vector3d(0.0, 0.25, 0.1) : Eigen::Vector3d(noise(), noise(), noise());
       drive.client.borrow(place_of("beta"), 0, borrowed);
@@ -160,7 +165,8 @@ TEST(Borrowing, gives_the_same_numbers_every_time) {
   const auto run = [] {
     Drive drive;
     drive.run(80, [&](const Pose3& world_from_camera) {
-      auto borrowed = SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
+      auto borrowed =
+          SharingServer::in_map(server().under(drive.corridor.camera, world_from_camera), drive.world_from_map());
       drive.client.borrow(place_of("beta"), 0, borrowed);
     });
     std::vector<double> numbers;
@@ -176,7 +182,8 @@ const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89
 constexpr int kRoomFrames = 100;
 
 Pose3 walk(double frame) {
-  return test::standing(1.2 * std::sin(0.03 * frame), 1.2 - 1.2 * std::cos(0.03 * frame), 0.03 * frame, 0.1 * std::sin(0.1 * frame));
+  return test::standing(1.2 * std::sin(0.03 * frame), 1.2 - 1.2 * std::cos(0.03 * frame), 0.03 * frame,
+                        0.1 * std::sin(0.1 * frame));
 }
 
 struct RoomMap {
@@ -187,7 +194,8 @@ const RoomMap& room_map() {
   static const RoomMap known = [] {
     VisualClient client(room.camera, 0.0, {});
     std::vector<Pose3> truth;
-    for (int i = -20; i < kRoomFrames + 20; ++i) truth.push_back(walk(i)), client.add(room.frame(at(i + 20), truth.back()));
+    for (int i = -20; i < kRoomFrames + 20; ++i)
+      truth.push_back(walk(i)), client.add(room.frame(at(i + 20), truth.back()));
     RoomMap result;
     result.server.learn(client, place_of("alpha"), truth.front());
     result.error_m = error_of(client, truth);
@@ -229,7 +237,8 @@ Walked walk_about(const Measuring& measuring, bool is_helped, std::uint64_t seed
     const Pose3 start = truth[static_cast<std::size_t>(first)];
     const Pose3 world_from_map = compose(start, inverse(test::kRobotFromCamera));
     client.borrow(place_of("beta"), 0,
-           SharingServer::in_map(room_map().server.under(room.camera, compose(start, tracked.map_from_camera)), world_from_map));
+                  SharingServer::in_map(room_map().server.under(room.camera, compose(start, tracked.map_from_camera)),
+                                        world_from_map));
   }
   EXPECT_GT(client.trajectory().size(), 80U);
   return {error_of(client, truth), client.borrowed_seen()};
@@ -238,8 +247,8 @@ Walked walk_about(const Measuring& measuring, bool is_helped, std::uint64_t seed
 void compare(const Measuring& measuring, const std::function<void(double with, double without)>& expect) {
   for (const std::uint64_t seed : {1U, 2U}) {
     const Walked with = walk_about(measuring, true, seed), without = walk_about(measuring, false, seed);
-    std::printf("camera %d: error %.4f m alone, %.4f m with shared landmarks, of which %zu are seen\n", static_cast<int>(measuring.camera),
-                without.error_m, with.error_m, with.borrowed_seen);
+    std::printf("camera %d: error %.4f m alone, %.4f m with shared landmarks, of which %zu are seen\n",
+                static_cast<int>(measuring.camera), without.error_m, with.error_m, with.borrowed_seen);
     expect(with.error_m, without.error_m);
     EXPECT_GT(with.borrowed_seen, 60U);
     EXPECT_EQ(without.borrowed_seen, 0U);
@@ -247,7 +256,8 @@ void compare(const Measuring& measuring, const std::function<void(double with, d
 }
 
 TEST(Borrowing, keeps_clients_that_measure_lengths_badly_from_drifting) {
-  for (const Measuring& measuring : {Measuring{Camera::depth, 0.03, 1.0}, Measuring{Camera::pair, 0.0, 1.05}, Measuring{Camera::alone}})
+  for (const Measuring& measuring :
+       {Measuring{Camera::depth, 0.03, 1.0}, Measuring{Camera::pair, 0.0, 1.05}, Measuring{Camera::alone}})
     compare(measuring, [](double with, double without) {
       EXPECT_LT(with, 0.5 * without);
       EXPECT_LT(with, 4.0 * room_map().error_m);

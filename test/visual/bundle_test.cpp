@@ -12,7 +12,9 @@ constexpr double kReadout = 0.02;
 // Views along a line that look at points ahead; exact sightings.
 WindowBundle known_world(bool with_flow, double depth_offset) {
   std::mt19937_64 random(7);
-  const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+  };
   WindowBundle bundle;
   for (int i = 0; i < 6; ++i) {
     Eigen::Matrix<double, 6, 1> motion;
@@ -23,12 +25,14 @@ WindowBundle known_world(bool with_flow, double depth_offset) {
   for (int p = 0; p < 80; ++p) bundle.points.emplace_back(uniform(-2, 2), uniform(-1.5, 1.5), uniform(2, 6));
   for (int p = 0; p < 80; ++p)
     for (int v = 0; v < 6; ++v) {
-      const Eigen::Vector3d seen = bundle.views[static_cast<std::size_t>(v)] * bundle.points[static_cast<std::size_t>(p)];
+      const Eigen::Vector3d seen =
+          bundle.views[static_cast<std::size_t>(v)] * bundle.points[static_cast<std::size_t>(p)];
       WindowBundleObservation o;
       o.view = v, o.point = p;
       o.sighting.pixel = camera.project(seen);
       if (with_flow) {
-        o.sighting.row_flow = (o.sighting.pixel.y() / 480.0 - 0.5) * Eigen::Vector2d(uniform(-300, 300), 200.0 + 40.0 * v);
+        o.sighting.row_flow =
+            (o.sighting.pixel.y() / 480.0 - 0.5) * Eigen::Vector2d(uniform(-300, 300), 200.0 + 40.0 * v);
         o.sighting.pixel += kReadout * o.sighting.row_flow;
       }
       o.sighting.inverse_depth = 1.0 / seen.z() + depth_offset, o.sighting.inverse_depth_sigma = 0.005;
@@ -43,7 +47,8 @@ void disturb(WindowBundle& bundle) {
     motion << 0.03, -0.02, 0.02, 0.01, -0.01, 0.01;
     bundle.views[i] = moved(bundle.views[i], (i % 2 == 0 ? 1.0 : -1.0) * motion);
   }
-  for (std::size_t i = 0; i < bundle.points.size(); ++i) bundle.points[i] += Eigen::Vector3d(0.05, -0.04, i % 3 == 0 ? 0.1 : -0.08);
+  for (std::size_t i = 0; i < bundle.points.size(); ++i)
+    bundle.points[i] += Eigen::Vector3d(0.05, -0.04, i % 3 == 0 ? 0.1 : -0.08);
 }
 
 void expect_truth(const WindowBundle& found, const WindowBundle& truth, double tolerance) {
@@ -51,7 +56,8 @@ void expect_truth(const WindowBundle& found, const WindowBundle& truth, double t
     EXPECT_LT((found.views[i].centre() - truth.views[i].centre()).norm(), tolerance);
     EXPECT_TRUE(found.views[i].rotation.isApprox(truth.views[i].rotation, tolerance));
   }
-  for (std::size_t i = 0; i < truth.points.size(); ++i) EXPECT_LT((found.points[i] - truth.points[i]).norm(), 10.0 * tolerance);
+  for (std::size_t i = 0; i < truth.points.size(); ++i)
+    EXPECT_LT((found.points[i] - truth.points[i]).norm(), 10.0 * tolerance);
 }
 
 TEST(WindowBundle, comes_back_to_the_truth) {
@@ -120,7 +126,9 @@ TEST(PoseFromPoints, finds_the_view_among_a_third_of_wrong_sightings) {
 TEST(WindowBundle, is_the_same_sparse_as_dense) {
   // A long walk: more views than the dense solver takes, each point seen by four of them.
   std::mt19937_64 random(3);
-  const auto uniform = [&](double low, double high) { return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53; };
+  const auto uniform = [&](double low, double high) {
+    return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+  };
   WindowBundle truth;
   for (int i = 0; i < 70; ++i) {
     Eigen::Matrix<double, 6, 1> motion = Eigen::Matrix<double, 6, 1>::Zero();

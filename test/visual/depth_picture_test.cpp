@@ -19,10 +19,12 @@ Agreement agreement(const Image<float>& depths, const Pose3& pose, double share_
     for (int x = 0; x < depths.width; ++x) {
       if (depths.row(y)[x] == 0.0F) continue;
       ++known;
-      const double truth = room.look(pose.t, pose.q * room.camera.ray({static_cast<double>(x), static_cast<double>(y)})).first;
+      const double truth =
+          room.look(pose.t, pose.q * room.camera.ray({static_cast<double>(x), static_cast<double>(y)})).first;
       right += std::abs(static_cast<double>(depths.row(y)[x]) - truth) < share_of_depth * truth ? 1 : 0;
     }
-  result.known = known / static_cast<double>(depths.pixels.size()), result.right = known == 0 ? 0.0 : right / static_cast<double>(known);
+  result.known = known / static_cast<double>(depths.pixels.size()),
+  result.right = known == 0 ? 0.0 : right / static_cast<double>(known);
   return result;
 }
 
@@ -56,7 +58,8 @@ TEST(DepthPicture, taken_later_is_moved_to_where_the_picture_was_taken) {
 TEST(DepthPicture, of_a_camera_with_a_learnt_offset_has_it_taken_out) {
   const Pose3 pose = test::standing(0.5, 0.2, 0.3);
   Frame frame = room.frame(Stamp{1}, pose);
-  for (std::uint16_t& unit : frame.depth.image.pixels) unit = static_cast<std::uint16_t>(std::lround(1000.0 / (1000.0 / unit + 0.02)));
+  for (std::uint16_t& unit : frame.depth.image.pixels)
+    unit = static_cast<std::uint16_t>(std::lround(1000.0 / (1000.0 / unit + 0.02)));
   DepthPictureOptions options;
   EXPECT_LT(agreement(depth_picture_of(frame, rig_of(0.0), options), pose, 0.005).right, 0.01);
   options.calibration.inverse_depth_offset = 0.02;
@@ -77,7 +80,8 @@ TEST(DepthPicture, of_a_pair_is_found_by_matching_it) {
   const Pose3 pose = test::standing(0.5, 0.2, 0.3);
   DepthPictureOptions options;
   options.most_error_m = 1.0;
-  const Agreement found = agreement(depth_picture_of(room.pair(Stamp{1}, pose, 0.12), rig_of(0.12), options), pose, 0.05);
+  const Agreement found =
+      agreement(depth_picture_of(room.pair(Stamp{1}, pose, 0.12), rig_of(0.12), options), pose, 0.05);
   EXPECT_GT(found.known, 0.6);
   EXPECT_GT(found.right, 0.98);
 }
@@ -101,8 +105,13 @@ TEST(ColourAt, looks_where_the_lens_bent_and_rectifying_turned_it) {
   EXPECT_EQ(colour_at(frame, room.camera, {10.0, 10.0}), (std::array<std::uint8_t, 3>{0, 0, 0}));
   auto pixels = std::make_shared<std::vector<std::uint8_t>>(3 * 320 * 240);
   (*pixels)[3 * (120 * 320 + 186)] = 7;  // blue, 26 pixels to the right of the middle: 0.1 rad
-  frame.colour = {
-      {pixels, pixels->data()}, 320, 240, 3 * 320, room.camera, {}, Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()))};
+  frame.colour = {{pixels, pixels->data()},
+                  320,
+                  240,
+                  3 * 320,
+                  room.camera,
+                  {},
+                  Eigen::Quaterniond(Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()))};
   EXPECT_EQ(colour_at(frame, room.camera, {160.0, 120.0}), (std::array<std::uint8_t, 3>{0, 0, 7}));
 }
 

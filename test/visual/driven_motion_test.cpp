@@ -39,7 +39,8 @@ TEST(DrivenMotion, odometry_allows_more_the_farther_it_drove) {
   const Departure elsewhere = departure(start, station(9, ahead(2), ahead(5), 0), {});
   EXPECT_NEAR(elsewhere.error_m, 2.0, 1e-9);
   EXPECT_EQ(allowed(elsewhere, kUnique_m), Allowed::no) << "carried off, or in a room that looks the same";
-  EXPECT_EQ(allowed(departure(start, station(9, ahead(0, 0.5), ahead(5), 0), {}), kUnique_m), Allowed::no) << "it looks elsewhere";
+  EXPECT_EQ(allowed(departure(start, station(9, ahead(0, 0.5), ahead(5), 0), {}), kUnique_m), Allowed::no)
+      << "it looks elsewhere";
 }
 
 TEST(DrivenMotion, drift_does_not_lead_to_what_was_refused) {

@@ -1,6 +1,7 @@
 // An hour of driving by a client that takes features: memory, processor time for each frame, and error, over time.
 // endurance_benchmark [METRES [SEED]]: of way, at about 0.6 m/s; 2200 m are an hour.
-// endurance_benchmark team [METRES [SEED [none|view|full]]]: two clients, round the same rooms each its own way, and their map server.
+// endurance_benchmark team [METRES [SEED [none|view|full]]]: two clients, round the same rooms each its own way, and
+// their map server.
 
 #include "endurance_team.h"
 
@@ -35,11 +36,12 @@ void drive_alone(const simulation::WorldOptions& options) {
   const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
   const simulation::FeatureRecording recording(world, field, features, 0, 0);
   const auto& model = options.cameras[0].intrinsics();
-  visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {}, matching::shipped_vocabulary());
+  visual::VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {},
+                              matching::shipped_vocabulary());
 
   std::printf("%zu frames; before: %.0f MB\n", recording.frame_count(), resident_mb());
-  std::printf("%8s %8s %8s %8s %8s %10s %10s %6s %6s\n", "minute", "ms", "p99 ms", "max ms", "MB", "keyframes", "landmarks", "loops",
-              "lost");
+  std::printf("%8s %8s %8s %8s %8s %10s %10s %6s %6s\n", "minute", "ms", "p99 ms", "max ms", "MB", "keyframes",
+              "landmarks", "loops", "lost");
   std::vector<double> spent_ms;
   std::vector<Eigen::Vector3d> truth;
   double total_ms = 0.0;
@@ -59,8 +61,8 @@ void drive_alone(const simulation::WorldOptions& options) {
     total_ms += sum;
     std::sort(spent_ms.begin(), spent_ms.end());
     std::printf("%8.0f %8.2f %8.2f %8.1f %8.0f %10zu %10zu %6zu %6d\n", static_cast<double>(i + 1) / rate / 60.0,
-                sum / static_cast<double>(spent_ms.size()), spent_ms[spent_ms.size() * 99 / 100], spent_ms.back(), resident_mb(),
-                client.keyframes().size(), client.landmarks().size(), client.loops().size(), lost);
+                sum / static_cast<double>(spent_ms.size()), spent_ms[spent_ms.size() * 99 / 100], spent_ms.back(),
+                resident_mb(), client.keyframes().size(), client.landmarks().size(), client.loops().size(), lost);
     std::fflush(stdout);
     spent_ms.clear();
   }
@@ -73,7 +75,8 @@ void drive_alone(const simulation::WorldOptions& options) {
   const auto laid = matching::align_points(pairs, matching::Freedom::rigid);
   double square = 0;
   if (laid)
-    for (const matching::PointPair& pair : pairs) square += (transformed(pair.in_b, laid->pose) - pair.in_a).squaredNorm();
+    for (const matching::PointPair& pair : pairs)
+      square += (transformed(pair.in_b, laid->pose) - pair.in_a).squaredNorm();
   std::printf("%.0f frames/s; error %.3f m (root mean square, laid on the truth) of %zu frames\n",
               1e3 * static_cast<double>(recording.frame_count()) / total_ms,
               std::sqrt(square / static_cast<double>(std::max<std::size_t>(1, pairs.size()))), pairs.size());
@@ -99,7 +102,9 @@ int main(int argc, char** argv) try {
   }
   tiers::ServerOptions sharing;
   const std::string share = words.size() > 2 ? words[2] : "view";
-  sharing.share = share == "full" ? tiers::Sharing::full : share == "view" ? tiers::Sharing::view : tiers::Sharing::none;
+  sharing.share = share == "full"   ? tiers::Sharing::full
+                  : share == "view" ? tiers::Sharing::view
+                                    : tiers::Sharing::none;
   endurance::drive_team(options, sharing);
   return 0;
 } catch (const std::exception& error) {

@@ -40,7 +40,8 @@ struct Message {
   std::string bytes;
 };
 
-// Between a robot and the server. Each of them says all that it has to say, then `over`: no buffer is ever full on both sides.
+// Between a robot and the server. Each of them says all that it has to say, then `over`: no buffer is ever full on both
+// sides.
 class Wire {
  public:
   explicit Wire(int file) : file_(file) {}
@@ -106,7 +107,8 @@ class Robot {
       spent_s_ += static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
       lost_ += state == visual::TrackState::lost, ++frames_;
       if ((i + 1) % often_ == 0) exchange(server, frame.stamp);
-      if ((i + 1) % static_cast<std::size_t>(kPrinted_s * rate_hz_) == 0) print(static_cast<double>(i + 1) / rate_hz_ / 60.0);
+      if ((i + 1) % static_cast<std::size_t>(kPrinted_s * rate_hz_) == 0)
+        print(static_cast<double>(i + 1) / rate_hz_ / 60.0);
     }
     server.say(Kind::end);
   }
@@ -131,9 +133,10 @@ class Robot {
   }
 
   void print(double minute) {
-    std::printf("%8.0f %8s %8.2f %8.1f %8.1f %10zu %10zu %10zu %6zu %6d %8.1f %8.1f\n", minute, place_.client.robot.str().c_str(),
-                1e3 * spent_s_ / frames_, held_mb() - before_mb_, resident_mb(), client_.keyframes().size(), client_.landmarks().size(),
-                client_.borrowed(), client_.borrowed_seen(), lost_, 1e-3 * static_cast<double>(agent_.waiting_bytes()),
+    std::printf("%8.0f %8s %8.2f %8.1f %8.1f %10zu %10zu %10zu %6zu %6d %8.1f %8.1f\n", minute,
+                place_.client.robot.str().c_str(), 1e3 * spent_s_ / frames_, held_mb() - before_mb_, resident_mb(),
+                client_.keyframes().size(), client_.landmarks().size(), client_.borrowed(), client_.borrowed_seen(),
+                lost_, 1e-3 * static_cast<double>(agent_.waiting_bytes()),
                 1e-6 * static_cast<double>(agent_.received_bytes()));
     std::fflush(stdout);
     spent_s_ = 0.0, frames_ = 0;
@@ -202,8 +205,9 @@ class Server {
     std::size_t published = 0, joined = 0;
     for (const Map& map : server_.maps()) published += map.nodes.size();
     for (const fusion::Component& component : server_.merged().components) joined += component.map.nodes.size();
-    std::printf("%8.0f %8s %8s %8.1f %8.1f %10zu  of them joined %zu, in %zu maps; %.0f kB for each\n", seconds / 60.0, "server", "",
-                held_mb() - before_mb_, resident_mb(), published, joined, server_.merged().components.size(),
+    std::printf("%8.0f %8s %8s %8.1f %8.1f %10zu  of them joined %zu, in %zu maps; %.0f kB for each\n", seconds / 60.0,
+                "server", "", held_mb() - before_mb_, resident_mb(), published, joined,
+                server_.merged().components.size(),
                 1e3 * (held_mb() - before_mb_) / static_cast<double>(std::max<std::size_t>(1, published)));
     std::fflush(stdout);
   }
@@ -225,13 +229,14 @@ void drive_team(const simulation::WorldOptions& options, const tiers::ServerOpti
   const simulation::World world(options, here);
   const simulation::FeatureOptions features;
   const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
-  std::printf("%8s %8s %8s %8s %8s %10s %10s %10s %6s %6s %8s %8s\n", "minute", "who", "ms", "held MB", "MB", "keyframes", "landmarks",
-              "borrowed", "seen", "lost", "wait kB", "heard MB");
+  std::printf("%8s %8s %8s %8s %8s %10s %10s %10s %6s %6s %8s %8s\n", "minute", "who", "ms", "held MB", "MB",
+              "keyframes", "landmarks", "borrowed", "seen", "lost", "wait kB", "heard MB");
   std::fflush(stdout);
   std::vector<Wire> wires;
   for (std::size_t i = 0; i < options.robots.size(); ++i) {
     int ends[2];
-    if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) throw Error(ErrorCode::kInternal, "cannot open a pair of sockets");
+    if (socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0)
+      throw Error(ErrorCode::kInternal, "cannot open a pair of sockets");
     const pid_t child = fork();
     if (child < 0) throw Error(ErrorCode::kInternal, "cannot start a process");
     if (child == 0) {
@@ -239,8 +244,9 @@ void drive_team(const simulation::WorldOptions& options, const tiers::ServerOpti
       try {
         const auto& model = options.cameras[0].intrinsics();
         const simulation::FeatureRecording recording(world, field, features, i, 0);
-        const visual::ClientPlace place{{RobotId(options.robots[i].id), SensorId(options.cameras[0].id)},
-                                        compose(inverse(world.world_from_robot(i, 0.0)), recording.frame(0).world_from_camera)};
+        const visual::ClientPlace place{
+            {RobotId(options.robots[i].id), SensorId(options.cameras[0].id)},
+            compose(inverse(world.world_from_robot(i, 0.0)), recording.frame(0).world_from_camera)};
         Robot robot(place, {model.width, model.height, model.fx, model.fy, model.cx, model.cy}, recording,
                     options.cameras[0].frames_per_second, sharing.share_rate_hz);
         robot.drive(Wire(ends[1]));

@@ -35,8 +35,8 @@ class StarryRoom {
       if (!(pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width && pixel.y() < camera.height)) continue;
       matching::OrbDescriptor descriptor = descriptors_[i];
       for (int bit = 0; bit < 10; ++bit) descriptor[random_() % 4] ^= std::uint64_t{1} << (random_() % 64);
-      result.features.points.push_back(
-          {static_cast<float>(pixel.x() + uniform(-0.3, 0.3)), static_cast<float>(pixel.y() + uniform(-0.3, 0.3)), 0, 0});
+      result.features.points.push_back({static_cast<float>(pixel.x() + uniform(-0.3, 0.3)),
+                                        static_cast<float>(pixel.y() + uniform(-0.3, 0.3)), 0, 0});
       result.features.descriptors.push_back(descriptor);
       result.inverse_depths.push_back(static_cast<float>(1.0 / p.z() + uniform(-0.002, 0.002)));
     }
@@ -44,14 +44,18 @@ class StarryRoom {
   }
 
  private:
-  double uniform(double low, double high) { return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1.0p-53; }
+  double uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1.0p-53;
+  }
   std::mt19937_64 random_{5};
   std::vector<Eigen::Vector3d> points_;
   std::vector<matching::OrbDescriptor> descriptors_;
 };
 
 Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
-Pose3 walk(int frame) { return test::standing(0.8 * std::sin(0.03 * frame), 0.8 - 0.8 * std::cos(0.03 * frame), 0.03 * frame); }
+Pose3 walk(int frame) {
+  return test::standing(0.8 * std::sin(0.03 * frame), 0.8 - 0.8 * std::cos(0.03 * frame), 0.03 * frame);
+}
 
 TEST(FeatureClient, follows_features_without_pictures) {
   StarryRoom room;

@@ -18,7 +18,8 @@ Seen corners_of(const Pyramid& picture, const Pose3& pose) {
   Seen seen;
   for (const Corner& corner : detect_corners(picture, {}, {})) {
     seen.pixels.push_back(corner.pixel);
-    seen.points.push_back(room.camera.ray(corner.pixel) * room.look(pose.t, pose.q * room.camera.ray(corner.pixel)).first);
+    seen.points.push_back(room.camera.ray(corner.pixel) *
+                          room.look(pose.t, pose.q * room.camera.ray(corner.pixel)).first);
   }
   return seen;
 }
@@ -29,14 +30,19 @@ void expect_motion(const Pose3& from, const Pose3& to, double gain, double bias)
   for (auto& value : grey.pixels) value = static_cast<std::uint8_t>(std::clamp(gain * value + bias, 0.0, 255.0));
   const Seen seen = corners_of(before, from);
   ASSERT_GT(seen.points.size(), 40U);
-  const FrameAlignment aligned = align_frames(before, seen.pixels, seen.points, make_pyramid(grey), room.camera, View(), 4, 1);
+  const FrameAlignment aligned =
+      align_frames(before, seen.pixels, seen.points, make_pyramid(grey), room.camera, View(), 4, 1);
   const Pose3 truth = between(from, to), found = pose_of(aligned.to_from_from);
   EXPECT_LT((found.t - truth.t).norm(), 0.01);
   EXPECT_LT(found.q.angularDistance(truth.q), 0.003);
 }
 
-TEST(FrameAlignment, finds_a_step_and_a_turn) { expect_motion(test::standing(0, 0, 0), test::standing(0.04, 0.05, 0.05, 0.02), 1.0, 0.0); }
-TEST(FrameAlignment, does_not_mind_another_exposure) { expect_motion(test::standing(0, 0, 0), test::standing(0.03, 0, 0.04), 0.8, 20.0); }
+TEST(FrameAlignment, finds_a_step_and_a_turn) {
+  expect_motion(test::standing(0, 0, 0), test::standing(0.04, 0.05, 0.05, 0.02), 1.0, 0.0);
+}
+TEST(FrameAlignment, does_not_mind_another_exposure) {
+  expect_motion(test::standing(0, 0, 0), test::standing(0.03, 0, 0.04), 0.8, 20.0);
+}
 
 TEST(FrameAlignment, keeps_the_guess_where_there_is_nothing_to_see) {
   const Pyramid picture = make_pyramid(room.frame(Stamp(), test::standing(0, 0, 0)).grey);

@@ -5,9 +5,11 @@
 namespace mapweave::visual {
 namespace {
 
-// Two sessions of one camera alone saw the same three places; the second one's lengths are half as long, and its frame is turned.
+// Two sessions of one camera alone saw the same three places; the second one's lengths are half as long, and its frame
+// is turned.
 TEST(MapCorrection, joins_sessions_of_different_scale) {
-  const View second_from_first = view_of({{0.4, -0.2, 1.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()))});
+  const View second_from_first =
+      view_of({{0.4, -0.2, 1.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()))});
   constexpr double kShorter = 0.5;
   const std::vector<Eigen::Vector3d> points{{0.5, 0.1, 3.0}, {-0.4, 0.6, 2.0}, {0.2, -0.5, 4.0}};
   LandmarkMap map;
@@ -71,7 +73,8 @@ Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
     Keyframe keyframe;
     keyframe.view = view_of({drifted, Eigen::Quaterniond::Identity()});
     keyframe.depths = {static_cast<float>(2.0 * scale)};
-    if (with_wheels) keyframe.driven.odometry_from_camera = Pose3{centre * (i % 2 == 0 ? 1.0 : 1.004), Eigen::Quaterniond::Identity()};
+    if (with_wheels)
+      keyframe.driven.odometry_from_camera = Pose3{centre * (i % 2 == 0 ? 1.0 : 1.004), Eigen::Quaterniond::Identity()};
     map.add(std::move(keyframe));
     truth.push_back(centre);
     const Eigen::Vector3d step(0.3 * std::cos(turn), 0.0, 0.3 * std::sin(turn));

@@ -7,12 +7,14 @@ namespace mapweave::visual {
 namespace {
 
 const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89.5}};
-const ClientPlace kPlace{{RobotId("alpha"), SensorId("front")}, {{0.1, 0.0, 0.4}, Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)}};
+const ClientPlace kPlace{{RobotId("alpha"), SensorId("front")},
+                         {{0.1, 0.0, 0.4}, Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5)}};
 
 Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
 
 Pose3 walk(double frame) {
-  return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame, 0.1 * std::sin(0.1 * frame));
+  return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame,
+                        0.1 * std::sin(0.1 * frame));
 }
 
 // What a server holds after each of the updates, as bytes went over a wire.
@@ -46,7 +48,8 @@ TEST(MapPublisher, tells_a_server_all_that_the_client_knows) {
   std::size_t i = 0;
   for (const auto& [id, node] : server.nodes) {
     EXPECT_EQ(node.stamp, keyframes[i].stamp);
-    const Pose3 expected = compose(compose(kPlace.robot_from_camera, keyframes[i].map_from_camera), inverse(kPlace.robot_from_camera));
+    const Pose3 expected =
+        compose(compose(kPlace.robot_from_camera, keyframes[i].map_from_camera), inverse(kPlace.robot_from_camera));
     EXPECT_EQ(node.map_from_node.t, expected.t) << "exact in the end";
     ASSERT_TRUE(node.payload);
     EXPECT_GT(std::get<KeyframeFeatures>(*node.payload).points.size(), 50U);
@@ -56,7 +59,8 @@ TEST(MapPublisher, tells_a_server_all_that_the_client_knows) {
   // They lie on the walls, where the room is seen from the robot's first pose.
   const Pose3 room_from_map = compose(walk(0), inverse(kPlace.robot_from_camera));
   for (const auto& [id, landmark] : server.landmarks) {
-    const Eigen::Vector3d in_map = transformed(landmark.point_in_anchor(), server.nodes.find(landmark.anchor)->map_from_node);
+    const Eigen::Vector3d in_map =
+        transformed(landmark.point_in_anchor(), server.nodes.find(landmark.anchor)->map_from_node);
     EXPECT_LT((transformed(in_map, room_from_map).cwiseAbs() - room.half).maxCoeff(), 0.2) << to_string(id);
     EXPECT_FALSE(landmark.seen.empty());
     EXPECT_EQ(landmark.colour[0], landmark.colour[1]) << "grey pictures";

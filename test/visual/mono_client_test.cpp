@@ -34,7 +34,8 @@ Laid laid_on(const VisualClient& client, const std::vector<Pose3>& truth) {
   };
   const Pose3 first = true_pose(placed.front()), last = true_pose(placed.back());
   Laid result;
-  result.scale = between(first, last).t.norm() / between(placed.front().map_from_camera, placed.back().map_from_camera).t.norm();
+  result.scale =
+      between(first, last).t.norm() / between(placed.front().map_from_camera, placed.back().map_from_camera).t.norm();
   for (const PlacedFrame& frame : placed) {
     const Eigen::Vector3d way = result.scale * between(placed.front().map_from_camera, frame.map_from_camera).t;
     result.worst_m = std::max(result.worst_m, (way - between(first, true_pose(frame)).t).norm());
@@ -89,7 +90,8 @@ TEST(MonoClient, tells_nobody_of_depths_that_it_worked_out_itself) {
 TEST(MonoClient, waits_while_it_stands_or_only_turns) {
   VisualClient client(room.camera, 0.0, {});
   for (int i = 0; i < 30; ++i)
-    EXPECT_EQ(client.add(picture(i, test::standing(0, 0, i < 10 ? 0.0 : 0.03 * (i - 10)))).state, TrackState::waiting) << i;
+    EXPECT_EQ(client.add(picture(i, test::standing(0, 0, i < 10 ? 0.0 : 0.03 * (i - 10)))).state, TrackState::waiting)
+        << i;
   EXPECT_THAT(client.landmarks(), testing::IsEmpty());
 }
 

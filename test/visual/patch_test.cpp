@@ -22,7 +22,9 @@ TEST(Detector, spreads_corners_over_the_cells_that_are_free) {
   for (std::size_t i = 0; i < all.size(); i += 2) occupied.push_back(all[i].pixel);
   const auto rest = detect_corners(picture, occupied, options);
   EXPECT_EQ(rest.size(), all.size() - occupied.size());
-  const auto cell = [&](const Eigen::Vector2d& p) { return std::make_pair(int(p.x()) / options.cell_px, int(p.y()) / options.cell_px); };
+  const auto cell = [&](const Eigen::Vector2d& p) {
+    return std::make_pair(int(p.x()) / options.cell_px, int(p.y()) / options.cell_px);
+  };
   std::set<std::pair<int, int>> cells;
   for (const Corner& corner : all) EXPECT_TRUE(cells.insert(cell(corner.pixel)).second);
 }
@@ -37,8 +39,8 @@ TEST(Detector, finds_nothing_on_a_blank_wall) {
 bool is_of_the_wall_ahead(const Eigen::Vector2d& pixel, int level) {
   for (double dx : {-1.0, 1.0})
     for (double dy : {-1.0, 1.0})
-      if (std::abs(room.look({0, 0, 0}, room.camera.ray(pixel + 6.0 * (1 << level) * Eigen::Vector2d(dx, dy))).first - room.half.z()) >
-          1e-6)
+      if (std::abs(room.look({0, 0, 0}, room.camera.ray(pixel + 6.0 * (1 << level) * Eigen::Vector2d(dx, dy))).first -
+                   room.half.z()) > 1e-6)
         return false;
   return true;
 }
@@ -73,7 +75,8 @@ TEST(Patch, is_warped_to_a_nearer_view_in_a_coarser_level) {
   std::vector<double> errors;
   for (const Corner& corner : detect_corners(before, {}, {})) {
     const Eigen::Vector2d centre(room.camera.cx, room.camera.cy), there = centre + 2.0 * (corner.pixel - centre);
-    if (!is_of_the_wall_ahead(corner.pixel, corner.level) || there.x() < 20 || there.y() < 20 || there.x() > 300 || there.y() > 220)
+    if (!is_of_the_wall_ahead(corner.pixel, corner.level) || there.x() < 20 || there.y() < 20 || there.x() > 300 ||
+        there.y() > 220)
       continue;
     const auto patch = cut_patch(before, corner.pixel, corner.level);
     if (!patch) continue;

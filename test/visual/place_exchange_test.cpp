@@ -10,8 +10,8 @@ namespace {
 
 using test::at;
 using test::error_of;
-using test::SharingServer;
 using test::place_of;
+using test::SharingServer;
 
 const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89.5}};
 
@@ -70,13 +70,16 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
       EXPECT_EQ(request->stamp, at(5));
       EXPECT_GT(request->features.points.size(), 100U);
       EXPECT_FALSE(client.place_request(place_of("beta"))) << "once for each frame";
-      EXPECT_EQ(client.place(place_of("beta"), answer_to(*request, truth.back(), test::standing(0.05, -0.06, 0.02))), PlaceVerdict::taken);
+      EXPECT_EQ(client.place(place_of("beta"), answer_to(*request, truth.back(), test::standing(0.05, -0.06, 0.02))),
+                PlaceVerdict::taken);
     } else {
       EXPECT_EQ(tracked.state, TrackState::tracked) << i;
       tracked_frames += tracked.state == TrackState::tracked;
-      const Pose3 world_from_camera = compose(compose(server().world_from_map, test::kRobotFromCamera), tracked.map_from_camera);
+      const Pose3 world_from_camera =
+          compose(compose(server().world_from_map, test::kRobotFromCamera), tracked.map_from_camera);
       if (tracked.keyframe && i < 50)
-        client.borrow(place_of("beta"), 0, SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map));
+        client.borrow(place_of("beta"), 0,
+                      SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map));
       for (const MapUpdate& update : client.take_updates(place_of("beta"), PublishedDetail::light))
         told = updated(std::move(told), decode_map_update(encode(update), "test"));
     }
@@ -94,7 +97,8 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
   // What it tells lies in the frame of the map that it was answered in.
   for (const auto& [id, node] : told.nodes) {
     const auto number = static_cast<std::size_t>(std::lround((node.stamp.seconds() - 100.0) * 15.0));
-    const Pose3 world_from_camera = compose(compose(server().world_from_map, node.map_from_node), test::kRobotFromCamera);
+    const Pose3 world_from_camera =
+        compose(compose(server().world_from_map, node.map_from_node), test::kRobotFromCamera);
     EXPECT_LT((world_from_camera.t - truth[number].t).norm(), 0.08) << number;
   }
 }
@@ -107,7 +111,8 @@ TEST(PlaceExchange, survives_wrong_late_and_unsound_answers) {
   };
   const ClientPlace place = place_of("beta");
   EXPECT_FALSE(client.place_request(place)) << "no frame yet";
-  EXPECT_EQ(client.place(place, answer_to(ask(0), walk(0), test::standing(1.0, 0.0, 0.0))), PlaceVerdict::disagrees) << "a metre off";
+  EXPECT_EQ(client.place(place, answer_to(ask(0), walk(0), test::standing(1.0, 0.0, 0.0))), PlaceVerdict::disagrees)
+      << "a metre off";
   EXPECT_EQ(client.place(place, answer_to(ask(1), walk(40))), PlaceVerdict::disagrees) << "another place";
   PlaceAnswer wrong = answer_to(ask(2), walk(2));
   for (std::size_t i = 0; i < wrong.landmarks.size(); ++i)
@@ -185,7 +190,8 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
       const auto request = client.place_request(place_of("beta"));
       ASSERT_TRUE(request);
       PlaceAnswer answer{request->stamp, MapId("team"),
-                         compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)), shared_at(way(0))};
+                         compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)),
+                         shared_at(way(0))};
       ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
     } else if (tracked.keyframe) {
       client.borrow(place_of("beta"), 0,

@@ -40,8 +40,10 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
   const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
   const simulation::FeatureRecording recording(world, field, features, 0, 0);
   const auto& model = options.cameras[0].intrinsics();
-  VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {}, matching::shipped_vocabulary());
-  const Pose3 robot_from_camera = compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
+  VisualClient client({model.width, model.height, model.fx, model.fy, model.cx, model.cy}, 0.0, {},
+                      matching::shipped_vocabulary());
+  const Pose3 robot_from_camera =
+      compose(inverse(world.world_from_robot(0, 0.0)), recording.frame(0).world_from_camera);
   simulation::Recording wheels(world, 0);
   auto wheels_said = wheels.next(), next = wheels_said;
   Outcome outcome;

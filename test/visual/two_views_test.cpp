@@ -17,7 +17,9 @@ View motion_of(double x, double y, double z, double turn) {
 
 class Uniform {
  public:
-  double operator()(double low, double high) { return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1.0p-53; }
+  double operator()(double low, double high) {
+    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1.0p-53;
+  }
 
  private:
   std::mt19937_64 random_{11};
@@ -37,13 +39,15 @@ std::vector<PixelPair> seen_from(const View& second, World world, double noise_p
     const auto noise = [&] { return Eigen::Vector2d(uniform(-noise_px, noise_px), uniform(-noise_px, noise_px)); };
     pairs.push_back({pixel + noise(), camera.project(there) + noise(), 0.5});
   }
-  for (int i = 0; i < wrong; ++i) pairs[static_cast<std::size_t>(4 * i)].second += Eigen::Vector2d(uniform(15, 40), uniform(-40, -15));
+  for (int i = 0; i < wrong; ++i)
+    pairs[static_cast<std::size_t>(4 * i)].second += Eigen::Vector2d(uniform(15, 40), uniform(-40, -15));
   return pairs;
 }
 
 void expect_motion(const TwoViews& found, const View& truth, double tolerance_rad) {
   EXPECT_LT(Eigen::AngleAxisd(found.second_from_first.rotation.transpose() * truth.rotation).angle(), tolerance_rad);
-  EXPECT_LT(std::acos(std::min(1.0, found.second_from_first.translation.dot(truth.translation.normalized()))), 10.0 * tolerance_rad);
+  EXPECT_LT(std::acos(std::min(1.0, found.second_from_first.translation.dot(truth.translation.normalized()))),
+            10.0 * tolerance_rad);
 }
 
 TEST(TwoViews, tells_motion_and_points_of_a_room) {

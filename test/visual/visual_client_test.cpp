@@ -12,7 +12,8 @@ Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
 
 // A walk around the room's middle that looks about.
 Pose3 walk(double frame) {
-  return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame, 0.1 * std::sin(0.1 * frame));
+  return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame,
+                        0.1 * std::sin(0.1 * frame));
 }
 
 // Greatest distance between where frames were and where they are said to be, once the first frames lie on each other.
@@ -62,7 +63,9 @@ TEST(VisualClient, learns_that_rows_are_read_one_after_the_other) {
     options.window.learn_readout = learn;
     VisualClient client(room.camera, 0.0, options);
     std::vector<Pose3> truth;
-    const auto pose = [](double frame) { return test::standing(0, 0, 0.7 * std::sin(0.16 * frame), 0.25 * std::sin(0.23 * frame)); };
+    const auto pose = [](double frame) {
+      return test::standing(0, 0, 0.7 * std::sin(0.16 * frame), 0.25 * std::sin(0.23 * frame));
+    };
     for (int i = 0; i < 60; ++i) {
       truth.push_back(pose(i));
       Frame frame = room.frame(at(i), pose(i - 0.5 * kReadout * 15.0), pose(i + 0.5 * kReadout * 15.0));

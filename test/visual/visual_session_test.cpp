@@ -11,7 +11,9 @@ const test::PaintedRoom room{{4.0, 1.5, 4.0}, {240, 180, 195.0, 195.0, 119.5, 89
 
 Stamp at(int frame) { return stamp_from_seconds(100.0 + frame / 15.0); }
 
-Pose3 walk(double frame) { return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame); }
+Pose3 walk(double frame) {
+  return test::standing(0.8 * std::sin(0.05 * frame), 0.8 - 0.8 * std::cos(0.05 * frame), 0.04 * frame);
+}
 
 Frame covered(int frame) {
   Frame dark = room.frame(at(frame), walk(0));

@@ -35,6 +35,7 @@ ExitCode exit_code(ErrorCode code) {
 }
 
 ContractViolation::ContractViolation(const char* expression, const char* file, int line, const std::string& message)
-    : std::logic_error(std::string(file) + ":" + std::to_string(line) + ": " + message + " (broken contract: " + expression + ")") {}
+    : std::logic_error(std::string(file) + ":" + std::to_string(line) + ": " + message +
+                       " (broken contract: " + expression + ")") {}
 
 }  // namespace mapweave

@@ -62,7 +62,8 @@ void sync_tree(const fs::path& folder) {
     if (entry.is_directory() && !entry.is_symlink()) sync_folder(entry.path());
     if (!entry.is_regular_file() || entry.is_symlink()) continue;
     const Descriptor descriptor(::open(entry.path().c_str(), O_RDONLY | O_CLOEXEC));
-    if (descriptor && ::fsync(descriptor.number()) != 0 && errno != EINVAL) throw_cannot_write(entry.path(), "cannot be written", errno);
+    if (descriptor && ::fsync(descriptor.number()) != 0 && errno != EINVAL)
+      throw_cannot_write(entry.path(), "cannot be written", errno);
   }
   sync_folder(folder);
 }
@@ -76,7 +77,8 @@ void remove_stale_temporaries(const fs::path& goal) {
   std::error_code ignored;
   for (const auto& entry : fs::directory_iterator(folder_of(goal), ignored)) {
     const std::string name = entry.path().filename().string();
-    if (name.compare(0, prefix.size(), prefix) != 0 || !entry.is_directory(ignored) || entry.is_symlink(ignored)) continue;
+    if (name.compare(0, prefix.size(), prefix) != 0 || !entry.is_directory(ignored) || entry.is_symlink(ignored))
+      continue;
     const std::string digits = name.substr(prefix.size());
     if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos) continue;
     const int process = std::stoi(digits);
@@ -101,7 +103,8 @@ std::string read_file(const fs::path& path, std::uint64_t most_bytes) {
     file.read(&bytes[before], kBlock);
     bytes.resize(before + static_cast<std::size_t>(file.gcount()));
     if (bytes.size() > most_bytes) {
-      throw Error(ErrorCode::kBadInput, "is larger than the " + std::to_string(most_bytes) + " bytes that such a file may have",
+      throw Error(ErrorCode::kBadInput,
+                  "is larger than the " + std::to_string(most_bytes) + " bytes that such a file may have",
                   path.string());
     }
   }
@@ -153,10 +156,12 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
   MAPWEAVE_EXPECT(!path.empty(), "an output folder needs a name");
   try {
     if (!goal_.has_filename()) goal_ = goal_.parent_path();  // "out/"
-    if (goal_.filename() == "." || goal_.filename() == ".." || fs::is_symlink(goal_)) goal_ = fs::weakly_canonical(goal_);
+    if (goal_.filename() == "." || goal_.filename() == ".." || fs::is_symlink(goal_))
+      goal_ = fs::weakly_canonical(goal_);
     if (fs::exists(goal_) && !is_empty_folder(goal_)) {
       if (!fs::is_directory(goal_)) {
-        throw Error(ErrorCode::kCannotWrite, "is a file; results go to a folder", goal_.string(), "choose another name");
+        throw Error(ErrorCode::kCannotWrite, "is a file; results go to a folder", goal_.string(),
+                    "choose another name");
       }
       if (!force_)
         throw Error(ErrorCode::kCannotWrite, "exists and is not empty", goal_.string(),
@@ -166,7 +171,8 @@ OutputFolder::OutputFolder(fs::path path, bool force) : goal_(path.lexically_nor
                     "it is not replaced, even with --force; choose another folder");
       }
     }
-    for (fs::path parent = folder_of(goal_); !fs::exists(parent); parent = folder_of(parent)) made_parents_.push_back(parent);
+    for (fs::path parent = folder_of(goal_); !fs::exists(parent); parent = folder_of(parent))
+      made_parents_.push_back(parent);
     fs::create_directories(folder_of(goal_));
     remove_stale_temporaries(goal_);
   } catch (const fs::filesystem_error& error) {

@@ -3,7 +3,8 @@
 namespace mapweave {
 
 Pose3 spatial(const Pose2& pose) {
-  return {Eigen::Vector3d(pose.x, pose.y, 0.0), Eigen::Quaterniond(std::cos(0.5 * pose.phi), 0.0, 0.0, std::sin(0.5 * pose.phi))};
+  return {Eigen::Vector3d(pose.x, pose.y, 0.0),
+          Eigen::Quaterniond(std::cos(0.5 * pose.phi), 0.0, 0.0, std::sin(0.5 * pose.phi))};
 }
 
 Pose2 planar(const Pose3& pose) {

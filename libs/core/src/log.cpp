@@ -54,7 +54,8 @@ LogLevel log_level_from_text(std::string_view text) {
   if (text == "info") return LogLevel::info;
   if (text == "warning") return LogLevel::warning;
   if (text == "error") return LogLevel::error;
-  throw Error(ErrorCode::kUsage, "unknown log level '" + std::string(text) + "'", {}, "use debug, info, warning or error");
+  throw Error(ErrorCode::kUsage, "unknown log level '" + std::string(text) + "'", {},
+              "use debug, info, warning or error");
 }
 
 }  // namespace mapweave

@@ -46,7 +46,9 @@ std::string with_dots(std::string_view key) {
   return dotted;
 }
 
-std::string joined(const std::string& prefix, const std::string& name) { return prefix.empty() ? name : prefix + "." + name; }
+std::string joined(const std::string& prefix, const std::string& name) {
+  return prefix.empty() ? name : prefix + "." + name;
+}
 
 // Every key there is; a list without elements shows those of its first.
 void collect_keys(const OptionFields& fields, const std::string& prefix, std::vector<std::string>& keys) {
@@ -55,7 +57,8 @@ void collect_keys(const OptionFields& fields, const std::string& prefix, std::ve
     keys.push_back(key);
     if (const auto* section = std::get_if<OptionSection>(&option.as)) collect_keys(section->fields, key, keys);
     if (const auto* list = std::get_if<OptionList>(&option.as)) {
-      for (std::size_t i = 0; i < list->size(); ++i) collect_keys(list->element(i), joined(key, std::to_string(i)), keys);
+      for (std::size_t i = 0; i < list->size(); ++i)
+        collect_keys(list->element(i), joined(key, std::to_string(i)), keys);
       if (list->size() == 0) collect_keys(list->example(), joined(key, "0"), keys);
     }
   }
@@ -64,7 +67,8 @@ void collect_keys(const OptionFields& fields, const std::string& prefix, std::ve
 std::string_view last_name(std::string_view key) { return key.substr(key.rfind('.') + 1); }
 
 Option* find_option(OptionFields& fields, std::string_view name) {
-  const auto found = std::find_if(fields.begin(), fields.end(), [&](const Option& option) { return option.name == name; });
+  const auto found =
+      std::find_if(fields.begin(), fields.end(), [&](const Option& option) { return option.name == name; });
   return found == fields.end() ? nullptr : &*found;
 }
 
@@ -124,17 +128,21 @@ class Loader {
 
  private:
   static YamlNode parsed(std::string_view bytes, const Layer& layer) {
-    return parse_yaml(
-        bytes, [&](int line, std::string problem, std::string remedy) { return layer.error(line, std::move(problem), std::move(remedy)); });
+    return parse_yaml(bytes, [&](int line, std::string problem, std::string remedy) {
+      return layer.error(line, std::move(problem), std::move(remedy));
+    });
   }
 
-  static std::size_t index_in(const OptionList& list, const std::string& key, std::size_t begin, std::size_t end, const Layer& layer) {
+  static std::size_t index_in(const OptionList& list, const std::string& key, std::size_t begin, std::size_t end,
+                              const Layer& layer) {
     std::size_t index = 0;
     const auto [stop, problem] = std::from_chars(key.data() + begin, key.data() + end, index);
     if (problem == std::errc() && stop == key.data() + end && begin < end && index < list.size()) return index;
     const std::string name = key.substr(0, begin - 1);
-    throw layer.error(0, "'" + shown_text(name) + "' has no element '" + shown_text(key.substr(begin, end - begin)) + "'",
-                      list.size() == 0 ? "it is empty; give the list first" : "its elements are 0.." + std::to_string(list.size() - 1));
+    throw layer.error(0,
+                      "'" + shown_text(name) + "' has no element '" + shown_text(key.substr(begin, end - begin)) + "'",
+                      list.size() == 0 ? "it is empty; give the list first"
+                                       : "its elements are 0.." + std::to_string(list.size() - 1));
   }
 
   Error unknown_key(const std::string& key, const Layer& layer) const {
@@ -142,8 +150,9 @@ class Loader {
     collect_keys(root_, {}, keys);
     auto meant = nearest_name(key, keys);
     if (!meant) meant = key_named_alike(last_name(key), keys);
-    return layer.error(0, "unknown key '" + shown_text(key) + "'",
-                       meant ? "did you mean '" + layer.spelt(*meant) + "'?" : "see 'mapweave config reference' for those there are");
+    return layer.error(
+        0, "unknown key '" + shown_text(key) + "'",
+        meant ? "did you mean '" + layer.spelt(*meant) + "'?" : "see 'mapweave config reference' for those there are");
   }
 
   // For a key in a section of a file: the keys beside it first, then the same name elsewhere.
@@ -160,7 +169,8 @@ class Loader {
   }
 
   static std::optional<std::string> key_named_alike(std::string_view name, const std::vector<std::string>& keys) {
-    const auto found = std::find_if(keys.begin(), keys.end(), [&](const std::string& key) { return last_name(key) == name; });
+    const auto found =
+        std::find_if(keys.begin(), keys.end(), [&](const std::string& key) { return last_name(key) == name; });
     return found == keys.end() ? std::nullopt : std::optional(*found);
   }
 
@@ -173,7 +183,8 @@ class Loader {
   }
 
   void apply_element(OptionFields& fields, const YamlNode& node, const std::string& key, const Layer& layer) {
-    if (node.kind != Kind::map) throw wrong(key, node, node.line, "each element has keys of its own, like 'id: ...'", layer);
+    if (node.kind != Kind::map)
+      throw wrong(key, node, node.line, "each element has keys of its own, like 'id: ...'", layer);
     note_origin(key, node.line, layer);
     apply_section(fields, node, key, layer);
   }
@@ -207,13 +218,14 @@ class Loader {
     }
   }
 
-  void apply_texts(const Option& option, const OptionTexts& texts, const YamlNode& node, const std::string& key, int line,
-                   const Layer& layer) {
+  void apply_texts(const Option& option, const OptionTexts& texts, const YamlNode& node, const std::string& key,
+                   int line, const Layer& layer) {
     if (node.kind != Kind::list) throw wrong(option.name, node, line, requirement(option), layer);
     origins_.forget_below(key);
     texts.values->clear();
     for (const YamlNode& item : node.items) {
-      if (item.kind != Kind::scalar) throw wrong(option.name, item, item.line > 0 ? item.line : line, requirement(option), layer);
+      if (item.kind != Kind::scalar)
+        throw wrong(option.name, item, item.line > 0 ? item.line : line, requirement(option), layer);
       note_origin(joined(key, std::to_string(texts.values->size())), item.line > 0 ? item.line : line, layer);
       texts.values->push_back(item.text);
     }
@@ -230,7 +242,8 @@ class Loader {
       const auto found = std::find(choice->names.begin(), choice->names.end(), node.text);
       if (found == choice->names.end()) {
         const auto meant = nearest_name(node.text, choice->names);
-        throw wrong(option.name, node, line, requirement(option) + (meant ? "; did you mean '" + *meant + "'?" : ""), layer);
+        throw wrong(option.name, node, line, requirement(option) + (meant ? "; did you mean '" + *meant + "'?" : ""),
+                    layer);
       }
       choice->set(static_cast<std::size_t>(found - choice->names.begin()));
       return true;
@@ -274,13 +287,15 @@ class Loader {
   }
 
   static std::string remedy_of_null(const Option& option) {
-    if (std::holds_alternative<OptionText>(option.as)) return "write \"\" for an empty text, and quotes around a text like null or ~";
+    if (std::holds_alternative<OptionText>(option.as))
+      return "write \"\" for an empty text, and quotes around a text like null or ~";
     if (std::holds_alternative<OptionList>(option.as) || std::holds_alternative<OptionTexts>(option.as))
       return "write [] for an empty list";
     return requirement(option);
   }
 
-  static Error wrong(const std::string& name, const YamlNode& node, int line, const std::string& remedy, const Layer& layer) {
+  static Error wrong(const std::string& name, const YamlNode& node, int line, const std::string& remedy,
+                     const Layer& layer) {
     std::string value = shown_text(node.text);
     if (node.kind == Kind::null) value = "empty";
     if (node.kind == Kind::list) value = "a list";
@@ -290,7 +305,9 @@ class Loader {
     return layer.error(line, "'" + name + "' is " + value, remedy);
   }
 
-  void note_origin(const std::string& key, int line, const Layer& layer) { origins_.set(key, {layer.place(line), layer.file}); }
+  void note_origin(const std::string& key, int line, const Layer& layer) {
+    origins_.set(key, {layer.place(line), layer.file});
+  }
 
   OptionFields root_;
   Origins origins_;
@@ -335,13 +352,15 @@ Origins load_fields(OptionFields fields, const ConfigurationSources& sources) {
   for (const auto& [variable, value] : sources.environment) {
     if (variable.compare(0, kPrefix.size(), kPrefix) != 0) continue;
     if (std::find(std::begin(kReserved), std::end(kReserved), variable) != std::end(kReserved)) continue;
-    loader.apply_value(key_of_variable(variable), value, {ErrorCode::kBadInput, "environment variable " + variable, {}, true});
+    loader.apply_value(key_of_variable(variable), value,
+                       {ErrorCode::kBadInput, "environment variable " + variable, {}, true});
   }
   for (const auto& setting : sources.settings) {
     const Layer layer{ErrorCode::kUsage, "--set " + shown_text(setting), {}, false};
     const auto equals = setting.find('=');
     if (equals == std::string::npos) throw layer.error(0, "has no '='", "write --set key=value");
-    loader.apply_value(with_dots(std::string_view(setting).substr(0, equals)), std::string_view(setting).substr(equals + 1), layer);
+    loader.apply_value(with_dots(std::string_view(setting).substr(0, equals)),
+                       std::string_view(setting).substr(equals + 1), layer);
   }
   return loader.take_origins();
 }

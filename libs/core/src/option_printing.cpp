@@ -99,7 +99,11 @@ class Printer {
     for (const auto& option : fields) {
       const auto* section = std::get_if<OptionSection>(&option.as);
       const auto* list = std::get_if<OptionList>(&option.as);
-      text += own_lead + option.name + ":" + (section ? "" : list ? " []" : " " + yaml_of_scalar(option)) + "  # " + note_of(option) + "\n";
+      text += own_lead + option.name + ":" +
+              (section ? ""
+               : list  ? " []"
+                       : " " + yaml_of_scalar(option)) +
+              "  # " + note_of(option) + "\n";
       own_lead = rest_lead;
       if (section != nullptr) print_example(section->fields, rest_lead + "  ", false);
       if (list != nullptr) print_example(list->example(), rest_lead + "# ", true);

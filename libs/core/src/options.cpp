@@ -39,7 +39,8 @@ void check_below(const OptionFields& fields, const std::string& prefix) {
 
 void OptionVisitor::add(std::string_view name, std::string_view doc, decltype(Option::as) as) {
   MAPWEAVE_EXPECT(is_option_name(name), "'" + std::string(name) + "' cannot be the name of an option");
-  for (const auto& option : fields_) MAPWEAVE_EXPECT(option.name != name, "two options are called '" + option.name + "'");
+  for (const auto& option : fields_)
+    MAPWEAVE_EXPECT(option.name != name, "two options are called '" + option.name + "'");
   fields_.push_back({std::string(name), std::string(doc), std::move(as)});
 }
 
@@ -49,16 +50,20 @@ std::string text_of_number(double value) {
   if (!std::isfinite(value)) return std::isnan(value) ? ".nan" : value > 0.0 ? ".inf" : "-.inf";
   char buffer[64];
   const double size = std::abs(value);
-  const auto format = size == 0.0 || (size >= 1e-4 && size < 1e15) ? std::chars_format::fixed : std::chars_format::scientific;
+  const auto format =
+      size == 0.0 || (size >= 1e-4 && size < 1e15) ? std::chars_format::fixed : std::chars_format::scientific;
   const auto result = std::to_chars(buffer, buffer + sizeof buffer, value, format);
   return {buffer, result.ptr};
 }
 
 bool is_in_range(const OptionNumber& option, double value) {
-  return std::isfinite(value) && value >= option.low && value <= option.high && !(option.above_low && value == option.low);
+  return std::isfinite(value) && value >= option.low && value <= option.high &&
+         !(option.above_low && value == option.low);
 }
 
-bool is_in_range(const OptionInteger& option, std::int64_t value) { return value >= option.low && value <= option.high; }
+bool is_in_range(const OptionInteger& option, std::int64_t value) {
+  return value >= option.low && value <= option.high;
+}
 
 std::string range_text(const Option& option) {
   if (const auto* number = std::get_if<OptionNumber>(&option.as)) {

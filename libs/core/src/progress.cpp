@@ -26,7 +26,9 @@ std::string short_number(double value) {
     suffix = next;
   }
   char text[64];
-  const int decimals = value < 9.995 && value != std::floor(value) ? 2 : value < 99.95 && value != std::floor(value) ? 1 : 0;
+  const int decimals = value < 9.995 && value != std::floor(value)   ? 2
+                       : value < 99.95 && value != std::floor(value) ? 1
+                                                                     : 0;
   std::snprintf(text, sizeof text, "%.*f%s", decimals, value, suffix);
   return text;
 }
@@ -61,7 +63,8 @@ std::string status(const Task& task, double now_s) {
   if (task.done == 0 || elapsed_s <= 0.0) return text;
   const double rate = static_cast<double>(task.done) / elapsed_s;
   text += ", " + short_number(rate) + " " + task.unit + "/s";
-  if (task.total > task.done) text += ", " + duration_text(static_cast<double>(task.total - task.done) / rate) + " left";
+  if (task.total > task.done)
+    text += ", " + duration_text(static_cast<double>(task.total - task.done) / rate) + " left";
   return text;
 }
 
@@ -80,7 +83,8 @@ class LineProgress final : public Progress {
     if (output_.live) {
       show_live(now_s, true);
     } else {
-      output_.write_line(task.name + ": begins" + (total > 0 ? ", " + std::to_string(total) + " " + task.unit : std::string()));
+      output_.write_line(task.name + ": begins" +
+                         (total > 0 ? ", " + std::to_string(total) + " " + task.unit : std::string()));
     }
     return next_++;
   }
@@ -103,8 +107,8 @@ class LineProgress final : public Progress {
     const Task task = known(id);
     tasks_.erase(id);
     const double now_s = output_.seconds();
-    output_.write_line(task.name + ": done, " + status({task.name, task.unit, 0, task.done, task.began_s, 0.0}, now_s) + ", " +
-                       duration_text(now_s - task.began_s));
+    output_.write_line(task.name + ": done, " + status({task.name, task.unit, 0, task.done, task.began_s, 0.0}, now_s) +
+                       ", " + duration_text(now_s - task.began_s));
     if (output_.live) show_live(now_s, true);
   }
 
@@ -153,7 +157,9 @@ std::string_view fitting(std::string_view line, std::size_t columns) {
 
 }  // namespace
 
-std::unique_ptr<Progress> make_progress(ProgressOutput output) { return std::make_unique<LineProgress>(std::move(output)); }
+std::unique_ptr<Progress> make_progress(ProgressOutput output) {
+  return std::make_unique<LineProgress>(std::move(output));
+}
 
 std::unique_ptr<Progress> make_silent_progress() { return std::make_unique<SilentProgress>(); }
 
@@ -161,8 +167,12 @@ std::unique_ptr<Progress> make_terminal_progress() {
   ProgressOutput output;
   output.live = console::is_terminal();
   output.write_line = console::write_line;
-  output.show_live = [](std::string_view line) { console::show_live(fitting(line, static_cast<std::size_t>(console::columns()))); };
-  output.seconds = [] { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); };
+  output.show_live = [](std::string_view line) {
+    console::show_live(fitting(line, static_cast<std::size_t>(console::columns())));
+  };
+  output.seconds = [] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  };
   return make_progress(std::move(output));
 }
 

@@ -9,8 +9,8 @@ Pose3 interpolated(const Pose3& from, const Pose3& to, double share) {
 }
 
 std::optional<Pose3> pose_at(const std::vector<StampedPose>& poses, Stamp stamp, double longest_gap_s) {
-  const auto later =
-      std::lower_bound(poses.begin(), poses.end(), stamp, [](const StampedPose& pose, Stamp when) { return pose.stamp < when; });
+  const auto later = std::lower_bound(poses.begin(), poses.end(), stamp,
+                                      [](const StampedPose& pose, Stamp when) { return pose.stamp < when; });
   if (later == poses.end() || seconds_between(stamp, later->stamp) > longest_gap_s) return std::nullopt;
   if (later == poses.begin()) return later->stamp == stamp ? std::optional(later->map_from_robot) : std::nullopt;
   const auto earlier = later - 1;

@@ -84,7 +84,9 @@ struct WorkerPool::State {
     }
   }
 
-  void close(const std::shared_ptr<Batch>& batch) { open.erase(std::remove(open.begin(), open.end(), batch), open.end()); }
+  void close(const std::shared_ptr<Batch>& batch) {
+    open.erase(std::remove(open.begin(), open.end(), batch), open.end());
+  }
 
   void stop() {
     {
@@ -102,7 +104,8 @@ WorkerPool::WorkerPool(int threads) : state_(std::make_unique<State>()) {
     for (int i = 1; i < threads; ++i) state_->threads.emplace_back([this] { state_->run(); });
   } catch (const std::system_error& error) {
     state_->stop();
-    throw Error(ErrorCode::kInternal, std::string("cannot start ") + std::to_string(threads) + " threads: " + error.what(), {},
+    throw Error(ErrorCode::kInternal,
+                std::string("cannot start ") + std::to_string(threads) + " threads: " + error.what(), {},
                 "use fewer with --threads");
   }
 }

@@ -23,19 +23,24 @@ class TreeBuilder final : public YAML::EventHandler {
   }
   void OnDocumentEnd() override {}
 
-  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(made(YamlNode::Kind::null, mark, anchor, {})); }
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override {
+    add(made(YamlNode::Kind::null, mark, anchor, {}));
+  }
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { refuse_anchor(mark.line + 1); }
-  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, const std::string& text) override {
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                const std::string& text) override {
     YamlNode node = made(YamlNode::Kind::scalar, mark, anchor, tag);
     node.text = text;
     node.is_quoted = tag == "!";
     add(std::move(node));
   }
-  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YAML::EmitterStyle::value) override {
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                       YAML::EmitterStyle::value) override {
     open(made(YamlNode::Kind::list, mark, anchor, tag));
   }
   void OnSequenceEnd() override { close(); }
-  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor, YAML::EmitterStyle::value) override {
+  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                  YAML::EmitterStyle::value) override {
     open(made(YamlNode::Kind::map, mark, anchor, tag));
   }
   void OnMapEnd() override { close(); }
@@ -66,7 +71,8 @@ class TreeBuilder final : public YAML::EventHandler {
 
   void open(YamlNode node) {
     if (levels_.size() >= kMostLevels) {
-      throw error_at_(node.line, "sections and lists are nested more than " + std::to_string(kMostLevels) + " deep", {});
+      throw error_at_(node.line, "sections and lists are nested more than " + std::to_string(kMostLevels) + " deep",
+                      {});
     }
     if (!levels_.empty() && levels_.back().awaits_key()) refuse_key(node.line);
     levels_.push_back({std::move(node), {}});
@@ -97,7 +103,9 @@ class TreeBuilder final : public YAML::EventHandler {
     }
   }
 
-  [[noreturn]] void refuse_key(int line) const { throw error_at_(line, "a key must be text", "look for a bracket that is not closed"); }
+  [[noreturn]] void refuse_key(int line) const {
+    throw error_at_(line, "a key must be text", "look for a bracket that is not closed");
+  }
 
   const YamlErrorAt& error_at_;
   std::vector<Level> levels_;

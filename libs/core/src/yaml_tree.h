@@ -1,6 +1,6 @@
 #pragma once
-// YAML from strangers, as far as a configuration needs it: plain trees. Anchors, aliases, tags, second documents, keys that are no
-// text or come twice, control characters, more than 1 MB or 32 levels are refused.
+// YAML from strangers, as far as a configuration needs it: plain trees. Anchors, aliases, tags, second documents, keys
+// that are no text or come twice, control characters, more than 1 MB or 32 levels are refused.
 
 #include <mapweave/core/error.h>
 

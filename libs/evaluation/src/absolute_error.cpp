@@ -13,27 +13,31 @@ struct AlignedPairs {
   Sim3 reference_from_estimate;
 };
 
-AlignedPairs aligned_pairs(const Trajectory& estimate, const Trajectory& reference, const TrajectoryErrorOptions& options) {
+AlignedPairs aligned_pairs(const Trajectory& estimate, const Trajectory& reference,
+                           const TrajectoryErrorOptions& options) {
   AlignedPairs result;
   result.pairs = associated(estimate, reference, options.max_stamp_difference_s);
   if (result.pairs.empty())
     throw Error(ErrorCode::kBadInput,
                 "no pose of the estimate (" + std::to_string(estimate.size()) + " poses) is within " +
-                    std::to_string(options.max_stamp_difference_s) + " s of one of the reference (" + std::to_string(reference.size()) +
-                    " poses)",
+                    std::to_string(options.max_stamp_difference_s) + " s of one of the reference (" +
+                    std::to_string(reference.size()) + " poses)",
                 {}, "give trajectories of the same log with stamps of the same clock");
   result.reference_from_estimate = reference_from_estimate(result.pairs, options.align);
   for (auto& pair : result.pairs) pair.estimate = transformed(pair.estimate, result.reference_from_estimate);
   return result;
 }
 
-double angle_deg(const Eigen::Quaterniond& q) { return 2.0 * std::atan2(q.vec().norm(), std::abs(q.w())) * 180.0 / M_PI; }
+double angle_deg(const Eigen::Quaterniond& q) {
+  return 2.0 * std::atan2(q.vec().norm(), std::abs(q.w())) * 180.0 / M_PI;
+}
 
 using Piece = std::pair<std::size_t, std::size_t>;
 
 std::vector<Piece> pieces_by_frames(std::size_t count, std::size_t delta, bool all_pairs) {
   std::vector<Piece> pieces;
-  for (std::size_t i = 0; delta < count && i < count - delta; i += all_pairs ? 1 : delta) pieces.emplace_back(i, i + delta);
+  for (std::size_t i = 0; delta < count && i < count - delta; i += all_pairs ? 1 : delta)
+    pieces.emplace_back(i, i + delta);
   return pieces;
 }
 
@@ -47,11 +51,12 @@ std::vector<Piece> pieces_by_path(const std::vector<PosePair>& pairs, const Rela
   if (options.all_pairs) {
     for (std::size_t i = 0; i + 1 < pairs.size(); ++i) {
       const auto off_by = [&](std::size_t j) { return std::abs(path_m[j] - path_m[i] - options.delta); };
-      // way_m never falls: the best is the first at or past the goal, or the first of those as far along as the one before it.
+      // way_m never falls: the best is the first at or past the goal, or the first of those as far along as the one
+      // before it.
       const auto rest = path_m.begin() + static_cast<std::ptrdiff_t>(i) + 1;
       auto best = std::lower_bound(rest, path_m.end(), path_m[i] + options.delta);
       if (best == path_m.end() || (best != rest && off_by(static_cast<std::size_t>(best - path_m.begin()) - 1) <=
-                                                      off_by(static_cast<std::size_t>(best - path_m.begin()))))
+                                                       off_by(static_cast<std::size_t>(best - path_m.begin()))))
         best = std::lower_bound(rest, best, *std::prev(best));
       const std::size_t j = static_cast<std::size_t>(best - path_m.begin());
       if (off_by(j) <= options.delta * options.relative_tolerance) pieces.emplace_back(i, j);
@@ -72,7 +77,8 @@ std::vector<Piece> pieces_by_path(const std::vector<PosePair>& pairs, const Rela
 
 }  // namespace
 
-TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference, const TrajectoryErrorOptions& options) {
+TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& options) {
   const AlignedPairs together = aligned_pairs(estimate, reference, options);
   std::vector<double> translations_m, rotations_deg;
   for (const auto& pair : together.pairs) {
@@ -83,14 +89,16 @@ TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& ref
           statistics_of(std::move(rotations_deg))};
 }
 
-TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference, const TrajectoryErrorOptions& options,
-                               const RelativeErrorOptions& relative) {
+TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& options, const RelativeErrorOptions& relative) {
   const bool by_frames = relative.unit == DeltaUnit::frames;
-  MAPWEAVE_EXPECT(relative.delta > 0.0 && (!by_frames || (relative.delta < 1e9 && relative.delta == std::floor(relative.delta))),
-                  "delta must be positive, and whole where it counts frames");
+  MAPWEAVE_EXPECT(
+      relative.delta > 0.0 && (!by_frames || (relative.delta < 1e9 && relative.delta == std::floor(relative.delta))),
+      "delta must be positive, and whole where it counts frames");
   const AlignedPairs together = aligned_pairs(estimate, reference, options);
-  const auto pieces = by_frames ? pieces_by_frames(together.pairs.size(), static_cast<std::size_t>(relative.delta), relative.all_pairs)
-                                : pieces_by_path(together.pairs, relative);
+  const auto pieces =
+      by_frames ? pieces_by_frames(together.pairs.size(), static_cast<std::size_t>(relative.delta), relative.all_pairs)
+                : pieces_by_path(together.pairs, relative);
   if (pieces.empty())
     throw Error(ErrorCode::kBadInput,
                 "no piece of the trajectory (" + std::to_string(together.pairs.size()) + " matched poses) is " +

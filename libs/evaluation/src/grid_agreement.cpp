@@ -33,12 +33,12 @@ Raster pooled(const OccupancyGrid& grid, const OccupancyGrid& lattice) {
   MAPWEAVE_EXPECT(!grid.empty() && grid.resolution_m > 0.0, "a grid without cells agrees with nothing");
   // The lattice's cell that holds the centre of one of the grid's. Centres on a border go up, without wavering.
   const auto column_of = [&](std::int32_t c) {
-    return static_cast<std::int64_t>(
-        std::floor((grid.origin_x_m + (c + 0.5) * grid.resolution_m - lattice.origin_x_m) / lattice.resolution_m + 1e-6));
+    return static_cast<std::int64_t>(std::floor(
+        (grid.origin_x_m + (c + 0.5) * grid.resolution_m - lattice.origin_x_m) / lattice.resolution_m + 1e-6));
   };
   const auto row_of = [&](std::int32_t r) {
-    return static_cast<std::int64_t>(
-        std::floor((grid.origin_y_m + (r + 0.5) * grid.resolution_m - lattice.origin_y_m) / lattice.resolution_m + 1e-6));
+    return static_cast<std::int64_t>(std::floor(
+        (grid.origin_y_m + (r + 0.5) * grid.resolution_m - lattice.origin_y_m) / lattice.resolution_m + 1e-6));
   };
   Raster raster;
   raster.first_column = column_of(0);
@@ -84,17 +84,22 @@ Counts count(const Raster& one, const Raster& other, int tolerance) {
   return counts;
 }
 
-double share(std::size_t part, std::size_t whole) { return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole); }
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
 
 }  // namespace
 
 GridAgreement grid_agreement(const OccupancyGrid& a, const OccupancyGrid& b, const GridAgreementOptions& options) {
-  const auto order = [](const OccupancyGrid& grid) { return std::make_tuple(-grid.resolution_m, grid.origin_x_m, grid.origin_y_m); };
+  const auto order = [](const OccupancyGrid& grid) {
+    return std::make_tuple(-grid.resolution_m, grid.origin_x_m, grid.origin_y_m);
+  };
   const OccupancyGrid& lattice = order(b) < order(a) ? b : a;
   const Raster raster_a = pooled(a, lattice), raster_b = pooled(b, lattice);
   const Counts of_a = count(raster_a, raster_b, options.wall_tolerance_cells),
                of_b = count(raster_b, raster_a, options.wall_tolerance_cells);
-  if (of_a.known == 0 || of_b.known == 0) throw Error(ErrorCode::kBadInput, "a grid without a single known cell cannot be compared");
+  if (of_a.known == 0 || of_b.known == 0)
+    throw Error(ErrorCode::kBadInput, "a grid without a single known cell cannot be compared");
 
   GridAgreement result;
   result.resolution_m = lattice.resolution_m;

@@ -69,8 +69,8 @@ bool NumberLines::next() {
     fields_ = words(line.substr(0, std::min(line.find('#'), line.size())));
     if (fields_.empty()) continue;
     if (fields_.size() != columns_)
-      fail("a line has " + std::to_string(columns_) + " numbers (" + format_ + "), this one has " + std::to_string(fields_.size()) +
-           (rest_.empty() ? " and is the last: the file is cut short" : ""));
+      fail("a line has " + std::to_string(columns_) + " numbers (" + format_ + "), this one has " +
+           std::to_string(fields_.size()) + (rest_.empty() ? " and is the last: the file is cut short" : ""));
     return true;
   }
   return false;
@@ -79,7 +79,8 @@ bool NumberLines::next() {
 double NumberLines::number(std::size_t column) const {
   const auto value = parse_double(fields_[column]);
   if (!value) fail(quoted(fields_[column]) + " in column " + std::to_string(column + 1) + " is not a number");
-  if (!std::isfinite(*value)) fail(quoted(fields_[column]) + " in column " + std::to_string(column + 1) + " is not finite");
+  if (!std::isfinite(*value))
+    fail(quoted(fields_[column]) + " in column " + std::to_string(column + 1) + " is not finite");
   return *value;
 }
 
@@ -87,7 +88,8 @@ Stamp NumberLines::stamp(std::size_t column) const {
   if (const auto exact = parse_decimal_stamp(fields_[column])) return *exact;
   const double seconds = number(column);
   if (std::abs(seconds) > kLastStampS)
-    fail("the stamp " + quoted(fields_[column]) + " is no time in seconds", "give stamps in seconds, not in nanoseconds");
+    fail("the stamp " + quoted(fields_[column]) + " is no time in seconds",
+         "give stamps in seconds, not in nanoseconds");
   return stamp_from_seconds(seconds);
 }
 

@@ -18,7 +18,8 @@ struct FoundPose {
 };
 
 std::optional<FoundPose> pose_at(const Trajectory& trajectory, Stamp stamp, const RelationErrorOptions& options) {
-  if (const auto* point = nearest_point(trajectory, stamp, options.stamp_tolerance_s)) return FoundPose{planar(point->pose), false};
+  if (const auto* point = nearest_point(trajectory, stamp, options.stamp_tolerance_s))
+    return FoundPose{planar(point->pose), false};
   if (const auto pose = interpolated_pose(trajectory, stamp, options.max_gap_s)) return FoundPose{planar(*pose), true};
   return std::nullopt;
 }
@@ -51,15 +52,20 @@ std::vector<Relation> parse_relations(std::string_view text, const std::string& 
   std::vector<Relation> relations;
   while (lines.next()) {
     for (std::size_t unused = 4; unused < 7; ++unused) lines.number(unused);
-    relations.push_back({lines.stamp(0), lines.stamp(1), Pose2(lines.number(2), lines.number(3), wrap_angle(lines.number(7)))});
+    relations.push_back(
+        {lines.stamp(0), lines.stamp(1), Pose2(lines.number(2), lines.number(3), wrap_angle(lines.number(7)))});
   }
-  if (relations.empty()) throw Error(ErrorCode::kBadInput, "no relation in it; expected lines of t_i t_j x y z roll pitch yaw", where);
+  if (relations.empty())
+    throw Error(ErrorCode::kBadInput, "no relation in it; expected lines of t_i t_j x y z roll pitch yaw", where);
   return relations;
 }
 
-std::vector<Relation> read_relations(const std::filesystem::path& path) { return parse_relations(read_file(path), path.string()); }
+std::vector<Relation> read_relations(const std::filesystem::path& path) {
+  return parse_relations(read_file(path), path.string());
+}
 
-RelationError relation_error(const Trajectory& trajectory, const std::vector<Relation>& relations, const RelationErrorOptions& options) {
+RelationError relation_error(const Trajectory& trajectory, const std::vector<Relation>& relations,
+                             const RelationErrorOptions& options) {
   RelationError result;
   result.count = relations.size();
   std::vector<double> translations_m, rotations_deg, translations_squared, rotations_squared;
@@ -67,10 +73,11 @@ RelationError relation_error(const Trajectory& trajectory, const std::vector<Rel
     const auto i = pose_at(trajectory, relation.stamp_i, options), j = pose_at(trajectory, relation.stamp_j, options);
     if (!i || !j) continue;
     if (i->interpolated || j->interpolated) ++result.interpolated;
-    const Pose2 i_from_j =
-        between(compose(i->world_from_robot, options.robot_from_sensor), compose(j->world_from_robot, options.robot_from_sensor));
+    const Pose2 i_from_j = between(compose(i->world_from_robot, options.robot_from_sensor),
+                                   compose(j->world_from_robot, options.robot_from_sensor));
     const Pose2 error = between(relation.i_from_j, i_from_j);
-    const double translation_m = std::hypot(error.x, error.y), rotation_deg = std::abs(wrap_angle(error.phi)) * 180.0 / M_PI;
+    const double translation_m = std::hypot(error.x, error.y),
+                 rotation_deg = std::abs(wrap_angle(error.phi)) * 180.0 / M_PI;
     translations_m.push_back(translation_m);
     rotations_deg.push_back(rotation_deg);
     translations_squared.push_back(translation_m * translation_m);
@@ -79,7 +86,8 @@ RelationError relation_error(const Trajectory& trajectory, const std::vector<Rel
   if (translations_m.empty()) refuse_unusable(trajectory, relations);
 
   result.used = translations_m.size();
-  const Statistics translation = statistics_of(std::move(translations_m)), rotation = statistics_of(std::move(rotations_deg));
+  const Statistics translation = statistics_of(std::move(translations_m)),
+                   rotation = statistics_of(std::move(rotations_deg));
   const Statistics translation_squared = statistics_of(std::move(translations_squared)),
                    rotation_squared = statistics_of(std::move(rotations_squared));
   result.translation_mean_m = translation.mean;

@@ -16,7 +16,8 @@ const TrajectoryPoint* nearest_point(const Trajectory& trajectory, Stamp stamp, 
   const auto after = first_not_before(trajectory, stamp);
   const TrajectoryPoint* best = nullptr;
   if (after != trajectory.begin()) best = &*std::prev(after);
-  if (after != trajectory.end() && (best == nullptr || after->stamp.ns - stamp.ns < stamp.ns - best->stamp.ns)) best = &*after;
+  if (after != trajectory.end() && (best == nullptr || after->stamp.ns - stamp.ns < stamp.ns - best->stamp.ns))
+    best = &*after;
   return best != nullptr && std::abs(seconds_between(best->stamp, stamp)) <= tolerance_s ? best : nullptr;
 }
 
@@ -29,7 +30,8 @@ std::optional<Pose3> interpolated_pose(const Trajectory& trajectory, Stamp stamp
   const double gap_s = seconds_between(before->stamp, after->stamp);
   if (gap_s > max_gap_s) return std::nullopt;
   const double share = seconds_between(before->stamp, stamp) / gap_s;
-  return Pose3{before->pose.t + share * (after->pose.t - before->pose.t), before->pose.q.slerp(share, after->pose.q).normalized()};
+  return Pose3{before->pose.t + share * (after->pose.t - before->pose.t),
+               before->pose.q.slerp(share, after->pose.q).normalized()};
 }
 
 }  // namespace mapweave::evaluation

@@ -25,7 +25,8 @@ Trajectory parse_tum(std::string_view text, const std::string& where) {
       lines.fail("the stamp is not later than that of the pose before it", "sort the file by stamp, one pose a stamp");
     trajectory.push_back(point);
   }
-  if (trajectory.empty()) throw Error(ErrorCode::kBadInput, "no pose in it; expected lines of stamp x y z qx qy qz qw", where);
+  if (trajectory.empty())
+    throw Error(ErrorCode::kBadInput, "no pose in it; expected lines of stamp x y z qx qy qz qw", where);
   return trajectory;
 }
 

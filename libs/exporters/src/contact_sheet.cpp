@@ -21,9 +21,10 @@ cv::Scalar colour_of(double share) {
 
 // Of a frame's pixels, at this width.
 cv::Mat resized(const SheetFrame& frame, int width_px) {
-  MAPWEAVE_EXPECT(frame.width > 0 && frame.height > 0 &&
-                      frame.grey.size() == static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height),
-                  "a frame of a contact sheet has its pixels");
+  MAPWEAVE_EXPECT(
+      frame.width > 0 && frame.height > 0 &&
+          frame.grey.size() == static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height),
+      "a frame of a contact sheet has its pixels");
   const cv::Mat grey(frame.height, frame.width, CV_8U, const_cast<std::uint8_t*>(frame.grey.data()));
   const double zoom = static_cast<double>(width_px) / frame.width;
   cv::Mat result;
@@ -44,7 +45,9 @@ cv::Mat drawn(const SheetFrame& frame, int width_px) {
            std::max<double>(1.0, static_cast<double>(depths.size()));
   };
   constexpr int kBits = 4;
-  const auto fine = [&](double px) { return static_cast<int>(std::lround(std::clamp(px * zoom, -1e6, 1e6) * (1 << kBits))); };
+  const auto fine = [&](double px) {
+    return static_cast<int>(std::lround(std::clamp(px * zoom, -1e6, 1e6) * (1 << kBits)));
+  };
   for (const SheetTrack& track : frame.tracks) {
     if (track.pixels.empty()) continue;
     const cv::Scalar colour = colour_of(rank(track.depth_m));
@@ -71,13 +74,15 @@ SheetFrame shrunk(SheetFrame frame, int width_px) {
 }
 
 std::string contact_sheet_png(const std::vector<SheetFrame>& frames, const ContactSheetOptions& options) {
-  MAPWEAVE_EXPECT(!frames.empty() && options.columns > 0 && options.picture_width_px >= 64, "a contact sheet has frames and columns");
+  MAPWEAVE_EXPECT(!frames.empty() && options.columns > 0 && options.picture_width_px >= 64,
+                  "a contact sheet has frames and columns");
   constexpr double kCapital = 10.0;
   constexpr int kGap = 12, kCaption = 24;
   const int columns = std::min(options.columns, static_cast<int>(frames.size()));
   const int rows = (static_cast<int>(frames.size()) + columns - 1) / columns;
   int height = 0;
-  for (const SheetFrame& frame : frames) height = std::max(height, 1 + options.picture_width_px * frame.height / std::max(1, frame.width));
+  for (const SheetFrame& frame : frames)
+    height = std::max(height, 1 + options.picture_width_px * frame.height / std::max(1, frame.width));
   const int top = options.title.empty() ? kGap : 3 * kCaption / 2;
   Sheet sheet(columns * (options.picture_width_px + kGap) + kGap, top + rows * (height + kCaption + kGap), kCapital);
   if (!options.title.empty()) sheet.write(ascii(options.title), kGap, top - 0.6 * kCapital, kInk, 1.2);

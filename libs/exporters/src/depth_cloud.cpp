@@ -17,12 +17,14 @@ constexpr double kFarthest_m = 1e7;
 
 std::size_t DepthCloud::VoxelHash::operator()(const Voxel& voxel) const {
   std::uint64_t hash = 0;
-  for (const std::int32_t number : voxel) hash = (hash ^ static_cast<std::uint32_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
+  for (const std::int32_t number : voxel)
+    hash = (hash ^ static_cast<std::uint32_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
   return static_cast<std::size_t>(hash);
 }
 
 DepthCloud::DepthCloud(const DepthCloudOptions& options)
-    : voxel_m_(options.voxel_m), most_voxels_(static_cast<std::size_t>(std::max(8.0, 1e6 * options.memory_mb / kBytesPerVoxel))) {
+    : voxel_m_(options.voxel_m),
+      most_voxels_(static_cast<std::size_t>(std::max(8.0, 1e6 * options.memory_mb / kBytesPerVoxel))) {
   MAPWEAVE_EXPECT(options.voxel_m >= 0.005, "voxels have a size");
 }
 
@@ -33,7 +35,8 @@ void DepthCloud::add(const std::vector<ColouredPoint>& points_in_map) {
     Voxel voxel;
     std::array<std::uint32_t, 3> place;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double sides = static_cast<double>(point.point(static_cast<int>(axis))) / voxel_m_, whole = std::floor(sides);
+      const double sides = static_cast<double>(point.point(static_cast<int>(axis))) / voxel_m_,
+                   whole = std::floor(sides);
       voxel[axis] = static_cast<std::int32_t>(whole);
       place[axis] = std::min(kParts - 1, static_cast<std::uint32_t>(kParts * (sides - whole)));
     }

@@ -25,12 +25,13 @@ cv::Point fine(double x, double y) { return {fine(x), fine(y)}; }
 std::string encoded(const cv::Mat& image) {
   std::vector<std::uint8_t> bytes;
   try {
-    if (cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6})) return std::string(bytes.begin(), bytes.end());
+    if (cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 6}))
+      return std::string(bytes.begin(), bytes.end());
   } catch (const cv::Exception& error) {
-    throw Error(
-        ErrorCode::kUnsupported,
-        "a picture of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) + " pixels cannot be encoded: " + error.err, {},
-        "choose a larger cell");
+    throw Error(ErrorCode::kUnsupported,
+                "a picture of " + std::to_string(image.cols) + " x " + std::to_string(image.rows) +
+                    " pixels cannot be encoded: " + error.err,
+                {}, "choose a larger cell");
   }
   throw Error(ErrorCode::kInternal, "PNG encoding failed");
 }
@@ -52,7 +53,9 @@ std::string metres(double length_m, int decimals) {
 }
 
 int Sheet::line_px() const { return std::max(2, static_cast<int>(std::lround(capital_px_ / 9.0))); }
-int Sheet::stroke_px(double size) const { return std::max(1, static_cast<int>(std::lround(size * capital_px_ / 10.0))); }
+int Sheet::stroke_px(double size) const {
+  return std::max(1, static_cast<int>(std::lround(size * capital_px_ / 10.0)));
+}
 
 void Sheet::write(const std::string& text, double left, double base, const cv::Scalar& colour, double size, bool halo) {
   const cv::Point at(static_cast<int>(std::lround(left)), static_cast<int>(std::lround(base)));

@@ -19,13 +19,15 @@ std::string metres(double length_m, int decimals);
 // One size of letters from which all else follows.
 class Sheet {
  public:
-  Sheet(int width_px, int height_px, double capital_px) : image_(height_px, width_px, CV_8UC3, kPaper), capital_px_(capital_px) {}
+  Sheet(int width_px, int height_px, double capital_px)
+      : image_(height_px, width_px, CV_8UC3, kPaper), capital_px_(capital_px) {}
   cv::Mat& image() { return image_; }
   double capital_px() const { return capital_px_; }
   int line_px() const;
 
   // `left`, `base`: of the first letter's foot.
-  void write(const std::string& text, double left, double base, const cv::Scalar& colour, double size = 1.0, bool halo = false);
+  void write(const std::string& text, double left, double base, const cv::Scalar& colour, double size = 1.0,
+             bool halo = false);
   static int width_of(const std::string& text, double capital_px, double size = 1.0);
   void mark_start(double x, double y, const cv::Scalar& colour);
   void mark_end(double x, double y, const cv::Scalar& colour);

@@ -25,7 +25,8 @@ std::vector<RobotTrajectory> trajectories_of(const std::vector<SessionTrajectory
   for (const auto* trajectory : sorted) {
     if (robot_trajectories.empty() || robot_trajectories.back().robot != trajectory->session.client.robot) {
       const Colour colour = robot_colour(robot_trajectories.size());
-      robot_trajectories.push_back({trajectory->session.client.robot, cv::Scalar(colour.blue, colour.green, colour.red), {}, 0.0});
+      robot_trajectories.push_back(
+          {trajectory->session.client.robot, cv::Scalar(colour.blue, colour.green, colour.red), {}, 0.0});
     }
     robot_trajectories.back().sessions.push_back(trajectory);
     for (std::size_t i = 1; i < trajectory->poses.size(); ++i)
@@ -52,7 +53,8 @@ struct LegendEntry {
 
 constexpr double kLegendLine = 2.0, kSwatch = 2.4, kLegendGap = 1.6, kTitle = 1.4;  // in capitals
 
-std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_trajectories, int width_px, double capital_px) {
+std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_trajectories, int width_px,
+                                   double capital_px) {
   constexpr std::size_t kMost = 40;
   std::vector<LegendEntry> entries;
   double left = capital_px;
@@ -67,7 +69,8 @@ std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_tra
     const RobotTrajectory& one = robot_trajectories[i];
     add(one.robot.str() + " (" + metres(one.length_m, one.length_m < 10.0 ? 1 : 0) + ")", &one, kSwatch + 0.5);
   }
-  if (robot_trajectories.size() > kMost) add("and " + std::to_string(robot_trajectories.size() - kMost) + " more", nullptr, 0.0);
+  if (robot_trajectories.size() > kMost)
+    add("and " + std::to_string(robot_trajectories.size() - kMost) + " more", nullptr, 0.0);
   if (!robot_trajectories.empty()) {
     add("start", nullptr, 1.5);
     add("end", nullptr, 1.5);
@@ -83,15 +86,16 @@ void draw_legend(Sheet& sheet, const std::vector<LegendEntry>& legend, double to
     if (entry.trajectory != nullptr)
       sheet.line({{entry.left_px, middle}, {entry.left_px + kSwatch * capital, middle}}, entry.trajectory->colour,
                  std::max(3, static_cast<int>(capital / 3.0)));
-    if (entry.text == "start" && entry.trajectory == nullptr) sheet.mark_start(entry.left_px + 0.5 * capital, middle, kInk);
+    if (entry.text == "start" && entry.trajectory == nullptr)
+      sheet.mark_start(entry.left_px + 0.5 * capital, middle, kInk);
     if (entry.text == "end" && entry.trajectory == nullptr) sheet.mark_end(entry.left_px + 0.5 * capital, middle, kInk);
     sheet.write(entry.text, text_left, base, kInk);
   }
 }
 
 // Names beside the starts, where there is room for them.
-void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajectories, const std::vector<cv::Point2d>& starts,
-                const cv::Rect& map) {
+void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajectories,
+                const std::vector<cv::Point2d>& starts, const cv::Rect& map) {
   constexpr double kSize = 0.85;
   const double height = kSize * sheet.capital_px(), away = 0.9 * sheet.capital_px();
   std::vector<cv::Rect2d> taken;
@@ -101,11 +105,14 @@ void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajecto
     const cv::Point2d& start = starts[i];
     for (const auto& [left, base] :
          {std::pair(start.x + away, start.y + 0.5 * height), std::pair(start.x - away - width, start.y + 0.5 * height),
-          std::pair(start.x - 0.5 * width, start.y - away), std::pair(start.x - 0.5 * width, start.y + away + height)}) {
+          std::pair(start.x - 0.5 * width, start.y - away),
+          std::pair(start.x - 0.5 * width, start.y + away + height)}) {
       const cv::Rect2d box(left, base - height, width, height);
-      const bool inside =
-          box.x >= map.x && box.y >= map.y && box.x + box.width <= map.x + map.width && box.y + box.height <= map.y + map.height;
-      if (!inside || std::any_of(taken.begin(), taken.end(), [&](const cv::Rect2d& other) { return (other & box).area() > 0.0; })) continue;
+      const bool inside = box.x >= map.x && box.y >= map.y && box.x + box.width <= map.x + map.width &&
+                          box.y + box.height <= map.y + map.height;
+      if (!inside ||
+          std::any_of(taken.begin(), taken.end(), [&](const cv::Rect2d& other) { return (other & box).area() > 0.0; }))
+        continue;
       sheet.write(robot_trajectories[i].robot.str(), left, base, robot_trajectories[i].colour, kSize, true);
       taken.push_back(box);
       break;
@@ -115,7 +122,8 @@ void draw_names(Sheet& sheet, const std::vector<RobotTrajectory>& robot_trajecto
 
 }  // namespace
 
-std::string framed_map_png(const MapRaster& raster, const std::vector<SessionTrajectory>& trajectories, const PictureOptions& options) {
+std::string framed_map_png(const MapRaster& raster, const std::vector<SessionTrajectory>& trajectories,
+                           const PictureOptions& options) {
   const std::vector<RobotTrajectory> robot_trajectories = trajectories_of(trajectories);
   // Title, legend, map, scale: one below the other.
   const double capital = std::clamp(std::max(raster.pixels.cols, options.least_width_px) / 75.0, 12.0, 60.0);
@@ -123,7 +131,8 @@ std::string framed_map_png(const MapRaster& raster, const std::vector<SessionTra
   const auto legend = legend_of(robot_trajectories, width, capital);
   const double legend_top = options.title.empty() ? capital : (kTitle + 2.2) * capital;
   const double map_top = legend.empty() ? legend_top : legend_top + (legend.back().line + 1) * kLegendLine * capital;
-  const cv::Rect map((width - raster.pixels.cols) / 2, static_cast<int>(map_top), raster.pixels.cols, raster.pixels.rows);
+  const cv::Rect map((width - raster.pixels.cols) / 2, static_cast<int>(map_top), raster.pixels.cols,
+                     raster.pixels.rows);
   Sheet sheet(width, map.y + map.height + static_cast<int>(3.6 * capital), capital);
 
   if (!options.title.empty()) {
@@ -159,9 +168,13 @@ std::string framed_map_png(const MapRaster& raster, const std::vector<SessionTra
   if (robot_trajectories.size() > 1) draw_names(sheet, robot_trajectories, starts, map);
   cv::rectangle(sheet.image(), map, cv::Scalar(170, 170, 170), 1);
 
-  const double bar_m = round_length(0.25 * raster.pixels.cols / raster.pixels_per_m), bar_px = bar_m * raster.pixels_per_m;
+  const double bar_m = round_length(0.25 * raster.pixels.cols / raster.pixels_per_m),
+               bar_px = bar_m * raster.pixels_per_m;
   const double bar_y = map.y + map.height + 1.9 * capital, bar_left = map.x;
-  sheet.line({{bar_left, bar_y - 0.5 * capital}, {bar_left, bar_y}, {bar_left + bar_px, bar_y}, {bar_left + bar_px, bar_y - 0.5 * capital}},
+  sheet.line({{bar_left, bar_y - 0.5 * capital},
+              {bar_left, bar_y},
+              {bar_left + bar_px, bar_y},
+              {bar_left + bar_px, bar_y - 0.5 * capital}},
              kInk, sheet.line_px());
   sheet.write(metres(bar_m, bar_m < 0.1 ? 2 : bar_m < 1.0 ? 1 : 0), bar_left + bar_px + 0.6 * capital, bar_y, kInk);
   // Beside the bar where there is room.

@@ -62,15 +62,18 @@ std::string g2o_text(const Map& map) {
     numbers.set(id, number);
   }
 
-  std::string text = "# " + std::to_string(numbers.size()) + " vertices, " + std::to_string(map.constraints.size()) + " constraints\n";
+  std::string text =
+      "# " + std::to_string(numbers.size()) + " vertices, " + std::to_string(map.constraints.size()) + " constraints\n";
   // One line for each run of nodes that follow each other.
   for (auto begin = map.nodes.begin(), end = begin; begin != map.nodes.end(); begin = end) {
     while (end != map.nodes.end() && end->first.session == begin->first.session &&
            end->first.index - begin->first.index == static_cast<std::size_t>(end - begin))
       ++end;
-    const auto first = static_cast<std::size_t>(begin - map.nodes.begin()), last = static_cast<std::size_t>(end - map.nodes.begin()) - 1;
-    text += "# vertices " + std::to_string(first) + " to " + std::to_string(last) + ": " + to_string(begin->first.session) + ", nodes " +
-            std::to_string(begin->first.index) + " to " + std::to_string(std::prev(end)->first.index) + "\n";
+    const auto first = static_cast<std::size_t>(begin - map.nodes.begin()),
+               last = static_cast<std::size_t>(end - map.nodes.begin()) - 1;
+    text += "# vertices " + std::to_string(first) + " to " + std::to_string(last) + ": " +
+            to_string(begin->first.session) + ", nodes " + std::to_string(begin->first.index) + " to " +
+            std::to_string(std::prev(end)->first.index) + "\n";
   }
 
   for (const auto& [id, node] : map.nodes) {
@@ -87,8 +90,8 @@ std::string g2o_text(const Map& map) {
       continue;
     }
     if (std::abs(constraint.from_from_to.scale - 1.0) > 1e-9)
-      throw Error(ErrorCode::kUnsupported,
-                  "the constraint from " + to_string(id.from) + " to " + to_string(id.to) + " has a scale, which a g2o pose graph has not");
+      throw Error(ErrorCode::kUnsupported, "the constraint from " + to_string(id.from) + " to " + to_string(id.to) +
+                                               " has a scale, which a g2o pose graph has not");
     const std::size_t* from = numbers.find(id.from);
     const std::size_t* to = numbers.find(id.to);
     MAPWEAVE_EXPECT(from != nullptr && to != nullptr, "a constraint names a node that the map does not hold");

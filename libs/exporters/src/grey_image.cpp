@@ -16,7 +16,8 @@ constexpr std::int64_t kMostPixels = std::int64_t{1} << 28;  // 16384 x 16384
 }
 
 void check_size(std::int64_t columns, std::int64_t rows, const std::string& where) {
-  if (columns < 1 || rows < 1) refuse("the image has no pixels: " + std::to_string(columns) + " x " + std::to_string(rows), where);
+  if (columns < 1 || rows < 1)
+    refuse("the image has no pixels: " + std::to_string(columns) + " x " + std::to_string(rows), where);
   if (columns > kMostPixels / rows)
     throw Error(ErrorCode::kUnsupported,
                 "the image has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; up to " +
@@ -39,7 +40,9 @@ class PgmText {
       if (value > most) refuse(std::string(what) + " is larger than " + std::to_string(most), at());
     }
     if (position_ == begin)
-      refuse(std::string(position_ == bytes_.size() ? "the file ends" : "something else stands") + " where " + what + " should be", at());
+      refuse(std::string(position_ == bytes_.size() ? "the file ends" : "something else stands") + " where " + what +
+                 " should be",
+             at());
     return value;
   }
 
@@ -65,7 +68,9 @@ class PgmText {
   std::size_t position_ = 2;  // after P2 or P5
 };
 
-std::uint8_t shade(std::int64_t value, std::int64_t largest) { return static_cast<std::uint8_t>((value * 255 + largest / 2) / largest); }
+std::uint8_t shade(std::int64_t value, std::int64_t largest) {
+  return static_cast<std::uint8_t>((value * 255 + largest / 2) / largest);
+}
 
 GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
   const bool text = bytes[1] == '2';
@@ -97,7 +102,8 @@ GreyImage decode_pgm(std::string_view bytes, const std::string& where) {
     if (text) {
       value = header.number("a shade", largest);
     } else {
-      for (std::int64_t byte = 0; byte < bytes_per_pixel; ++byte) value = value * 256 + static_cast<unsigned char>(bytes[at++]);
+      for (std::int64_t byte = 0; byte < bytes_per_pixel; ++byte)
+        value = value * 256 + static_cast<unsigned char>(bytes[at++]);
       value = std::min(value, largest);
     }
     image.shades.push_back(shade(value, largest));
@@ -117,7 +123,8 @@ void check_png(std::string_view bytes, const std::string& where) {
   for (std::size_t at = 8; at + 12 <= bytes.size();) {
     const std::size_t length = number_at(at);
     if (length > bytes.size() - at - 12) break;
-    const auto checksum = crc32(0, reinterpret_cast<const unsigned char*>(bytes.data()) + at + 4, static_cast<unsigned>(length) + 4);
+    const auto checksum =
+        crc32(0, reinterpret_cast<const unsigned char*>(bytes.data()) + at + 4, static_cast<unsigned>(length) + 4);
     if (checksum != number_at(at + 8 + length))
       refuse("the image is damaged: a checksum does not match", where + " at byte " + std::to_string(at));
     if (bytes.substr(at + 4, 4) == "IEND") return;
@@ -142,7 +149,8 @@ GreyImage decode_png(std::string_view bytes, const std::string& where) {
   GreyImage image{decoded.cols, decoded.rows, {}, {}};
   image.shades.reserve(decoded.total());
   const auto value_at = [&](int row, int index) {
-    return decoded.depth() == CV_8U ? decoded.ptr<std::uint8_t>(row)[index] : decoded.ptr<std::uint16_t>(row)[index] >> 8;
+    return decoded.depth() == CV_8U ? decoded.ptr<std::uint8_t>(row)[index]
+                                    : decoded.ptr<std::uint16_t>(row)[index] >> 8;
   };
   const int colours = channels == 1 ? 1 : 3;
   if (channels == 4) image.transparent.reserve(decoded.total());
@@ -166,7 +174,9 @@ GreyImage grey_image(const OccupancyGrid& grid) {
   for (std::int32_t row = grid.rows - 1; row >= 0; --row)
     for (std::int32_t column = 0; column < grid.columns; ++column) {
       const std::int16_t log_odds = grid.at(column, row);
-      image.shades.push_back(log_odds == OccupancyGrid::kUnknown ? kUnknownShade : log_odds > 0 ? kWallShade : kFreeShade);
+      image.shades.push_back(log_odds == OccupancyGrid::kUnknown ? kUnknownShade
+                             : log_odds > 0                      ? kWallShade
+                                                                 : kFreeShade);
     }
   return image;
 }
@@ -174,7 +184,8 @@ GreyImage grey_image(const OccupancyGrid& grid) {
 GreyImage decode_image(std::string_view bytes, const std::string& where) {
   if (bytes.size() >= 2 && bytes[0] == 'P' && (bytes[1] == '2' || bytes[1] == '5')) return decode_pgm(bytes, where);
   if (bytes.substr(0, 8) == "\x89PNG\r\n\x1a\n") return decode_png(bytes, where);
-  throw Error(ErrorCode::kUnsupported, bytes.empty() ? "the image is empty" : "the image is neither PGM (P2, P5) nor PNG", where,
+  throw Error(ErrorCode::kUnsupported,
+              bytes.empty() ? "the image is empty" : "the image is neither PGM (P2, P5) nor PNG", where,
               "convert it to an 8-bit grey PGM or PNG");
 }
 

@@ -21,8 +21,9 @@ struct Window {
   std::int64_t first_column = 0, first_row = 0, columns = 0, rows = 0;
 };
 
-// First and last place that hold all but `kStray` of the known cells at either end: single rays that left by a window would shrink the
-// building to a corner of its picture. The rim around the window gives back more than this takes from what is solid.
+// First and last place that hold all but `kStray` of the known cells at either end: single rays that left by a window
+// would shrink the building to a corner of its picture. The rim around the window gives back more than this takes from
+// what is solid.
 std::pair<std::int64_t, std::int64_t> without_outliers(const std::vector<std::int64_t>& known) {
   constexpr double kOutlier = 0.005;
   std::int64_t all = 0;
@@ -38,7 +39,8 @@ std::pair<std::int64_t, std::int64_t> without_outliers(const std::vector<std::in
 
 // What is known and where robots were, with a rim.
 Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>& trajectories) {
-  std::vector<std::int64_t> known_in_column(static_cast<std::size_t>(grid.columns)), known_in_row(static_cast<std::size_t>(grid.rows));
+  std::vector<std::int64_t> known_in_column(static_cast<std::size_t>(grid.columns)),
+      known_in_row(static_cast<std::size_t>(grid.rows));
   for (std::int32_t row = 0; row < grid.rows; ++row)
     for (std::int32_t column = 0; column < grid.columns; ++column)
       if (grid.at(column, row) != OccupancyGrid::kUnknown)
@@ -47,7 +49,8 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
   auto [low, high] = without_outliers(known_in_row);
   // A robot that went astray may widen the picture by half the map, no more.
   const auto cell_of = [&](double position_m, double origin_m, std::int32_t count) {
-    return static_cast<std::int64_t>(std::clamp(std::floor((position_m - origin_m) / grid.resolution_m), -0.5 * count, 1.5 * count));
+    return static_cast<std::int64_t>(
+        std::clamp(std::floor((position_m - origin_m) / grid.resolution_m), -0.5 * count, 1.5 * count));
   };
   for (const auto& trajectory : trajectories)
     for (const auto& pose : trajectory.poses) {
@@ -85,7 +88,8 @@ cv::Mat drawn_cells(const OccupancyGrid& grid, const Window& window, const Zoom&
       bool wall = false, known = false;  // walls win, so that thinning never opens one
       for (std::int64_t y = 0; y < zoom.thinned && !wall; ++y)
         for (std::int64_t x = 0; x < zoom.thinned && !wall; ++x) {
-          const std::int64_t c = window.first_column + column * zoom.thinned + x, r = window.first_row + row * zoom.thinned + y;
+          const std::int64_t c = window.first_column + column * zoom.thinned + x,
+                             r = window.first_row + row * zoom.thinned + y;
           if (c < 0 || r < 0 || c >= grid.columns || r >= grid.rows) continue;
           const std::int16_t log_odds = grid.at(static_cast<std::int32_t>(c), static_cast<std::int32_t>(r));
           wall = log_odds > 0;
@@ -105,8 +109,8 @@ std::string grid_png(const OccupancyGrid& grid) {
   return encoded(cv::Mat(image.rows, image.columns, CV_8U, image.shades.data()));
 }
 
-std::string map_picture_png(const OccupancyGrid& grid, const std::vector<SessionTrajectory>& trajectories, const PictureOptions& options,
-                            const std::vector<PictureMark>& marks) {
+std::string map_picture_png(const OccupancyGrid& grid, const std::vector<SessionTrajectory>& trajectories,
+                            const PictureOptions& options, const std::vector<PictureMark>& marks) {
   MAPWEAVE_EXPECT(!grid.empty(), "a grid without cells has no picture");
   const Window window = window_of(grid, trajectories);
   const Zoom zoom = zoom_of(window, options);
@@ -116,16 +120,18 @@ std::string map_picture_png(const OccupancyGrid& grid, const std::vector<Session
   raster.left_m = grid.origin_x_m + static_cast<double>(window.first_column) * grid.resolution_m;
   raster.low_m = grid.origin_y_m + static_cast<double>(window.first_row) * grid.resolution_m;
   raster.size = metres(static_cast<double>(window.columns) * grid.resolution_m, 1);
-  raster.size =
-      raster.size.substr(0, raster.size.size() - 2) + " x " + metres(static_cast<double>(window.rows) * grid.resolution_m, 1) + ", cell ";
+  raster.size = raster.size.substr(0, raster.size.size() - 2) + " x " +
+                metres(static_cast<double>(window.rows) * grid.resolution_m, 1) + ", cell ";
   append_shortest(raster.size, grid.resolution_m);
   raster.size += " m";
   for (const PictureMark& mark : marks) {
     constexpr double kLeast_px = 8.0, kLine_px = 2.0;
-    const cv::Point middle(static_cast<int>(std::lround((mark.x_m - raster.left_m) * raster.pixels_per_m)),
-                           raster.pixels.rows - static_cast<int>(std::lround((mark.y_m - raster.low_m) * raster.pixels_per_m)));
+    const cv::Point middle(
+        static_cast<int>(std::lround((mark.x_m - raster.left_m) * raster.pixels_per_m)),
+        raster.pixels.rows - static_cast<int>(std::lround((mark.y_m - raster.low_m) * raster.pixels_per_m)));
     const double radius = std::max(kLeast_px, mark.radius_m * raster.pixels_per_m);
-    cv::circle(raster.pixels, middle, static_cast<int>(std::lround(radius)), kMark, static_cast<int>(kLine_px), cv::LINE_AA);
+    cv::circle(raster.pixels, middle, static_cast<int>(std::lround(radius)), kMark, static_cast<int>(kLine_px),
+               cv::LINE_AA);
   }
   return framed_map_png(raster, trajectories, options);
 }

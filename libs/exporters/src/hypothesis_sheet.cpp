@@ -16,7 +16,8 @@ constexpr int kSide_px = 720, kGap_px = 16;
 constexpr double kCapital_px = 12.0;
 constexpr double kClear_m = 0.2;  // nearer to each other, walls are one
 // Blue, green, red; apart for any colour vision.
-const cv::Scalar kOfA(178, 114, 0), kOfB(0, 159, 230), kOfBoth(25, 25, 25), kThrough(40, 40, 214), kFree(252, 252, 252), kUnknown(228, 228, 228);
+const cv::Scalar kOfA(178, 114, 0), kOfB(0, 159, 230), kOfBoth(25, 25, 25), kThrough(40, 40, 214), kFree(252, 252, 252),
+    kUnknown(228, 228, 228);
 
 class Layer {
  public:
@@ -70,26 +71,33 @@ struct Bounds {
   double side() const { return std::max({1.0, right - left, high - low}) * 1.06; }
 };
 
-void draw(cv::Mat image, const Layer& a, const Layer& b, const HypothesisPanel& panel, double side_m, const Bounds& bounds) {
+void draw(cv::Mat image, const Layer& a, const Layer& b, const HypothesisPanel& panel, double side_m,
+          const Bounds& bounds) {
   const double zoom = kSide_px / side_m;
   const cv::Point2d middle(0.5 * (bounds.left + bounds.right), 0.5 * (bounds.low + bounds.high));
   const auto pixel_of = [&](const cv::Point2d& p) {
-    return cv::Point(static_cast<int>(std::floor(0.5 * kSide_px + (p.x - middle.x) * zoom)), static_cast<int>(std::floor(0.5 * kSide_px - (p.y - middle.y) * zoom)));
+    return cv::Point(static_cast<int>(std::floor(0.5 * kSide_px + (p.x - middle.x) * zoom)),
+                     static_cast<int>(std::floor(0.5 * kSide_px - (p.y - middle.y) * zoom)));
   };
   for (int row = 0; row < kSide_px; ++row)
     for (int column = 0; column < kSide_px; ++column) {
-      const cv::Point2d p(middle.x + (column + 0.5 - 0.5 * kSide_px) / zoom, middle.y - (row + 0.5 - 0.5 * kSide_px) / zoom);
+      const cv::Point2d p(middle.x + (column + 0.5 - 0.5 * kSide_px) / zoom,
+                          middle.y - (row + 0.5 - 0.5 * kSide_px) / zoom);
       const bool is_free = a.at(p) < OccupancyGrid::kUnknown || b.at(p) < OccupancyGrid::kUnknown;
       const cv::Scalar& colour = is_free ? kFree : kUnknown;
-      image.at<cv::Vec3b>(row, column) = cv::Vec3b(static_cast<std::uint8_t>(colour[0]), static_cast<std::uint8_t>(colour[1]), static_cast<std::uint8_t>(colour[2]));
+      image.at<cv::Vec3b>(row, column) =
+          cv::Vec3b(static_cast<std::uint8_t>(colour[0]), static_cast<std::uint8_t>(colour[1]),
+                    static_cast<std::uint8_t>(colour[2]));
     }
   const int dot = std::max(1, static_cast<int>(std::lround(0.05 * zoom)));
   const auto mark = [&](const cv::Point2d& p, const cv::Scalar& colour) {
-    cv::rectangle(image, cv::Rect(pixel_of(p), cv::Size(dot, dot)) & cv::Rect(0, 0, kSide_px, kSide_px), colour, cv::FILLED);
+    cv::rectangle(image, cv::Rect(pixel_of(p), cv::Size(dot, dot)) & cv::Rect(0, 0, kSide_px, kSide_px), colour,
+                  cv::FILLED);
   };
   const auto is_ringed = [&](const cv::Point2d& p) {
-    return std::any_of(panel.rings.begin(), panel.rings.end(),
-                       [&](const HypothesisPanel::Ring& ring) { return std::hypot(p.x - ring.x_m, p.y - ring.y_m) <= ring.radius_m; });
+    return std::any_of(panel.rings.begin(), panel.rings.end(), [&](const HypothesisPanel::Ring& ring) {
+      return std::hypot(p.x - ring.x_m, p.y - ring.y_m) <= ring.radius_m;
+    });
   };
   const auto walls = [&](const Layer& own, const Layer& other, const cv::Scalar& colour, bool contradicted) {
     own.for_each_wall([&](const cv::Point2d& p) {
@@ -103,7 +111,8 @@ void draw(cv::Mat image, const Layer& a, const Layer& b, const HypothesisPanel& 
   walls(a, b, kOfA, true);
   walls(b, a, kOfB, true);
   for (const HypothesisPanel::Ring& ring : panel.rings)
-    cv::circle(image, pixel_of({ring.x_m, ring.y_m}), std::max(6, static_cast<int>(ring.radius_m * zoom)), kThrough, 1, cv::LINE_AA);
+    cv::circle(image, pixel_of({ring.x_m, ring.y_m}), std::max(6, static_cast<int>(ring.radius_m * zoom)), kThrough, 1,
+               cv::LINE_AA);
 }
 
 // 1, 2 or 5 times a power of ten, about a fifth of the side.
@@ -134,8 +143,9 @@ std::vector<std::string> wrapped(const std::vector<std::string>& caption) {
 
 }  // namespace
 
-std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b, const std::vector<HypothesisPanel>& panels,
-                                 const std::string& title, const std::string& a_name, const std::string& b_name) {
+std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
+                                 const std::vector<HypothesisPanel>& panels, const std::string& title,
+                                 const std::string& a_name, const std::string& b_name) {
   MAPWEAVE_EXPECT(!panels.empty() && !a.empty() && !b.empty(), "a sheet of hypotheses has panels, and maps with cells");
   constexpr int kLine_px = 22, kTop_px = 64;
   const Layer of_a(a, {});
@@ -154,7 +164,8 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
   }
   const auto count = static_cast<int>(panels.size());
   const int title_px = 2 * kGap_px + Sheet::width_of(ascii(title), kCapital_px, 1.2);
-  Sheet sheet(std::max(title_px, kGap_px + count * (kSide_px + kGap_px)), kTop_px + kSide_px + static_cast<int>(lines + 1) * kLine_px + kGap_px, kCapital_px);
+  Sheet sheet(std::max(title_px, kGap_px + count * (kSide_px + kGap_px)),
+              kTop_px + kSide_px + static_cast<int>(lines + 1) * kLine_px + kGap_px, kCapital_px);
   sheet.write(ascii(title), kGap_px, 26, kInk, 1.2);
   double left = kGap_px;
   const auto legend = [&](const std::string& text, const cv::Scalar& colour) {
@@ -170,8 +181,8 @@ std::string hypothesis_sheet_png(const OccupancyGrid& a, const OccupancyGrid& b,
     const HypothesisPanel& panel = panels[static_cast<std::size_t>(i)];
     const std::vector<std::string>& caption = captions[static_cast<std::size_t>(i)];
     const int x = kGap_px + i * (kSide_px + kGap_px);
-    draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b, panel.scale), panel, side_m,
-         bounds[static_cast<std::size_t>(i)]);
+    draw(sheet.image()(cv::Rect(x, kTop_px, kSide_px, kSide_px)), of_a, Layer(b, panel.a_from_b, panel.scale), panel,
+         side_m, bounds[static_cast<std::size_t>(i)]);
     const double bar_m = scale_bar_m(side_m), bar_px = bar_m * kSide_px / side_m;
     sheet.line({{x + 10.0, kTop_px + kSide_px - 12.0}, {x + 10.0 + bar_px, kTop_px + kSide_px - 12.0}}, kInk, 2);
     sheet.write(metres(bar_m, bar_m < 1.0 ? 1 : 0), x + 14.0 + bar_px, kTop_px + kSide_px - 8.0, kInk, 0.9, true);

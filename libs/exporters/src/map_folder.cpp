@@ -12,13 +12,15 @@ namespace {
 void make_folder(const std::filesystem::path& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) throw Error(ErrorCode::kCannotWrite, "cannot make the folder: " + error.message(), folder.string(), "choose another --out");
+  if (error)
+    throw Error(ErrorCode::kCannotWrite, "cannot make the folder: " + error.message(), folder.string(),
+                "choose another --out");
 }
 
 }  // namespace
 
-std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map& map, const OccupancyGrid& grid,
-                                                    const MapFolderOptions& options) {
+std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map& map,
+                                                    const OccupancyGrid& grid, const MapFolderOptions& options) {
   make_folder(folder);
   std::vector<std::filesystem::path> written;
   const auto put = [&](const std::filesystem::path& name, const std::string& bytes) {

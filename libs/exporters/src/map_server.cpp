@@ -38,26 +38,30 @@ class DescriptionReader {
     try {
       root_ = YAML::Load(read_file(file_, 1 << 20));
       if (!root_.IsMap())
-        fail(ErrorCode::kBadInput, root_, "this is no map's description; expected keys like 'image: map.pgm' and 'resolution: 0.05'",
+        fail(ErrorCode::kBadInput, root_,
+             "this is no map's description; expected keys like 'image: map.pgm' and 'resolution: 0.05'",
              "give the YAML file of a map, not its image");
       return described();
     } catch (const YAML::Exception& error) {
-      throw Error(ErrorCode::kBadInput, "no valid YAML: " + error.msg, file_.string() + ":" + std::to_string(error.mark.line + 1));
+      throw Error(ErrorCode::kBadInput, "no valid YAML: " + error.msg,
+                  file_.string() + ":" + std::to_string(error.mark.line + 1));
     }
   }
 
  private:
-  [[noreturn]] void fail(ErrorCode code, const YAML::Node& node, const std::string& what, const std::string& remedy = {}) const {
+  [[noreturn]] void fail(ErrorCode code, const YAML::Node& node, const std::string& what,
+                         const std::string& remedy = {}) const {
     throw Error(code, what, file_.string() + ":" + std::to_string(node.Mark().line + 1), remedy);
   }
 
   Description described() const {
-    static const std::array<const char*, 7> kKeys = {"image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh"};
+    static const std::array<const char*, 7> kKeys = {"image",           "mode",       "resolution", "origin", "negate",
+                                                     "occupied_thresh", "free_thresh"};
     for (const auto& entry : root_) {
       const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : "";
       if (std::find(kKeys.begin(), kKeys.end(), key) == kKeys.end())
-        log(LogLevel::warning, file_.string() + ":" + std::to_string(entry.first.Mark().line + 1) + ": the key '" + key +
-                                   "' is not map_server's and is passed over");
+        log(LogLevel::warning, file_.string() + ":" + std::to_string(entry.first.Mark().line + 1) + ": the key '" +
+                                   key + "' is not map_server's and is passed over");
     }
     Description result;
     const YAML::Node image = required("image");
@@ -70,14 +74,17 @@ class DescriptionReader {
       if (!origin.IsSequence() || origin.size() < 2 || origin.size() > 3)
         fail(ErrorCode::kBadInput, origin, "'origin' must be [x, y, yaw] of the lower-left pixel");
       for (std::size_t i = 0; i < origin.size(); ++i)
-        result.origin[i] = number(origin[i], "origin", -kFarthestOriginM, kFarthestOriginM, i == 2 ? "radians" : "metres");
+        result.origin[i] =
+            number(origin[i], "origin", -kFarthestOriginM, kFarthestOriginM, i == 2 ? "radians" : "metres");
     }
     if (const YAML::Node negate = root_["negate"]) result.negate = yes_or_no(negate);
     if (const YAML::Node threshold = root_["occupied_thresh"])
       result.occupied_threshold = number(threshold, "occupied_thresh", 0.0, 1.0, "a share");
-    if (const YAML::Node threshold = root_["free_thresh"]) result.free_threshold = number(threshold, "free_thresh", 0.0, 1.0, "a share");
+    if (const YAML::Node threshold = root_["free_thresh"])
+      result.free_threshold = number(threshold, "free_thresh", 0.0, 1.0, "a share");
     if (result.free_threshold >= result.occupied_threshold)
-      fail(ErrorCode::kBadInput, root_, "'free_thresh' must be below 'occupied_thresh'", "leave both out for 0.196 and 0.65");
+      fail(ErrorCode::kBadInput, root_, "'free_thresh' must be below 'occupied_thresh'",
+           "leave both out for 0.196 and 0.65");
     if (const YAML::Node mode = root_["mode"]) {
       const std::string text = mode.IsScalar() ? mode.Scalar() : "";
       if (text != "trinary" && text != "scale" && text != "raw")
@@ -90,11 +97,13 @@ class DescriptionReader {
   YAML::Node required(const std::string& key) const {
     const YAML::Node node = root_[key];
     if (!node)
-      fail(ErrorCode::kMissing, root_, "the key '" + key + "' is missing", "a map's description has at least 'image' and 'resolution'");
+      fail(ErrorCode::kMissing, root_, "the key '" + key + "' is missing",
+           "a map's description has at least 'image' and 'resolution'");
     return node;
   }
 
-  double number(const YAML::Node& node, const std::string& key, double low, double high, const std::string& unit) const {
+  double number(const YAML::Node& node, const std::string& key, double low, double high,
+                const std::string& unit) const {
     double value = NAN;
     if (!node.IsScalar() || !YAML::convert<double>::decode(node, value))
       fail(ErrorCode::kBadInput, node, "'" + key + "' must be a number (" + unit + ")");
@@ -103,7 +112,8 @@ class DescriptionReader {
       append_shortest(range, low);
       range += "..";
       append_shortest(range, high);
-      fail(ErrorCode::kBadInput, node, "'" + key + "' is " + node.Scalar() + "; it must lie in " + range + " (" + unit + ")");
+      fail(ErrorCode::kBadInput, node,
+           "'" + key + "' is " + node.Scalar() + "; it must lie in " + range + " (" + unit + ")");
     }
     return value;
   }
@@ -112,7 +122,8 @@ class DescriptionReader {
   bool yes_or_no(const YAML::Node& node) const {
     bool value = false;
     if (node.IsScalar() && (node.Scalar() == "0" || node.Scalar() == "1")) return node.Scalar() == "1";
-    if (!node.IsScalar() || !YAML::convert<bool>::decode(node, value)) fail(ErrorCode::kBadInput, node, "'negate' must be 0 or 1");
+    if (!node.IsScalar() || !YAML::convert<bool>::decode(node, value))
+      fail(ErrorCode::kBadInput, node, "'negate' must be 0 or 1");
     return value;
   }
 
@@ -122,8 +133,8 @@ class DescriptionReader {
 
 std::int16_t log_odds_of(double share) {
   const double nats = std::log(std::max(share, 1e-9) / std::max(1.0 - share, 1e-9));
-  return static_cast<std::int16_t>(
-      std::clamp(std::lround(nats * OccupancyGrid::kUnitsPerNat), -static_cast<long>(kServedLogOdds), static_cast<long>(kServedLogOdds)));
+  return static_cast<std::int16_t>(std::clamp(std::lround(nats * OccupancyGrid::kUnitsPerNat),
+                                              -static_cast<long>(kServedLogOdds), static_cast<long>(kServedLogOdds)));
 }
 
 // Log odds of each shade, as nav2 reads it.
@@ -147,11 +158,13 @@ std::array<std::int16_t, 256> log_odds_of_shades(const Description& description)
   return table;
 }
 
-// Along the axes of the map. `grid` has its lower-left corner at its own origin (0, 0), which stands at `map_from_grid`.
+// Along the axes of the map. `grid` has its lower-left corner at its own origin (0, 0), which stands at
+// `map_from_grid`.
 OccupancyGrid resampled(const OccupancyGrid& grid, const Pose2& map_from_grid, const std::string& where) {
   const double width_m = grid.columns * grid.resolution_m, height_m = grid.rows * grid.resolution_m;
   double low_x = INFINITY, low_y = INFINITY, high_x = -INFINITY, high_y = -INFINITY;
-  for (const auto& [x, y] : {std::pair(0.0, 0.0), std::pair(width_m, 0.0), std::pair(0.0, height_m), std::pair(width_m, height_m)}) {
+  for (const auto& [x, y] :
+       {std::pair(0.0, 0.0), std::pair(width_m, 0.0), std::pair(0.0, height_m), std::pair(width_m, height_m)}) {
     const Pose2 corner = compose(map_from_grid, Pose2(x, y, 0.0));
     low_x = std::min(low_x, corner.x), high_x = std::max(high_x, corner.x);
     low_y = std::min(low_y, corner.y), high_y = std::max(high_y, corner.y);
@@ -171,11 +184,12 @@ OccupancyGrid resampled(const OccupancyGrid& grid, const Pose2& map_from_grid, c
   const Pose2 grid_from_map = inverse(map_from_grid);
   for (std::int32_t row = 0; row < result.rows; ++row)
     for (std::int32_t column = 0; column < result.columns; ++column) {
-      const Pose2 centre =
-          compose(grid_from_map, Pose2(low_x + (column + 0.5) * grid.resolution_m, low_y + (row + 0.5) * grid.resolution_m, 0.0));
+      const Pose2 centre = compose(grid_from_map, Pose2(low_x + (column + 0.5) * grid.resolution_m,
+                                                        low_y + (row + 0.5) * grid.resolution_m, 0.0));
       const auto from_column = static_cast<std::int32_t>(std::floor(centre.x / grid.resolution_m)),
                  from_row = static_cast<std::int32_t>(std::floor(centre.y / grid.resolution_m));
-      result.log_odds.push_back(grid.inside(from_column, from_row) ? grid.at(from_column, from_row) : OccupancyGrid::kUnknown);
+      result.log_odds.push_back(grid.inside(from_column, from_row) ? grid.at(from_column, from_row)
+                                                                   : OccupancyGrid::kUnknown);
     }
   return result;
 }
@@ -208,7 +222,9 @@ void write_map_server(const OccupancyGrid& grid, const std::filesystem::path& fo
   write_file(folder / (stem + ".yaml"), map_server_yaml(grid, stem + ".pgm"));
 }
 
-std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file) { return DescriptionReader(yaml_file).read().image; }
+std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file) {
+  return DescriptionReader(yaml_file).read().image;
+}
 
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
   const Description description = DescriptionReader(yaml_file).read();
@@ -217,7 +233,8 @@ OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
     throw Error(ErrorCode::kMissing, "the image '" + description.image.string() + "' is not there",
                 yaml_file.string() + ":" + std::to_string(description.image_line),
                 "put it beside the YAML file, or correct the key 'image'");
-  const GreyImage image = decode_image(read_file(description.image, std::uint64_t{1} << 30), description.image.string());
+  const GreyImage image =
+      decode_image(read_file(description.image, std::uint64_t{1} << 30), description.image.string());
 
   OccupancyGrid grid;
   grid.resolution_m = description.resolution_m;
@@ -227,7 +244,8 @@ OccupancyGrid read_map_server(const std::filesystem::path& yaml_file) {
   const auto table = log_odds_of_shades(description);
   for (std::int32_t row = image.rows - 1; row >= 0; --row)
     for (std::int32_t column = 0; column < image.columns; ++column) {
-      const auto pixel = static_cast<std::size_t>(row) * static_cast<std::size_t>(image.columns) + static_cast<std::size_t>(column);
+      const auto pixel =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(image.columns) + static_cast<std::size_t>(column);
       const bool hidden = description.mode == Mode::scale && !image.transparent.empty() && image.transparent[pixel];
       grid.log_odds.push_back(hidden ? OccupancyGrid::kUnknown : table[image.shades[pixel]]);
     }

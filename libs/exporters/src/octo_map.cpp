@@ -17,10 +17,12 @@ constexpr octomap::key_type kMiddle = 1 << (kLevels - 1);
 using Place = std::uint64_t;  // a key as one number: the order of what a picture teaches
 Place place_of(const octomap::OcTreeKey& key) { return Place{key[0]} << 32 | Place{key[1]} << 16 | key[2]; }
 octomap::OcTreeKey key_of(Place place) {
-  return {static_cast<octomap::key_type>(place >> 32), static_cast<octomap::key_type>(place >> 16), static_cast<octomap::key_type>(place)};
+  return {static_cast<octomap::key_type>(place >> 32), static_cast<octomap::key_type>(place >> 16),
+          static_cast<octomap::key_type>(place)};
 }
 
-octomap::ColorOcTreeNode::Color mixed(const octomap::ColorOcTreeNode::Color& a, const octomap::ColorOcTreeNode::Color& b) {
+octomap::ColorOcTreeNode::Color mixed(const octomap::ColorOcTreeNode::Color& a,
+                                      const octomap::ColorOcTreeNode::Color& b) {
   const auto middle = [](std::uint8_t x, std::uint8_t y) { return static_cast<std::uint8_t>((x + y + 1) / 2); };
   return {middle(a.r, b.r), middle(a.g, b.g), middle(a.b, b.b)};
 }
@@ -40,7 +42,8 @@ std::unique_ptr<octomap::ColorOcTree> coarser(const octomap::ColorOcTree& tree) 
           for (unsigned axis = 0; axis < 3; ++axis)
             key[axis] = static_cast<octomap::key_type>((low[axis] >> 1) + kMiddle / 2 + steps[axis]);
           octomap::ColorOcTreeNode* known = result->search(key);
-          const float log_odds = known == nullptr ? leaf->getLogOdds() : std::max(known->getLogOdds(), leaf->getLogOdds());
+          const float log_odds =
+              known == nullptr ? leaf->getLogOdds() : std::max(known->getLogOdds(), leaf->getLogOdds());
           const bool was_coloured = known != nullptr && known->isColorSet();
           const auto colour = was_coloured && leaf->isColorSet() ? mixed(known->getColor(), leaf->getColor())
                               : was_coloured                     ? known->getColor()
@@ -91,7 +94,8 @@ std::vector<OctoMapWriter::Tree::End> OctoMapWriter::Tree::ends_of(const std::ve
   octomap::OcTreeKey key;
   for (const auto& [point, rgb] : points) {
     MAPWEAVE_EXPECT(point.allFinite(), "a point is finite");
-    if (tree->coordToKeyChecked(octomap::point3d(point.x(), point.y(), point.z()), key)) seen.push_back({place_of(key), rgb});
+    if (tree->coordToKeyChecked(octomap::point3d(point.x(), point.y(), point.z()), key))
+      seen.push_back({place_of(key), rgb});
   }
   std::stable_sort(seen.begin(), seen.end(), [](const End& a, const End& b) { return a.place < b.place; });
   for (std::size_t first = 0, last = 0; first < seen.size(); first = last) {
@@ -140,7 +144,8 @@ bool OctoMapWriter::Tree::learn(const octomap::point3d& camera, const std::vecto
   }
   for (const End& end : ends) {
     octomap::ColorOcTreeNode* node = tree->updateNode(key_of(end.place), true);
-    const octomap::ColorOcTreeNode::Color colour(static_cast<std::uint8_t>(end.rgb >> 16), static_cast<std::uint8_t>(end.rgb >> 8),
+    const octomap::ColorOcTreeNode::Color colour(static_cast<std::uint8_t>(end.rgb >> 16),
+                                                 static_cast<std::uint8_t>(end.rgb >> 8),
                                                  static_cast<std::uint8_t>(end.rgb));
     node->setColor(node->isColorSet() ? mixed(node->getColor(), colour) : colour);
     if (tree->size() > most_nodes) return false;
@@ -178,7 +183,8 @@ OctoMapFiles OctoMapWriter::finish() {
   tree.prune();
   // By the tree's own hand its type would be ColorOcTree, which readers of .bt do not know; the bytes are the same.
   std::ostringstream bt;
-  bt << "# Octomap OcTree binary file\n# (feel free to add / change comments, but leave the first line as it is!)\n#\nid OcTree\nsize "
+  bt << "# Octomap OcTree binary file\n# (feel free to add / change comments, but leave the first line as it "
+        "is!)\n#\nid OcTree\nsize "
      << tree.size() << "\nres " << tree.getResolution() << "\ndata\n";
   tree.writeBinaryData(bt);
   files.bt = bt.str();

@@ -18,7 +18,8 @@ using Voxel = std::array<std::int64_t, 3>;  // its number along x, y, z
 struct VoxelHash {
   std::size_t operator()(const Voxel& voxel) const {
     std::uint64_t hash = 0;
-    for (const std::int64_t number : voxel) hash = (hash ^ static_cast<std::uint64_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
+    for (const std::int64_t number : voxel)
+      hash = (hash ^ static_cast<std::uint64_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
     return static_cast<std::size_t>(hash);
   }
 };
@@ -80,8 +81,10 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
   for (const auto& [id, node] : map.nodes) {
     if (node.payload == nullptr) continue;
     MAPWEAVE_EXPECT(is_finite(node.map_from_node), "the pose of " + to_string(id) + " is not finite");
-    const auto robot = static_cast<std::size_t>(std::lower_bound(robots.begin(), robots.end(), id.session.client.robot) - robots.begin());
-    if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) add_walls(*grid, node.map_from_node, robot, thinning);
+    const auto robot = static_cast<std::size_t>(
+        std::lower_bound(robots.begin(), robots.end(), id.session.client.robot) - robots.begin());
+    if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get()))
+      add_walls(*grid, node.map_from_node, robot, thinning);
     if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
       for (const auto& point : points_in_robot(*scan, 0.0, options.max_range_m))
         thinning.add(transformed(Eigen::Vector3d(point.x, point.y, 0.0), node.map_from_node), robot);
@@ -90,8 +93,8 @@ std::string pcd_bytes(const Map& map, const PointCloudOptions& options) {
   std::vector<ColouredPoint> points;
   for (const auto& [voxel, gathered] : thinning.sorted()) {
     const Colour colour = robot_colour(gathered.robot);
-    points.push_back(
-        {(gathered.sum / gathered.count).cast<float>(), static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
+    points.push_back({(gathered.sum / gathered.count).cast<float>(),
+                      static_cast<std::uint32_t>(colour.red << 16 | colour.green << 8 | colour.blue)});
   }
   const auto landmarks = landmark_cloud(map);
   points.insert(points.end(), landmarks.begin(), landmarks.end());
@@ -103,7 +106,8 @@ std::vector<ColouredPoint> landmark_cloud(const Map& map) {
   points.reserve(map.landmarks.size());
   for (const auto& [id, landmark] : map.landmarks) {
     const Node* anchor = map.nodes.find(landmark.anchor);
-    MAPWEAVE_EXPECT(anchor != nullptr && is_finite(anchor->map_from_node), "a landmark hangs on a keyframe of the map: " + to_string(id));
+    MAPWEAVE_EXPECT(anchor != nullptr && is_finite(anchor->map_from_node),
+                    "a landmark hangs on a keyframe of the map: " + to_string(id));
     const auto& [red, green, blue] = landmark.colour;
     points.push_back({transformed(landmark.point_in_anchor(), anchor->map_from_node).cast<float>(),
                       static_cast<std::uint32_t>(red << 16 | green << 8 | blue)});
@@ -114,7 +118,8 @@ std::vector<ColouredPoint> landmark_cloud(const Map& map) {
 std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
   const std::string count = std::to_string(points.size());
   std::string bytes =
-      "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH " +
+      "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 "
+      "1 1 1\nWIDTH " +
       count + "\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + count + "\nDATA binary\n";
   bytes.reserve(bytes.size() + 16 * points.size());
   for (const auto& [point, rgb] : points) {
@@ -126,7 +131,8 @@ std::string pcd_bytes(const std::vector<ColouredPoint>& points) {
 
 std::string ply_bytes(const std::vector<ColouredPoint>& points) {
   std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(points.size()) +
-                      "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar "
+                      "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar "
+                      "green\nproperty uchar "
                       "blue\nend_header\n";
   bytes.reserve(bytes.size() + 15 * points.size());
   for (const auto& [point, rgb] : points) {

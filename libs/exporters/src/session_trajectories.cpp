@@ -19,7 +19,8 @@ std::vector<SessionTrajectory> session_trajectories(const Map& map) {
   }
   // The trajectory of a robot that has a laser too is written once.
   const auto is_known = [&](const SessionTrajectory& trajectory) {
-    return seeing.count(trajectory.session) != 0 && std::any_of(scanning.begin(), scanning.end(), [&](const SessionId& session) {
+    return seeing.count(trajectory.session) != 0 &&
+           std::any_of(scanning.begin(), scanning.end(), [&](const SessionId& session) {
              return session.client.robot == trajectory.session.client.robot && seeing.count(session) == 0;
            });
   };

@@ -30,7 +30,8 @@ Extent extent_of(std::vector<double> points, const std::vector<double>& robots) 
   } else {
     extent = {robots.front(), robots.front()};
   }
-  for (const double robot : robots) extent.low = std::min(extent.low, robot), extent.high = std::max(extent.high, robot);
+  for (const double robot : robots)
+    extent.low = std::min(extent.low, robot), extent.high = std::max(extent.high, robot);
   const double rim = 0.02 * extent.length() + std::max(0.0, 0.5 * (kLeastSide_m - extent.length()));
   return {extent.low - rim, extent.high + rim};
 }
@@ -50,7 +51,8 @@ void draw_grid(const OccupancyGrid& grid, MapRaster& raster) {
   const double pixel_m = 1.0 / raster.pixels_per_m;
   const auto cells = [&](double low_m, double origin_m, std::int32_t count) {
     const auto cell = [&](double place_m) {
-      return static_cast<std::int32_t>(std::clamp(std::floor((place_m - origin_m) / grid.resolution_m), -1.0, static_cast<double>(count)));
+      return static_cast<std::int32_t>(
+          std::clamp(std::floor((place_m - origin_m) / grid.resolution_m), -1.0, static_cast<double>(count)));
     };
     return std::pair(std::max(0, cell(low_m)), std::min(count - 1, std::max(cell(low_m), cell(low_m + pixel_m) - 1)));
   };
@@ -85,7 +87,8 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
     if (robot_x.empty() || point.point.z() < static_cast<float>(highest + kAboveRobots_m)) shown.push_back(&point);
   }
   MAPWEAVE_EXPECT(!shown.empty() || !robot_x.empty(), "a top view shows points or ways");
-  std::stable_sort(shown.begin(), shown.end(), [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
+  std::stable_sort(shown.begin(), shown.end(),
+                   [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
 
   std::vector<double> x, y;
   for (const ColouredPoint* point : shown)
@@ -106,11 +109,12 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
     if (!(column >= 0 && row >= 0 && column < columns && row < rows)) continue;
     // On white paper bright dots would not be seen.
     const auto shade = [&](int shift) { return 0.85 * (point->rgb >> shift & 0xff); };
-    cv::circle(raster.pixels, {static_cast<int>(column), static_cast<int>(row)}, 1, cv::Scalar(shade(0), shade(8), shade(16)), cv::FILLED);
+    cv::circle(raster.pixels, {static_cast<int>(column), static_cast<int>(row)}, 1,
+               cv::Scalar(shade(0), shade(8), shade(16)), cv::FILLED);
   }
   raster.size = metres(across.length(), 1);
-  raster.size = raster.size.substr(0, raster.size.size() - 2) + " x " + metres(along.length(), 1) + ", " + std::to_string(points.size()) +
-                " landmarks";
+  raster.size = raster.size.substr(0, raster.size.size() - 2) + " x " + metres(along.length(), 1) + ", " +
+                std::to_string(points.size()) + " landmarks";
   return framed_map_png(raster, trajectories, options);
 }
 

@@ -29,7 +29,9 @@ std::string text_of(const std::vector<SessionTrajectory>& trajectories) {
     for (const auto& pose : trajectory.poses) lines.push_back({microseconds(pose.stamp), &pose.map_from_robot});
   // Sessions came in the order of robots: on equal stamps the lower RobotId stays in front.
   std::stable_sort(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.stamp_us < b.stamp_us; });
-  lines.erase(std::unique(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.stamp_us == b.stamp_us; }), lines.end());
+  lines.erase(
+      std::unique(lines.begin(), lines.end(), [](const Line& a, const Line& b) { return a.stamp_us == b.stamp_us; }),
+      lines.end());
 
   std::string text;
   for (const auto& line : lines) {
@@ -52,9 +54,10 @@ std::string tum_text(const Map& map) { return text_of(session_trajectories(map))
 
 std::string tum_text(const Map& map, RobotId robot) {
   auto trajectories = session_trajectories(map);
-  trajectories.erase(std::remove_if(trajectories.begin(), trajectories.end(),
-                                    [&](const SessionTrajectory& trajectory) { return trajectory.session.client.robot != robot; }),
-                     trajectories.end());
+  trajectories.erase(
+      std::remove_if(trajectories.begin(), trajectories.end(),
+                     [&](const SessionTrajectory& trajectory) { return trajectory.session.client.robot != robot; }),
+      trajectories.end());
   return text_of(trajectories);
 }
 

@@ -71,7 +71,8 @@ std::vector<TilePull> pulls(const PreparedGrid& a, const PreparedGrid& b, const 
 std::vector<graph::Edge> springs(const PreparedGrid& b, double scale) {
   std::vector<graph::Edge> edges;
   for (const auto& [from, to] : b.neighbours) {
-    const Eigen::Vector2d step = scale * (b.tile_centres[static_cast<std::size_t>(to)] - b.tile_centres[static_cast<std::size_t>(from)]);
+    const Eigen::Vector2d step =
+        scale * (b.tile_centres[static_cast<std::size_t>(to)] - b.tile_centres[static_cast<std::size_t>(from)]);
     graph::Edge edge;
     edge.from = static_cast<std::uint32_t>(from) + 1;
     edge.to = static_cast<std::uint32_t>(to) + 1;
@@ -100,10 +101,12 @@ PreparedGrid::PreparedGrid(matching::GridWalls grid_walls) : walls(std::move(gri
   for (const auto& face : walls.faces) mark(face.x, face.y);
   for (int row = 0; row < walls.rows; ++row)
     for (int column = 0; column < walls.columns; ++column)
-      if (walls.depth_m[static_cast<std::size_t>(row) * static_cast<std::size_t>(walls.columns) + static_cast<std::size_t>(column)] > 0.0F)
+      if (walls.depth_m[static_cast<std::size_t>(row) * static_cast<std::size_t>(walls.columns) +
+                        static_cast<std::size_t>(column)] > 0.0F)
         mark(walls.origin_x_m + (column + 0.5) * walls.cell_m, walls.origin_y_m + (row + 0.5) * walls.cell_m);
   const auto number = [&](int column, int row) -> int& {
-    return tile_number[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column)];
+    return tile_number[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+                       static_cast<std::size_t>(column)];
   };
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
@@ -119,7 +122,8 @@ PreparedGrid::PreparedGrid(matching::GridWalls grid_walls) : walls(std::move(gri
 int PreparedGrid::tile_at(double x_m, double y_m) const {
   const double column = (x_m - walls.origin_x_m) / tile_m, row = (y_m - walls.origin_y_m) / tile_m;
   if (column < 0.0 || row < 0.0 || column >= columns || row >= rows) return -1;
-  return tile_number[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column)];
+  return tile_number[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+                     static_cast<std::size_t>(column)];
 }
 
 PlanarSimilarity refined(const PreparedGrid& a, const PreparedGrid& b, PlanarSimilarity a_from_b, double scale_range) {
@@ -136,10 +140,12 @@ PlanarSimilarity refined(const PreparedGrid& a, const PreparedGrid& b, PlanarSim
       }
       if (matches.size() < kFewest) return a_from_b;
       middle /= static_cast<double>(matches.size());
-      Eigen::Matrix4d normal = Eigen::Vector4d(1e-3, 1e-3, 1e-3, 1e-3 + kScalePrior * static_cast<double>(matches.size())).asDiagonal();
+      Eigen::Matrix4d normal =
+          Eigen::Vector4d(1e-3, 1e-3, 1e-3, 1e-3 + kScalePrior * static_cast<double>(matches.size())).asDiagonal();
       Eigen::Vector4d right = Eigen::Vector4d::Zero();
       for (const auto& [face, match] : matches) {
-        const double nx = match.face.normal_x, ny = match.face.normal_y, ux = face.x - middle.x(), uy = face.y - middle.y();
+        const double nx = match.face.normal_x, ny = match.face.normal_y, ux = face.x - middle.x(),
+                     uy = face.y - middle.y();
         const Eigen::Vector4d row(nx, ny, ny * ux - nx * uy, nx * ux + ny * uy);
         const double weight = std::sqrt(robust_weight(match.distance_m, radius_m));
         normal += weight * row * row.transpose();
@@ -150,7 +156,8 @@ PlanarSimilarity refined(const PreparedGrid& a, const PreparedGrid& b, PlanarSim
                    grown = scale / a_from_b.scale;
       const double c = grown * std::cos(step[2]), s = grown * std::sin(step[2]);
       const double x = a_from_b.pose.x - middle.x(), y = a_from_b.pose.y - middle.y();
-      a_from_b.pose = {middle.x() + step[0] + c * x - s * y, middle.y() + step[1] + s * x + c * y, wrap_angle(a_from_b.pose.phi + step[2])};
+      a_from_b.pose = {middle.x() + step[0] + c * x - s * y, middle.y() + step[1] + s * x + c * y,
+                       wrap_angle(a_from_b.pose.phi + step[2])};
       a_from_b.scale = scale;
     }
   return a_from_b;

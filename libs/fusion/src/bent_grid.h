@@ -1,6 +1,7 @@
 #pragma once
-// Grids of real buildings are bent by decimetres to metres. Here one is laid on another as a mesh of tiles: each tile is registered to the
-// walls around it, neighbours hold each other as firmly as real grids do, and a pose graph decides.
+// Grids of real buildings are bent by decimetres to metres. Here one is laid on another as a mesh of tiles: each tile
+// is registered to the walls around it, neighbours hold each other as firmly as real grids do, and a pose graph
+// decides.
 
 #include "face_index.h"
 #include "grid_stiffness.h"
@@ -33,17 +34,20 @@ struct PreparedGrid {
 struct BentGrid {
   matching::PlanarSimilarity a_from_b;  // before bending
   std::vector<Pose2> a_from_tile;       // of each tile of b: its centre and rotation
-  // What holds each tile in a: x, y, yaw in the tile's frame; 1/m^2, 1/rad^2. Rank-deficient where its walls leave it free to slide.
+  // What holds each tile in a: x, y, yaw in the tile's frame; 1/m^2, 1/rad^2. Rank-deficient where its walls leave it
+  // free to slide.
   std::vector<Eigen::Matrix3d> information;
   double chi2 = 0.0;  // of the bends
 };
 
 // Lays b's walls on a's as one rigid piece that may grow, from an alignment that is at most 1.5 m off.
-matching::PlanarSimilarity refined(const PreparedGrid& a, const PreparedGrid& b, matching::PlanarSimilarity a_from_b, double scale_range);
+matching::PlanarSimilarity refined(const PreparedGrid& a, const PreparedGrid& b, matching::PlanarSimilarity a_from_b,
+                                   double scale_range);
 BentGrid bent(const PreparedGrid& a, const PreparedGrid& b, const matching::PlanarSimilarity& a_from_b);
 
 // A face of b as it lies in a, and the other way round, where b has a tile.
 matching::WallPoint in_a(const PreparedGrid& b, const BentGrid& bend, int tile, const matching::WallPoint& face_in_b);
-std::optional<matching::WallPoint> in_b(const PreparedGrid& b, const BentGrid& bend, const matching::WallPoint& face_in_a);
+std::optional<matching::WallPoint> in_b(const PreparedGrid& b, const BentGrid& bend,
+                                        const matching::WallPoint& face_in_a);
 
 }  // namespace mapweave::fusion

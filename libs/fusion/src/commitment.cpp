@@ -8,7 +8,8 @@
 
 namespace mapweave::fusion {
 
-std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector<double>& weights, const CommitmentLimits& limits) {
+std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector<double>& weights,
+                               const CommitmentLimits& limits) {
   const std::size_t count = weights.size();
   std::vector<std::size_t> left(count);
   std::iota(left.begin(), left.end(), std::size_t{0});
@@ -18,7 +19,8 @@ std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector
     std::vector<double> weights_left;
     for (std::size_t i = 0; i < left.size(); ++i) {
       weights_left.push_back(weights[left[i]]);
-      for (std::size_t j = 0; j < left.size(); ++j) consistent[i * left.size() + j] = i != j && agree[left[i] * count + left[j]] != 0;
+      for (std::size_t j = 0; j < left.size(); ++j)
+        consistent[i * left.size() + j] = i != j && agree[left[i] * count + left[j]] != 0;
     }
     Commitment set;
     const std::vector<std::size_t> members = graph::consistent_set(consistent, weights_left, limits.budget);
@@ -28,7 +30,8 @@ std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector
     }
     if (set.weight < limits.least_weight) break;
     for (std::size_t i = 0; i < left.size(); ++i)
-      if (std::none_of(members.begin(), members.end(), [&](std::size_t m) { return m == i || consistent[m * left.size() + i]; }))
+      if (std::none_of(members.begin(), members.end(),
+                       [&](std::size_t m) { return m == i || consistent[m * left.size() + i]; }))
         set.contradicting.push_back(left[i]);
     left = set.contradicting;
     result.push_back(std::move(set));

@@ -1,7 +1,8 @@
 #pragma once
-// Which statements about two maps are believed together (pairwise consistency maximization: Mangelson et al., ICRA 2018): the heaviest set of
-// statements that agree, then the heaviest set of those that contradict all of it, and so on. For both senses: cameras believe the first
-// set and take the second for its rival, lasers make a hypothesis of whole maps of each.
+// Which statements about two maps are believed together (pairwise consistency maximization: Mangelson et al., ICRA
+// 2018): the heaviest set of statements that agree, then the heaviest set of those that contradict all of it, and so
+// on. For both senses: cameras believe the first set and take the second for its rival, lasers make a hypothesis of
+// whole maps of each.
 
 #include <cstddef>
 #include <vector>
@@ -17,14 +18,17 @@ struct CommitmentLimits {
 // Numbers of statements, rising.
 struct Commitment {
   std::vector<std::size_t> agreeing;
-  double weight = 0.0;                     // sum over `agreeing`
-  std::vector<std::size_t> contradicting;  // of those that this set was chosen from, the ones that agree with none of it
+  double weight = 0.0;  // sum over `agreeing`
+  std::vector<std::size_t>
+      contradicting;  // of those that this set was chosen from, the ones that agree with none of it
 };
 
 // agree[i * n + j], symmetric: whether two of n statements may both be right; the diagonal is ignored. weights > 0.
-std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector<double>& weights, const CommitmentLimits& limits = {});
+std::vector<Commitment> commit(const std::vector<char>& agree, const std::vector<double>& weights,
+                               const CommitmentLimits& limits = {});
 
-// The weight of a judgement. A probability below one half speaks for as little as one half, and none is surer than 0.9999.
+// The weight of a judgement. A probability below one half speaks for as little as one half, and none is surer than
+// 0.9999.
 double log_odds(double probability);
 
 }  // namespace mapweave::fusion

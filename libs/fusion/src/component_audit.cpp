@@ -20,10 +20,12 @@ bool ComponentAudit::pass(const std::vector<Component>& components, const std::v
       return planar(component.map.nodes.find(maps[map].submaps[submap]->anchor())->map_from_node);
     };
     const TeamAudit audit = lasers.audited(members, pose_of);
-    for (const AuditedPair& pair : audit.pairs) audits_.push_back(pair_audit(pair, maps[members[pair.a]], maps[members[pair.b]]));
+    for (const AuditedPair& pair : audit.pairs)
+      audits_.push_back(pair_audit(pair, maps[members[pair.a]], maps[members[pair.b]]));
     if (!audit.taken_out || !refuse(members[*audit.taken_out], members, audit, pairs)) continue;
     passed = false;
-    for (const PairAudit& ghost : lasers.ghosts_of(audit, members, members[*audit.taken_out], pose_of)) taken_apart_.push_back(ghost);
+    for (const PairAudit& ghost : lasers.ghosts_of(audit, members, members[*audit.taken_out], pose_of))
+      taken_apart_.push_back(ghost);
   }
   audits_.insert(audits_.end(), taken_apart_.begin(), taken_apart_.end());
   std::stable_sort(audits_.begin(), audits_.end(),

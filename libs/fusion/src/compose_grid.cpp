@@ -12,7 +12,8 @@ constexpr double kWidest_m = 2000.0;
 constexpr int kBandRows = 256;  // a band of rows is drawn by one worker
 
 std::int16_t units(double probability) {
-  return static_cast<std::int16_t>(std::lround(OccupancyGrid::kUnitsPerNat * std::log(probability / (1.0 - probability))));
+  return static_cast<std::int16_t>(
+      std::lround(OccupancyGrid::kUnitsPerNat * std::log(probability / (1.0 - probability))));
 }
 
 struct Ray {
@@ -90,18 +91,23 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   if (scans.empty() && !rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
   if (scans.empty() && rasters.empty()) return grid;
   if (extent.high_x - extent.low_x > kWidest_m || extent.high_y - extent.low_y > kWidest_m)
-    throw Error(ErrorCode::kBadInput,
-                "the map is " + std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) +
-                    " m wide; at most 2000 m are drawn",
-                {}, "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
+    throw Error(
+        ErrorCode::kBadInput,
+        "the map is " +
+            std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) +
+            " m wide; at most 2000 m are drawn",
+        {}, "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
   const double per_metre = 1.0 / grid.resolution_m;
   const auto lowest_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1,
              lowest_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
   grid.origin_x_m = static_cast<double>(lowest_column) * grid.resolution_m;
   grid.origin_y_m = static_cast<double>(lowest_row) * grid.resolution_m;
-  grid.columns = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_x * per_metre)) + 2 - lowest_column);
-  grid.rows = static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_y * per_metre)) + 2 - lowest_row);
-  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows), OccupancyGrid::kUnknown);
+  grid.columns =
+      static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_x * per_metre)) + 2 - lowest_column);
+  grid.rows =
+      static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_y * per_metre)) + 2 - lowest_row);
+  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
+                       OccupancyGrid::kUnknown);
 
   // Bands of rows are drawn side by side, each by all scans in order: the same sums whatever the number of threads.
   const int hit = units(options.hit_probability), miss = units(options.miss_probability);
@@ -111,12 +117,14 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     const int low = static_cast<int>(band) * kBandRows, high = std::min(low + kBandRows, grid.rows);
     const double low_y = grid.origin_y_m + low * grid.resolution_m, high_y = grid.origin_y_m + high * grid.resolution_m;
     const auto cell = [&](int column, int row) -> std::int16_t& {
-      return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column)];
+      return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                           static_cast<std::size_t>(column)];
     };
     for (const auto& raster : rasters) {
       if (raster.extent.high_y < low_y || raster.extent.low_y >= high_y) continue;
       const int first_column = std::max(0, static_cast<int>((raster.extent.low_x - grid.origin_x_m) * per_metre));
-      const int last_column = std::min(grid.columns - 1, static_cast<int>((raster.extent.high_x - grid.origin_x_m) * per_metre));
+      const int last_column =
+          std::min(grid.columns - 1, static_cast<int>((raster.extent.high_x - grid.origin_x_m) * per_metre));
       const int first_row = std::max(low, static_cast<int>((raster.extent.low_y - grid.origin_y_m) * per_metre));
       const int last_row = std::min(high - 1, static_cast<int>((raster.extent.high_y - grid.origin_y_m) * per_metre));
       throw_if_interrupted();
@@ -124,7 +132,8 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
       const double c = std::cos(raster_from_map.phi), s = std::sin(raster_from_map.phi);
       for (int row = first_row; row <= last_row; ++row)
         for (int column = first_column; column <= last_column; ++column) {
-          const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
+          const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m,
+                       y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
           const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m,
                        ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
           const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)),
@@ -142,7 +151,8 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
         if (std::max(y0, y1) < low || std::min(y0, y1) >= high) continue;
         const int last_column = static_cast<int>(x1), last_row = static_cast<int>(y1);
         // Along the ray, row by row within the band: of each row, the columns that the ray crosses.
-        const int from = std::max(low, static_cast<int>(std::min(y0, y1))), to = std::min(high - 1, static_cast<int>(std::max(y0, y1)));
+        const int from = std::max(low, static_cast<int>(std::min(y0, y1))),
+                  to = std::min(high - 1, static_cast<int>(std::max(y0, y1)));
         const double slope = y1 != y0 ? (x1 - x0) / (y1 - y0) : 0.0;
         for (int row = from; row <= to; ++row) {
           double left = x0, right = x1;

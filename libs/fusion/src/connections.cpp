@@ -10,9 +10,12 @@ namespace {
 
 using Neighbours = std::map<MapId, std::set<MapId>>;  // by matched pairs
 
-// The maps between two on the shortest way that does not go over their own match; of equal ones that of the lowest names.
+// The maps between two on the shortest way that does not go over their own match; of equal ones that of the lowest
+// names.
 std::vector<MapId> path_between(const MapId& a, const MapId& b, const Neighbours& neighbours) {
-  const auto may_step = [&](const MapId& from, const MapId& to) { return !(from == a && to == b) && !(from == b && to == a); };
+  const auto may_step = [&](const MapId& from, const MapId& to) {
+    return !(from == a && to == b) && !(from == b && to == a);
+  };
   std::map<MapId, std::size_t> steps_to_b{{b, 0}};
   std::deque<MapId> open{b};
   while (!open.empty()) {

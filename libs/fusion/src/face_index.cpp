@@ -33,15 +33,19 @@ FaceIndex::FaceIndex(const std::vector<matching::WallPoint>& faces) {
   for (const auto& face : faces) faces_[next[bin(face)]++] = face;
 }
 
-std::optional<FaceIndex::Match> FaceIndex::nearest(const matching::WallPoint& face, double within_m, double least_cosine) const {
+std::optional<FaceIndex::Match> FaceIndex::nearest(const matching::WallPoint& face, double within_m,
+                                                   double least_cosine) const {
   const auto bin_of = [](double offset_m) { return static_cast<int>(std::floor(offset_m / kBin_m)); };
-  const int x0 = std::max(0, bin_of(face.x - within_m - x0_m_)), x1 = std::min(columns_ - 1, bin_of(face.x + within_m - x0_m_));
-  const int y0 = std::max(0, bin_of(face.y - within_m - y0_m_)), y1 = std::min(rows_ - 1, bin_of(face.y + within_m - y0_m_));
+  const int x0 = std::max(0, bin_of(face.x - within_m - x0_m_)),
+            x1 = std::min(columns_ - 1, bin_of(face.x + within_m - x0_m_));
+  const int y0 = std::max(0, bin_of(face.y - within_m - y0_m_)),
+            y1 = std::min(rows_ - 1, bin_of(face.y + within_m - y0_m_));
   const matching::WallPoint* best = nullptr;
   double least = within_m * within_m;
   for (int y = y0; y <= y1 && x0 <= x1; ++y) {
     const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_);
-    for (std::uint32_t i = first_[row + static_cast<std::size_t>(x0)]; i < first_[row + static_cast<std::size_t>(x1) + 1]; ++i) {
+    for (std::uint32_t i = first_[row + static_cast<std::size_t>(x0)];
+         i < first_[row + static_cast<std::size_t>(x1) + 1]; ++i) {
       const auto& other = faces_[i];
       const double dx = other.x - face.x, dy = other.y - face.y, square = dx * dx + dy * dy;
       if (square >= least || other.normal_x * face.normal_x + other.normal_y * face.normal_y < least_cosine) continue;

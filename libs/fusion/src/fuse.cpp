@@ -54,7 +54,8 @@ class Fusing {
 
   const TeamSolver& solver_of(const TeamMembers& members) const {
     const auto has_laser = [&](std::size_t m) { return !judging_.maps()[m].submaps.empty(); };
-    const bool is_in_plane = members.maps.size() == 1 || std::any_of(members.maps.begin(), members.maps.end(), has_laser);
+    const bool is_in_plane =
+        members.maps.size() == 1 || std::any_of(members.maps.begin(), members.maps.end(), has_laser);
     return is_in_plane ? static_cast<const TeamSolver&>(in_plane_) : in_space_;
   }
 
@@ -68,11 +69,13 @@ class Fusing {
     for (std::size_t i = 0; i < count; ++i) teams[groups.find(i)].maps.push_back(i);
     for (PairJoin& pair : pairs_)
       if (pair.is_accepted()) teams[groups.find(pair.a)].joins.push_back(&pair);
-    teams.erase(std::remove_if(teams.begin(), teams.end(), [](const TeamMembers& team) { return team.maps.empty(); }), teams.end());
+    teams.erase(std::remove_if(teams.begin(), teams.end(), [](const TeamMembers& team) { return team.maps.empty(); }),
+                teams.end());
     return teams;
   }
 
-  // Stage 3: teams in which nothing contradicts the rest. What does is refused, and the teams are connected again without it.
+  // Stage 3: teams in which nothing contradicts the rest. What does is refused, and the teams are connected again
+  // without it.
   std::vector<PlacedTeam> committed() {
     for (;;) {
       std::vector<PlacedTeam> teams;
@@ -102,7 +105,8 @@ class Fusing {
       const double of_grid = is_alone ? 1.0 : judging_.grids().scale(members[i]), scale = placed.team_from_map[i].scale;
       if (of_grid != 1.0) component.scales.set(map.id, of_grid);
       const Pose3& team_from_node = team.nodes.find(first)->map_from_node;
-      component.team_from_map.set(map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
+      component.team_from_map.set(
+          map.id, rig::frame_by_node(team_from_node, node.map_from_node, rig::extrinsics_of(map), scale));
       if (scale != 1.0) component.scales.set(map.id, scale);
     }
     return component;
@@ -111,7 +115,8 @@ class Fusing {
   void report() {
     const auto size = [](const Component& component) {
       const auto& nodes = component.map.nodes;
-      return std::count_if(nodes.begin(), nodes.end(), [](const auto& entry) { return entry.second.payload != nullptr; });
+      return std::count_if(nodes.begin(), nodes.end(),
+                           [](const auto& entry) { return entry.second.payload != nullptr; });
     };
     std::stable_sort(result_.components.begin(), result_.components.end(),
                      [&](const Component& l, const Component& r) { return size(l) > size(r); });
@@ -134,8 +139,8 @@ class Fusing {
 
 }  // namespace
 
-std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<FirstPair>& pairs, const FusionOptions& options, Memo& memo,
-                                   WorkerPool& pool, Progress& progress) {
+std::vector<Judgement> judge_pairs(const FusionInput& input, const std::vector<FirstPair>& pairs,
+                                   const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress) {
   PairJudging judging(input, options, memo, pool);
   judging.prepare_maps();
   judging.judge(pairs, progress);
@@ -153,7 +158,8 @@ std::vector<FirstPair> first_pairs(const FusionInput& input, const FusionOptions
   return judging.first_pairs();
 }
 
-FusionResult fuse(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool, Progress& progress) {
+FusionResult fuse(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool,
+                  Progress& progress) {
   return Fusing(input, options, memo, pool, progress).run();
 }
 

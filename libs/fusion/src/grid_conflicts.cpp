@@ -15,10 +15,12 @@ std::vector<PairHypothesis::Place> places_of(const std::vector<matching::WallPoi
   std::map<std::pair<long, long>, std::size_t> number_of;  // of the first wall in each cell, by row and column
   DisjointSets together(walls.size());
   for (std::size_t i = 0; i < walls.size(); ++i) {
-    const long row = std::lround(std::floor(walls[i].y / cell_m)), column = std::lround(std::floor(walls[i].x / cell_m));
+    const long row = std::lround(std::floor(walls[i].y / cell_m)),
+               column = std::lround(std::floor(walls[i].x / cell_m));
     for (long y = row - 1; y <= row + 1; ++y)
       for (long x = column - 1; x <= column + 1; ++x)
-        if (const auto neighbour = number_of.find({y, x}); neighbour != number_of.end()) together.join(neighbour->second, i);
+        if (const auto neighbour = number_of.find({y, x}); neighbour != number_of.end())
+          together.join(neighbour->second, i);
     number_of.emplace(std::make_pair(row, column), i);
   }
   std::map<std::size_t, PairHypothesis::Place> sums;
@@ -31,7 +33,8 @@ std::vector<PairHypothesis::Place> places_of(const std::vector<matching::WallPoi
   std::vector<PairHypothesis::Place> places;
   for (const auto& entry : sums) {
     const PairHypothesis::Place& sum = entry.second;
-    if (sum.length_m >= kLeastLength_m) places.push_back({sum.x_m / sum.length_m, sum.y_m / sum.length_m, sum.length_m});
+    if (sum.length_m >= kLeastLength_m)
+      places.push_back({sum.x_m / sum.length_m, sum.y_m / sum.length_m, sum.length_m});
   }
   std::stable_sort(places.begin(), places.end(), [](const auto& l, const auto& r) { return l.length_m > r.length_m; });
   if (places.size() > kMostPlaces) places.resize(kMostPlaces);

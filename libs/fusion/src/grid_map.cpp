@@ -20,8 +20,8 @@ constexpr double kCoarsest_m = 2.0;
 
 Map map_of_grid(MapId id, const OccupancyGrid& grid) {
   if (grid.resolution_m > kCoarsest_m)
-    throw Error(ErrorCode::kBadInput, "cells of " + std::to_string(grid.resolution_m) + " m show no walls; at most 2 m", id.str(),
-                "check its resolution: metres per cell");
+    throw Error(ErrorCode::kBadInput, "cells of " + std::to_string(grid.resolution_m) + " m show no walls; at most 2 m",
+                id.str(), "check its resolution: metres per cell");
   Map map;
   map.id = id;
   const SessionId session{{RobotId(id.str()), SensorId("grid")}, 0};
@@ -42,13 +42,17 @@ Map map_of_grid(MapId id, const OccupancyGrid& grid) {
         }
       if (!known) continue;
       const NodeId node{session, next++};
-      const Pose2 map_from_node{grid.origin_x_m + column * side * grid.resolution_m, grid.origin_y_m + row * side * grid.resolution_m, 0.0};
-      map.nodes.set(node, Node{node, Stamp{}, spatial(map_from_node), std::make_shared<const Payload>(std::move(tile))});
+      const Pose2 map_from_node{grid.origin_x_m + column * side * grid.resolution_m,
+                                grid.origin_y_m + row * side * grid.resolution_m, 0.0};
+      map.nodes.set(node,
+                    Node{node, Stamp{}, spatial(map_from_node), std::make_shared<const Payload>(std::move(tile))});
       tiles.emplace(std::make_pair(row, column), node);
     }
-  if (tiles.empty()) throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", id.str(), "check its thresholds");
+  if (tiles.empty())
+    throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", id.str(), "check its thresholds");
   const auto pose = [&](const NodeId& node) { return planar(map.nodes.find(node)->map_from_node); };
-  // Neighbours hold each other as firmly as real grids do; a tile without any to the left or below is held by the one before it.
+  // Neighbours hold each other as firmly as real grids do; a tile without any to the left or below is held by the one
+  // before it.
   const auto hold = [&](const NodeId& from, const NodeId& to) {
     const Pose2 step = between(pose(from), pose(to));
     const ConstraintId name{ConstraintKind::odometry, from, to, 0};
@@ -71,7 +75,8 @@ Map map_of_grid(MapId id, const OccupancyGrid& grid) {
         for (int x = column; x < column + kTilesAcross; ++x) {
           const auto tile = tiles.find({y, x});
           if (tile == tiles.end()) continue;
-          const Pose2 anchor = submap.submap_from_node.empty() ? pose(tile->second) : pose(submap.submap_from_node.front().first);
+          const Pose2 anchor =
+              submap.submap_from_node.empty() ? pose(tile->second) : pose(submap.submap_from_node.front().first);
           submap.submap_from_node.emplace_back(tile->second, spatial(between(anchor, pose(tile->second))));
         }
       if (submap.submap_from_node.empty()) continue;
@@ -141,15 +146,17 @@ OccupancyGrid grid_of_map(const Map& map) {
   grid.origin_y_m = y0;
   grid.columns = static_cast<std::int32_t>(std::lround((x1 - x0) / grid.resolution_m));
   grid.rows = static_cast<std::int32_t>(std::lround((y1 - y0) / grid.resolution_m));
-  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows), OccupancyGrid::kUnknown);
+  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
+                       OccupancyGrid::kUnknown);
   for (const auto& [id, pose] : poses) {
     const auto& tile = std::get<OccupancyGrid>(*map.nodes.find(id)->payload);
-    const auto column = std::lround((pose.x - x0) / grid.resolution_m), row = std::lround((pose.y - y0) / grid.resolution_m);
+    const auto column = std::lround((pose.x - x0) / grid.resolution_m),
+               row = std::lround((pose.y - y0) / grid.resolution_m);
     for (std::int32_t y = 0; y < tile.rows; ++y)
       for (std::int32_t x = 0; x < tile.columns; ++x)
         if (grid.inside(static_cast<std::int32_t>(column) + x, static_cast<std::int32_t>(row) + y))
-          grid.log_odds[static_cast<std::size_t>(row + y) * static_cast<std::size_t>(grid.columns) + static_cast<std::size_t>(column + x)] =
-              tile.at(x, y);
+          grid.log_odds[static_cast<std::size_t>(row + y) * static_cast<std::size_t>(grid.columns) +
+                        static_cast<std::size_t>(column + x)] = tile.at(x, y);
   }
   return grid;
 }

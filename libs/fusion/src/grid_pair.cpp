@@ -22,16 +22,20 @@ using matching::WallPoint;
 constexpr double kFit_m = 0.3;
 constexpr double kFitCosine = 0.7;
 constexpr double kConflictDepth_m = 0.6;
-constexpr double kApart_m = 3.0, kApart_rad = 0.15;    // alignments nearer than this are one, found twice
-constexpr double kSubstance = 0.4, kLeastFit_m = 5.0;  // of the placement that fits most: enough to show how much conflict there need be
+constexpr double kApart_m = 3.0, kApart_rad = 0.15;  // alignments nearer than this are one, found twice
+constexpr double kSubstance = 0.4,
+                 kLeastFit_m = 5.0;  // of the placement that fits most: enough to show how much conflict there need be
 constexpr double kUsualConflict = 0.15, kMostConflictWeight = 8.0;
 constexpr double kLeastSigma_m = 0.04, kLeastSigma_rad = 0.008;  // no constraint is surer than this
-constexpr double kSupport_m = 16.8, kSupportSlope = 12.0;        // where each part of the probability is one half, and how fast it rises
+constexpr double kSupport_m = 16.8,
+                 kSupportSlope = 12.0;  // where each part of the probability is one half, and how fast it rises
 constexpr double kUnusual = 0.15, kUnusualSlope = 60.0;
 constexpr double kRival = 0.36, kRivalSlope = 16.0;
-// Of what conflicts as a share of what fits. Little overlap leaves more places to chance: then less of it is no accident.
+// Of what conflicts as a share of what fits. Little overlap leaves more places to chance: then less of it is no
+// accident.
 constexpr double kConflict = 0.2, kConflictOverlap = 0.3, kConflictSlope = 40.0;
-constexpr double kOdds = 4.75;  // odds that the product of the parts is multiplied by: calibrated, as merges of lasers are
+constexpr double kOdds =
+    4.75;  // odds that the product of the parts is multiplied by: calibrated, as merges of lasers are
 constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be told apart
 
 enum class Seen : std::uint8_t { nothing, fit, conflict };
@@ -81,8 +85,8 @@ SideCount count(const PreparedGrid& of, const PreparedGrid& against, const Place
 }
 
 // Of both sides, in a's frame.
-std::vector<PairHypothesis::Place> conflicts_of(const PreparedGrid& a, const PreparedGrid& b, const Verified& as, const SideCount& of_a,
-                                                const SideCount& of_b) {
+std::vector<PairHypothesis::Place> conflicts_of(const PreparedGrid& a, const PreparedGrid& b, const Verified& as,
+                                                const SideCount& of_a, const SideCount& of_b) {
   std::vector<WallPoint> walls = of_a.in_conflict;
   for (const WallPoint& face : of_b.in_conflict)
     if (const int tile = b.tile_at(face.x, face.y); tile >= 0) walls.push_back(in_a(b, as.bend, tile, face));
@@ -106,11 +110,13 @@ Verified verified(const PreparedGrid& a, const PreparedGrid& b, const PlanarSimi
     result.seen[side] = std::move(sides[side]->seen);
   }
   result.counts.conflicts = conflicts_of(a, b, result, of_a, of_b);
-  result.counts.overlap = std::min(1.0, std::max(of_a.known, of_b.known) / std::min(a.walls.wall_m(), b.walls.wall_m()));
+  result.counts.overlap =
+      std::min(1.0, std::max(of_a.known, of_b.known) / std::min(a.walls.wall_m(), b.walls.wall_m()));
   return result;
 }
 
-std::vector<Verified> verified_proposals(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options, int most) {
+std::vector<Verified> verified_proposals(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options,
+                                         int most) {
   matching::GridProposalOptions proposals = options.proposals;
   proposals.most = most;
   std::vector<Verified> result;
@@ -145,8 +151,8 @@ Eigen::Matrix3d bend_covariance() {
   return 2.0 * Eigen::Vector3d(kGridBend_m, kGridBend_m, kGridBend_rad).cwiseAbs2().asDiagonal().toDenseMatrix();
 }
 
-// How much a metre in conflict counts against one that fits. Doors were closed, things moved: that much conflict the best placement has,
-// and where some placement has little, more of it elsewhere is no accident.
+// How much a metre in conflict counts against one that fits. Doors were closed, things moved: that much conflict the
+// best placement has, and where some placement has little, more of it elsewhere is no accident.
 double conflict_weight(const std::vector<Verified*>& all) {
   double most_m = 0.0, least_share = 1.0;
   for (const Verified* one : all) most_m = std::max(most_m, one->counts.mean_fit_m());
@@ -158,7 +164,8 @@ double conflict_weight(const std::vector<Verified*>& all) {
   return std::clamp(kUsualConflict / least_share, 1.0, kMostConflictWeight);
 }
 
-// Walls that fit under most other placements as well (those of a corridor) say little: what fits counts by how unusual it is.
+// Walls that fit under most other placements as well (those of a corridor) say little: what fits counts by how unusual
+// it is.
 void weigh(const PreparedGrid& a, const PreparedGrid& b, const PreparedGrid& image, const std::vector<Verified*>& all) {
   const double per_conflict = conflict_weight(all);
   for (Verified* one : all) {
@@ -172,12 +179,15 @@ void weigh(const PreparedGrid& a, const PreparedGrid& b, const PreparedGrid& ima
         if (one->seen[side][i] != Seen::fit) continue;
         double usual = 0.5;
         for (const Verified* other : others) usual += other->seen[side][i] == Seen::fit;
-        one->counts.support_m += 0.5 * (side == 0 ? a : b).sample_m * std::log(placements / usual) / std::log(placements / 0.5);
+        one->counts.support_m +=
+            0.5 * (side == 0 ? a : b).sample_m * std::log(placements / usual) / std::log(placements / 0.5);
       }
   }
 }
 
-bool supported_better(const Verified& one, const Verified& other) { return one.counts.support_m > other.counts.support_m; }
+bool supported_better(const Verified& one, const Verified& other) {
+  return one.counts.support_m > other.counts.support_m;
+}
 
 // The rigid transform that lies nearest to the bent mesh where it is held, with the covariance that bends leave it.
 Alignment rigid(const PreparedGrid& b, const Verified& best) {
@@ -194,7 +204,8 @@ Alignment rigid(const PreparedGrid& b, const Verified& best) {
       } else {
         const Eigen::Vector2d there = in_a - middle_in_a;
         c += held * from_middle.dot(there) + 1e-9 * std::cos(best.counts.a_from_b.pose.phi);
-        s += held * (from_middle.x() * there.y() - from_middle.y() * there.x()) + 1e-9 * std::sin(best.counts.a_from_b.pose.phi);
+        s += held * (from_middle.x() * there.y() - from_middle.y() * there.x()) +
+             1e-9 * std::sin(best.counts.a_from_b.pose.phi);
       }
     }
   const double yaw = std::atan2(s, c);
@@ -207,7 +218,8 @@ Alignment rigid(const PreparedGrid& b, const Verified& best) {
   for (std::size_t i = 0; i < b.tile_centres.size(); ++i) {
     const Eigen::Matrix3d tile_from_b = adjoint(Pose2(-b.tile_centres[i].x(), -b.tile_centres[i].y(), 0.0));
     const Eigen::Matrix3d& held = best.bend.information[i];
-    information += tile_from_b.transpose() * (held * (Eigen::Matrix3d::Identity() + bending * held).inverse()) * tile_from_b;
+    information +=
+        tile_from_b.transpose() * (held * (Eigen::Matrix3d::Identity() + bending * held).inverse()) * tile_from_b;
   }
   Alignment alignment;
   alignment.a_from_b.pose = spatial(a_from_b);
@@ -243,7 +255,8 @@ Evidence evidence_of(const PreparedGrid& a, const PreparedGrid& b, const Verifie
   const auto& walls = b.walls;
   for (int row = 0; row < walls.rows; row += 2)
     for (int column = 0; column < walls.columns; column += 2) {
-      const double x = walls.origin_x_m + (column + 0.5) * walls.cell_m, y = walls.origin_y_m + (row + 0.5) * walls.cell_m;
+      const double x = walls.origin_x_m + (column + 0.5) * walls.cell_m,
+                   y = walls.origin_y_m + (row + 0.5) * walls.cell_m;
       if (walls.depth_at(x, y) <= 0.0F) continue;
       const int tile = b.tile_at(x, y);
       if (tile < 0) continue;
@@ -262,13 +275,16 @@ Evidence evidence_of(const PreparedGrid& a, const PreparedGrid& b, const Verifie
 double logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
 
 double usual_conflict(const GridVerification& counts) { return kConflict + kConflictOverlap * counts.overlap; }
-double conflict_of(const GridVerification& counts) { return counts.mean_conflict_m() / std::max(counts.mean_fit_m(), 1e-9); }
+double conflict_of(const GridVerification& counts) {
+  return counts.mean_conflict_m() / std::max(counts.mean_fit_m(), 1e-9);
+}
 
-// That much wall must speak for a place, of what fits not too little must be unusual, not too much may lie in free space, and no other
-// placement may come near (DECISIONS.md, 60).
+// That much wall must speak for a place, of what fits not too little must be unusual, not too much may lie in free
+// space, and no other placement may come near (DECISIONS.md, 60).
 double probability_of(const GridVerification& best, double unusual, double rival) {
-  const double product = logistic(kSupportSlope * std::log(best.support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
-                         logistic(kConflictSlope * (usual_conflict(best) - conflict_of(best))) * logistic(kRivalSlope * (kRival - rival));
+  const double product =
+      logistic(kSupportSlope * std::log(best.support_m / kSupport_m)) * logistic(kUnusualSlope * (unusual - kUnusual)) *
+      logistic(kConflictSlope * (usual_conflict(best) - conflict_of(best))) * logistic(kRivalSlope * (kRival - rival));
   return kOdds * product / (1.0 + (kOdds - 1.0) * product);
 }
 
@@ -282,7 +298,8 @@ GridPairResult reversed(GridPairResult result) {
     std::swap(counts.conflict_m[0], counts.conflict_m[1]);
     std::swap(counts.contradiction_m[0], counts.contradiction_m[1]);
     for (PairHypothesis::Place& place : counts.conflicts) {
-      const auto there = matching::transformed(counts.a_from_b, {static_cast<float>(place.x_m), static_cast<float>(place.y_m)});
+      const auto there =
+          matching::transformed(counts.a_from_b, {static_cast<float>(place.x_m), static_cast<float>(place.y_m)});
       place.x_m = there.x;
       place.y_m = there.y;
     }
@@ -295,7 +312,8 @@ GridPairResult reversed(GridPairResult result) {
     const Pose2 place_from_a = inverse(grid_constraint.a_from_place);
     const Eigen::Vector2d place_in_a(grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);
     const Eigen::Matrix3d turn_information = adjoint(Pose2(0.0, 0.0, place_from_a.phi));
-    grid_constraint = {place_in_a, Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), place_from_a.phi),
+    grid_constraint = {place_in_a,
+                       Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), place_from_a.phi),
                        turn_information.transpose() * grid_constraint.information * turn_information};
   }
   return result;
@@ -321,18 +339,22 @@ void decide(GridPairResult& result, const GridVerification& best, double rival, 
   if (result.probability >= merge_probability) return;
   if (rival > kRival) {
     result.reason = Reason::ambiguous;
-    result.note = format("another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
-                         100.0 * rival, best.support_m);
+    result.note = format(
+        "another alignment, or one with the mirror image, has %.0f %% of the support of the best (%.0f m of wall)",
+        100.0 * rival, best.support_m);
   } else if (conflict_of(best) > usual_conflict(best) - 2.0 / kConflictSlope) {
     result.reason = Reason::contradiction;
-    result.note = format("under the best alignment %.0f m of wall coincide and %.0f m lie in free space of the other grid", best.mean_fit_m(),
-                         best.mean_conflict_m());
+    result.note =
+        format("under the best alignment %.0f m of wall coincide and %.0f m lie in free space of the other grid",
+               best.mean_fit_m(), best.mean_conflict_m());
   } else if (unusual < kUnusual) {
     result.reason = Reason::unobservable;
-    result.note = format("of %.0f m of wall that coincide only %.0f m do not do so elsewhere, too", best.mean_fit_m(), best.support_m);
+    result.note = format("of %.0f m of wall that coincide only %.0f m do not do so elsewhere, too", best.mean_fit_m(),
+                         best.support_m);
   } else {
     result.reason = Reason::little_overlap;
-    result.note = format("only %.0f m of wall speak for the best alignment; about %.0f m are needed", best.support_m, kSupport_m);
+    result.note =
+        format("only %.0f m of wall speak for the best alignment; about %.0f m are needed", best.support_m, kSupport_m);
   }
 }
 
@@ -342,13 +364,15 @@ std::shared_ptr<const PreparedGrid> prepare_grid(const OccupancyGrid& grid) {
   return std::make_shared<const PreparedGrid>(matching::walls_of(grid));
 }
 
-GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options, double merge_probability) {
+GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const GridPairOptions& options,
+                           double merge_probability) {
   if (goes_first(b.walls, a.walls)) return reversed(align_grids(b, a, options, merge_probability));
   GridPairResult result;
   const double wall_m = result.wall_m = std::min(a.walls.wall_m(), b.walls.wall_m());
   if (wall_m < kLeastWall_m) {
     result.reason = Reason::unobservable;
-    result.note = format("one of the grids shows %.1f m of walls beside free space; %.0f m are needed", wall_m, kLeastWall_m);
+    result.note =
+        format("one of the grids shows %.1f m of walls beside free space; %.0f m are needed", wall_m, kLeastWall_m);
     return result;
   }
   std::vector<Verified> found = verified_proposals(a, b, options, options.proposals.most);
@@ -375,7 +399,8 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   }
   const Verified& best = found.front();
   const double support_m = best.counts.support_m;
-  const auto rival = std::find_if(found.begin() + 1, found.end(), [&](const Verified& other) { return apart(b, best, other); });
+  const auto rival =
+      std::find_if(found.begin() + 1, found.end(), [&](const Verified& other) { return apart(b, best, other); });
   double rival_m = rival == found.end() ? 0.0 : rival->counts.support_m;
   if (!result.images.empty()) rival_m = std::max(rival_m, result.images.front().support_m);
   result.evidence = evidence_of(a, b, best, rival_m);
@@ -385,7 +410,8 @@ GridPairResult align_grids(const PreparedGrid& a, const PreparedGrid& b, const G
   return result;
 }
 
-GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options, double merge_probability) {
+GridPairResult align_grids(const OccupancyGrid& a, const OccupancyGrid& b, const GridPairOptions& options,
+                           double merge_probability) {
   return align_grids(*prepare_grid(a), *prepare_grid(b), options, merge_probability);
 }
 
@@ -402,7 +428,8 @@ std::vector<Constraint> constraints_of(const std::vector<GridConstraint>& grid_c
       const auto& payload = map.nodes.find(tile.first)->payload;
       const auto* grid = payload == nullptr ? nullptr : std::get_if<OccupancyGrid>(payload.get());
       if (grid == nullptr) return false;
-      const double column = (x_m - tile.second.x) / grid->resolution_m, row = (y_m - tile.second.y) / grid->resolution_m;
+      const double column = (x_m - tile.second.x) / grid->resolution_m,
+                   row = (y_m - tile.second.y) / grid->resolution_m;
       return column >= 0.0 && row >= 0.0 && column < grid->columns && row < grid->rows;
     });
   };
@@ -411,13 +438,17 @@ std::vector<Constraint> constraints_of(const std::vector<GridConstraint>& grid_c
     const auto tile_a = tile_at(a, tiles_a, grid_constraint.a_from_place.x, grid_constraint.a_from_place.y);
     const auto tile_b = tile_at(b, tiles_b, grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y());
     if (tile_a == tiles_a.end() || tile_b == tiles_b.end()) continue;
-    const Pose2 place_from_tile = between(Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), 0.0), tile_b->second);
+    const Pose2 place_from_tile =
+        between(Pose2(grid_constraint.place_in_b.x(), grid_constraint.place_in_b.y(), 0.0), tile_b->second);
     const Eigen::Matrix3d carried = adjoint(place_from_tile);
-    const auto same = [&](const Constraint& other) { return other.id.from == tile_a->first && other.id.to == tile_b->first; };
+    const auto same = [&](const Constraint& other) {
+      return other.id.from == tile_a->first && other.id.to == tile_b->first;
+    };
     const ConstraintId id{ConstraintKind::between_maps, tile_a->first, tile_b->first,
                           static_cast<std::uint32_t>(std::count_if(constraints.begin(), constraints.end(), same))};
-    Constraint constraint = planar_constraint(id, between(tile_a->second, compose(grid_constraint.a_from_place, place_from_tile)),
-                                              carried.transpose() * grid_constraint.information * carried);
+    Constraint constraint =
+        planar_constraint(id, between(tile_a->second, compose(grid_constraint.a_from_place, place_from_tile)),
+                          carried.transpose() * grid_constraint.information * carried);
     constraint.because = because;
     constraints.push_back(constraint);
   }

@@ -5,13 +5,15 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kLookedUp = 48;   // keyframes of all maps, most alike first
-constexpr std::size_t kOfTeamEach = 3;  // one new keyframe in so many is compared within its team: it only has to say where it lies
+constexpr std::size_t kLookedUp = 48;  // keyframes of all maps, most alike first
+constexpr std::size_t kOfTeamEach =
+    3;  // one new keyframe in so many is compared within its team: it only has to say where it lies
 
 }  // namespace
 
 IncrementalCandidates::IncrementalCandidates(const std::vector<PreviousMerge>& teams, const std::deque<VisualMap>& maps,
-                                             const ClaimedSightings& claimed, const VisualFusionOptions& options, WorkerPool& pool)
+                                             const ClaimedSightings& claimed, const VisualFusionOptions& options,
+                                             WorkerPool& pool)
     : maps_(maps), claimed_(claimed), options_(options), is_any_(!teams.empty()), team_of_(maps.size(), nullptr) {
   if (!is_any_) return;
   matching::PlaceIndex index(matching::shipped_vocabulary().words());
@@ -37,11 +39,13 @@ std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::new_key
   std::vector<KeyframeOfMap> result;
   for (std::size_t m = 0; m < maps_.size(); ++m)
     for (std::size_t k = 0; maps_[m].is_metric() && k < maps_[m].keyframes().size(); ++k)
-      if (team_of_[m] == nullptr || !team_of_[m]->map_from_node.contains(maps_[m].keyframes()[k].id)) result.push_back({m, k});
+      if (team_of_[m] == nullptr || !team_of_[m]->map_from_node.contains(maps_[m].keyframes()[k].id))
+        result.push_back({m, k});
   return result;
 }
 
-std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::most_alike(const KeyframeOfMap& one, const matching::PlaceIndex& index) const {
+std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::most_alike(
+    const KeyframeOfMap& one, const matching::PlaceIndex& index) const {
   const MappedKeyframe& keyframe = maps_[one.map].keyframes()[one.keyframe];
   const int least = std::max(1, static_cast<int>(options_.least_alike * keyframe.likeness));
   const bool asks_team = one.keyframe % kOfTeamEach == 0;
@@ -59,10 +63,12 @@ std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::most_al
       add(of_others, other, static_cast<std::size_t>(options_.candidates));
   };
   for (const bool of_own : {true, false})
-    if (const auto claim = claimed_.most_claimed(one.map, one.keyframe, [&](std::size_t map) { return is_of_team(one.map, map) == of_own; }))
+    if (const auto claim = claimed_.most_claimed(one.map, one.keyframe,
+                                                 [&](std::size_t map) { return is_of_team(one.map, map) == of_own; }))
       choose({claim->first, claim->second});
   const auto map_of = [&](const NodeId& id) {
-    const auto map = std::find_if(maps_.begin(), maps_.end(), [&](const VisualMap& m) { return m.number_of(id) < m.keyframes().size(); });
+    const auto map = std::find_if(maps_.begin(), maps_.end(),
+                                  [&](const VisualMap& m) { return m.number_of(id) < m.keyframes().size(); });
     return static_cast<std::size_t>(map - maps_.begin());
   };
   for (const matching::SimilarPlace& place : index.query(
@@ -77,7 +83,8 @@ std::vector<IncrementalCandidates::KeyframeOfMap> IncrementalCandidates::most_al
 std::optional<VisualQuestions> IncrementalCandidates::questions(std::size_t a, std::size_t b) const {
   const auto is_anew = [&](std::size_t map) { return team_of_[map] != nullptr && team_of_[map]->is_adjusted_again; };
   const bool is_team = is_of_team(a, b);
-  if (!is_any_ || !maps_[a].is_metric() || !maps_[b].is_metric() || (!is_team && (is_anew(a) || is_anew(b)))) return std::nullopt;
+  if (!is_any_ || !maps_[a].is_metric() || !maps_[b].is_metric() || (!is_team && (is_anew(a) || is_anew(b))))
+    return std::nullopt;
   VisualQuestions result;
   result.is_incremental = true, result.is_doubted = !is_team || is_anew(a);
   if (const auto found = questions_.find({a, b}); found != questions_.end()) result.first = found->second;

@@ -1,7 +1,7 @@
 #pragma once
-// Incremental candidate selection: what a merge compares that knows the previous one (FusionInput::teams). Each keyframe that is new since
-// is compared once, with the keyframes of all other maps that look most like it. So what a merge costs grows with what is new, not with the
-// pairs of maps.
+// Incremental candidate selection: what a merge compares that knows the previous one (FusionInput::teams). Each
+// keyframe that is new since is compared once, with the keyframes of all other maps that look most like it. So what a
+// merge costs grows with what is new, not with the pairs of maps.
 
 #include "claimed_sightings.h"
 
@@ -12,10 +12,10 @@ namespace mapweave::fusion {
 class IncrementalCandidates {
  public:
   // All outlive it but the pool.
-  IncrementalCandidates(const std::vector<PreviousMerge>& teams, const std::deque<VisualMap>& maps, const ClaimedSightings& claimed,
-                        const VisualFusionOptions& options, WorkerPool& pool);
-  // Of two maps by number, a < b; nullopt: nothing is known of before, they are not metric, or they are of two teams of which
-  // one is adjusted anew. Then all there is may be asked.
+  IncrementalCandidates(const std::vector<PreviousMerge>& teams, const std::deque<VisualMap>& maps,
+                        const ClaimedSightings& claimed, const VisualFusionOptions& options, WorkerPool& pool);
+  // Of two maps by number, a < b; nullopt: nothing is known of before, they are not metric, or they are of two teams of
+  // which one is adjusted anew. Then all there is may be asked.
   std::optional<VisualQuestions> questions(std::size_t a, std::size_t b) const;
 
  private:
@@ -24,7 +24,9 @@ class IncrementalCandidates {
   };
   std::vector<KeyframeOfMap> new_keyframes() const;
   std::vector<KeyframeOfMap> most_alike(const KeyframeOfMap& one, const matching::PlaceIndex& index) const;
-  bool is_of_team(std::size_t map, std::size_t other) const { return team_of_[map] != nullptr && team_of_[map] == team_of_[other]; }
+  bool is_of_team(std::size_t map, std::size_t other) const {
+    return team_of_[map] != nullptr && team_of_[map] == team_of_[other];
+  }
 
   const std::deque<VisualMap>& maps_;
   const ClaimedSightings& claimed_;

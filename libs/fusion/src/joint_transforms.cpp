@@ -17,11 +17,12 @@ using Ipopt::Index;
 using Ipopt::Number;
 constexpr double kYawWeight_m2 = 25.0;  // a radian weighs as 5 m
 
-// Variables: x, y, yaw of every map, then the switches. Minimises the squared errors of the joins, each times its switch squared, plus the
-// price of switches below 1.
+// Variables: x, y, yaw of every map, then the switches. Minimises the squared errors of the joins, each times its
+// switch squared, plus the price of switches below 1.
 class Program : public Ipopt::TNLP {
  public:
-  Program(std::size_t maps, const std::vector<Join>& joins, const std::vector<Pose2>& start) : maps_(maps), joins_(joins) {
+  Program(std::size_t maps, const std::vector<Join>& joins, const std::vector<Pose2>& start)
+      : maps_(maps), joins_(joins) {
     for (const auto& pose : start) values_.insert(values_.end(), {pose.x, pose.y, pose.phi});
     values_.insert(values_.end(), joins.size(), 1.0);
   }
@@ -63,8 +64,8 @@ class Program : public Ipopt::TNLP {
   bool eval_g(Index, const Number*, bool, Index, Number*) override { return true; }
   bool eval_jac_g(Index, const Number*, bool, Index, Index, Index*, Index*, Number*) override { return true; }
   // Of Gauss and Newton, where poses are concerned; duplicates add up.
-  bool eval_h(Index, const Number* x, bool, Number factor, Index, const Number*, bool, Index, Index* rows, Index* columns,
-              Number* values) override {
+  bool eval_h(Index, const Number* x, bool, Number factor, Index, const Number*, bool, Index, Index* rows,
+              Index* columns, Number* values) override {
     for (std::size_t k = 0, next = 0; k < joins_.size(); ++k, next += kCurves) {
       const std::array<std::size_t, 7> variables = variables_of(k);
       const OfJoin join = values != nullptr ? of_join(k, x) : OfJoin();
@@ -80,8 +81,9 @@ class Program : public Ipopt::TNLP {
     }
     return true;
   }
-  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number*, const Number*, Index, const Number*, const Number*,
-                         Number, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+  void finalize_solution(Ipopt::SolverReturn, Index n, const Number* x, const Number*, const Number*, Index,
+                         const Number*, const Number*, Number, const Ipopt::IpoptData*,
+                         Ipopt::IpoptCalculatedQuantities*) override {
     values_.assign(x, x + n);
   }
 
@@ -101,13 +103,14 @@ class Program : public Ipopt::TNLP {
   OfJoin of_join(std::size_t k, const Number* x) const {
     const Join& join = joins_[k];
     const Number *a = x + 3 * join.a, *b = x + 3 * join.b;
-    const double s = x[3 * maps_ + k], ca = std::cos(a[2]), sa = std::sin(a[2]), cb = std::cos(b[2]), sb = std::sin(b[2]);
+    const double s = x[3 * maps_ + k], ca = std::cos(a[2]), sa = std::sin(a[2]), cb = std::cos(b[2]),
+                 sb = std::sin(b[2]);
     double error = 0.0;
     Eigen::Matrix<double, 6, 1> slope = Eigen::Matrix<double, 6, 1>::Zero();
     Eigen::Matrix<double, 6, 6> curve = Eigen::Matrix<double, 6, 6>::Zero();
     for (const auto& term : join.terms) {
-      const double pa_x = ca * term.a_x - sa * term.a_y, pa_y = sa * term.a_x + ca * term.a_y, pb_x = cb * term.b_x - sb * term.b_y,
-                   pb_y = sb * term.b_x + cb * term.b_y;
+      const double pa_x = ca * term.a_x - sa * term.a_y, pa_y = sa * term.a_x + ca * term.a_y,
+                   pb_x = cb * term.b_x - sb * term.b_y, pb_y = sb * term.b_x + cb * term.b_y;
       const double ex = a[0] + pa_x - (b[0] + pb_x), ey = a[1] + pa_y - (b[1] + pb_y);
       // Of the turn, the chord: smooth everywhere.
       const double turn = b[2] - a[2] - term.yaw, chord = 2.0 - 2.0 * std::cos(turn);
@@ -116,7 +119,8 @@ class Program : public Ipopt::TNLP {
       moved << 1, 0, -pa_y, -1, 0, pb_y, 0, 1, pa_x, 0, -1, -pb_x;
       slope += 2.0 * term.weight * moved.transpose() * Eigen::Vector2d(ex, ey);
       curve += 2.0 * term.weight * moved.transpose() * moved;
-      const double bend = 2.0 * term.weight * kYawWeight_m2 * std::sin(turn), bends = 2.0 * term.weight * kYawWeight_m2 * std::cos(turn);
+      const double bend = 2.0 * term.weight * kYawWeight_m2 * std::sin(turn),
+                   bends = 2.0 * term.weight * kYawWeight_m2 * std::cos(turn);
       slope(2) -= bend, slope(5) += bend;
       curve(2, 2) += bends, curve(5, 5) += bends, curve(2, 5) -= bends, curve(5, 2) -= bends;
     }
@@ -137,7 +141,8 @@ class Program : public Ipopt::TNLP {
 
 }  // namespace
 
-JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>& joins, const std::vector<Pose2>& start) {
+JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>& joins,
+                                       const std::vector<Pose2>& start) {
   MAPWEAVE_EXPECT(start.size() == maps && maps >= 1, "every map has a starting pose");
   static std::mutex one_at_a_time;  // its linear solver keeps state in memory that all calls share
   const std::lock_guard lock(one_at_a_time);
@@ -157,7 +162,8 @@ JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>
     result.converged = status == Ipopt::Solve_Succeeded || status == Ipopt::Solved_To_Acceptable_Level;
   }
   const auto& values = program->values();
-  for (std::size_t i = 0; i < maps; ++i) result.team_from_map.push_back({values[3 * i], values[3 * i + 1], wrap_angle(values[3 * i + 2])});
+  for (std::size_t i = 0; i < maps; ++i)
+    result.team_from_map.push_back({values[3 * i], values[3 * i + 1], wrap_angle(values[3 * i + 2])});
   result.switches.assign(values.begin() + static_cast<std::ptrdiff_t>(3 * maps), values.end());
   return result;
 }

@@ -1,7 +1,7 @@
 #pragma once
-// Stage 4, first half: where all maps of a component lie in one frame, and which joins contradict the others. A small non-linear program:
-// poses of the maps, and for each join a switch between 0 and 1 that can turn it off at a price (Suenderhauf and Protzel, IROS 2012),
-// solved by Ipopt.
+// Stage 4, first half: where all maps of a component lie in one frame, and which joins contradict the others. A small
+// non-linear program: poses of the maps, and for each join a switch between 0 and 1 that can turn it off at a price
+// (Suenderhauf and Protzel, IROS 2012), solved by Ipopt.
 
 #include <mapweave/core/geometry.h>
 
@@ -28,8 +28,9 @@ struct JointTransforms {
   bool converged = false;
 };
 
-// Map 0 stays at the origin. Every map is reached from it through joins (contract). Ipopt is not re-entrant here: calls are serialised
-// within.
-JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>& joins, const std::vector<Pose2>& start);
+// Map 0 stays at the origin. Every map is reached from it through joins (contract). Ipopt is not re-entrant here: calls
+// are serialised within.
+JointTransforms solve_joint_transforms(std::size_t maps, const std::vector<Join>& joins,
+                                       const std::vector<Pose2>& start);
 
 }  // namespace mapweave::fusion

@@ -16,15 +16,16 @@ std::vector<const Map*> sorted(const std::vector<Map>& maps) {
   std::vector<std::pair<NodeId, const Map*>> nodes;
   for (std::size_t i = 0; i < order.size(); ++i) {
     if (i > 0 && order[i]->id == order[i - 1]->id)
-      throw Error(ErrorCode::kBadInput, "two maps are called '" + order[i]->id.str() + "'", {}, "give each its own name");
+      throw Error(ErrorCode::kBadInput, "two maps are called '" + order[i]->id.str() + "'", {},
+                  "give each its own name");
     for (const auto& entry : order[i]->nodes) nodes.emplace_back(entry.first, order[i]);
   }
   std::stable_sort(nodes.begin(), nodes.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
   for (std::size_t i = 1; i < nodes.size(); ++i)
     if (nodes[i].first == nodes[i - 1].first)
       throw Error(ErrorCode::kBadInput,
-                  "session " + to_string(nodes[i].first.session) + " stands in two maps, '" + nodes[i - 1].second->id.str() + "' and '" +
-                      nodes[i].second->id.str() + "'",
+                  "session " + to_string(nodes[i].first.session) + " stands in two maps, '" +
+                      nodes[i - 1].second->id.str() + "' and '" + nodes[i].second->id.str() + "'",
                   {}, "leave one of them out");
   return order;
 }
@@ -73,7 +74,9 @@ std::size_t PairJudging::number_of(const MapId& id) const {
   return static_cast<std::size_t>(map - maps_.begin());
 }
 
-bool PairJudging::refuse(std::size_t a, std::size_t b, const Verdict& why) { return refused_.emplace(std::minmax(a, b), why).second; }
+bool PairJudging::refuse(std::size_t a, std::size_t b, const Verdict& why) {
+  return refused_.emplace(std::minmax(a, b), why).second;
+}
 
 std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
   for (;;) {
@@ -86,7 +89,8 @@ std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
     // What lasers believe and cameras contradict is taken back, and the lasers decide again without it.
     bool again = false;
     for (const PairJoin& pair : pairs)
-      if (!pair.is_accepted() && pair.is_matched_by_lasers) again = refuse(pair.a, pair.b, pair.result.verdict) || again;
+      if (!pair.is_accepted() && pair.is_matched_by_lasers)
+        again = refuse(pair.a, pair.b, pair.result.verdict) || again;
     if (again) continue;
     for (PairJoin& pair : pairs) {
       const auto why = refused_.find({pair.a, pair.b});
@@ -144,7 +148,9 @@ void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
 Verdict PairJudging::not_compared(std::size_t a, std::size_t b, Reason reason) const {
   const bool by_laser = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
   Verdict verdict = unseen(maps_[a].map->id, maps_[b].map->id, input_.by,
-                           maps_[a].is_grid || maps_[b].is_grid ? "grid" : by_laser ? "laser" : "vision");
+                           maps_[a].is_grid || maps_[b].is_grid ? "grid"
+                           : by_laser                           ? "laser"
+                                                                : "vision");
   set_aside(verdict, reason);
   if (by_laser && lasers_) verdict.merge = lasers_->merge_of(a, b);
   return verdict;
@@ -164,13 +170,15 @@ PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
     if (copy) join.result.verdict.overlap = copy->share;
     return join;
   }
-  const bool cameras = !seen_[a].empty() && !seen_[b].empty(), lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
+  const bool cameras = !seen_[a].empty() && !seen_[b].empty(),
+             lasers = !maps_[a].submaps.empty() && !maps_[b].submaps.empty();
   if (lasers || !cameras) join.result = lasers_->result_of(a, b);
   join.is_matched_by_lasers = !join.result.witnesses.empty();
   if (!cameras) return join;
   VisualPairResult seen = seen_by_cameras(a, b);
   join.result.judged.insert(join.result.judged.end(), seen.judged.begin(), seen.judged.end());
-  join.result.verdict = lasers ? combined_verdict(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
+  join.result.verdict =
+      lasers ? combined_verdict(join.result.verdict, seen.verdict, a, b, join.result.judged) : seen.verdict;
   join.repetition = std::move(seen.repetition);
   if (join.is_accepted() && seen.verdict.decision == Decision::accepted) join.seen = std::move(seen.witnesses);
   if (!join.is_accepted() || join.result.verdict.kind == "vision") join.result.witnesses.clear();
@@ -178,15 +186,19 @@ PairJoin PairJudging::compared(std::size_t a, std::size_t b) {
 }
 
 // One verdict of two senses.
-Verdict PairJudging::combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged) {
+Verdict PairJudging::combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b,
+                                      std::vector<Hash>& judged) {
   SenseChecks checks;
   checks.do_lie_alike = [&] { return lie_alike(seen_[b], laser.alignment->a_from_b, seen.alignment->a_from_b); };
   checks.wall_conflict = [&] { return wall_conflict(a, b, planar(seen.alignment->a_from_b.pose)); };
-  checks.do_cameras_contradict = [&] { return contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged); };
+  checks.do_cameras_contradict = [&] {
+    return contradict(seen_[a], seen_[b], laser.alignment->a_from_b, visual_judge_, judged);
+  };
   return combined(laser, seen, checks, options_);
 }
 
-// Share of the walls of one map that the other saw through, once b lies so. Nothing is searched for, so that nothing can be missed.
+// Share of the walls of one map that the other saw through, once b lies so. Nothing is searched for, so that nothing
+// can be missed.
 double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b) {
   double conflict = 0.0, overlap_m2 = 0.0;
   for (const std::size_t j : maps_[b].representatives) {
@@ -199,9 +211,9 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
     constexpr double kNear_m = 6.0;
     if (nearest.first > kNear_m) continue;
     const PreparedMap &one = maps_[a], &other = maps_[b];
-    const Evidence e =
-        matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes), *cache_.get(*other.submaps[j], other.map->nodes),
-                        between(one.map_from_submap[nearest.second], there));
+    const Evidence e = matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes),
+                                       *cache_.get(*other.submaps[j], other.map->nodes),
+                                       between(one.map_from_submap[nearest.second], there));
     conflict += e.conflict * e.overlap_m2, overlap_m2 += e.overlap_m2;
   }
   return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;
@@ -209,24 +221,29 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
 
 std::size_t PairJudging::known_number(const MapId& id) const {
   const std::size_t number = number_of(id);
-  if (number == maps_.size()) throw Error(ErrorCode::kBadInput, "map '" + id.str() + "' is to be judged and is not there");
+  if (number == maps_.size())
+    throw Error(ErrorCode::kBadInput, "map '" + id.str() + "' is to be judged and is not there");
   return number;
 }
 
 void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress) {
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
-  lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_, pool_);
+  lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_,
+                  pool_);
   const auto number_of_submap = [&](std::size_t map, const SubmapId& id) {
     const auto& submaps = maps_[map].submaps;
-    const auto place = std::find_if(submaps.begin(), submaps.end(), [&](const Submap* submap) { return submap->id == id; });
+    const auto place =
+        std::find_if(submaps.begin(), submaps.end(), [&](const Submap* submap) { return submap->id == id; });
     if (place == submaps.end())
-      throw Error(ErrorCode::kBadInput, "a submap of map '" + maps_[map].map->id.str() + "' is to be judged and is not there");
+      throw Error(ErrorCode::kBadInput,
+                  "a submap of map '" + maps_[map].map->id.str() + "' is to be judged and is not there");
     return lasers_->graph().number(map, static_cast<std::size_t>(place - submaps.begin()));
   };
   std::vector<SubmapQuestion> questions;
   for (const FirstPair& pair : pairs)
     for (const SubmapPair& places : pair.submaps)
-      questions.push_back({number_of_submap(known_number(pair.a), places.a), number_of_submap(known_number(pair.b), places.b), places.a_from_b});
+      questions.push_back({number_of_submap(known_number(pair.a), places.a),
+                           number_of_submap(known_number(pair.b), places.b), places.a_from_b});
   lasers_->judge_first(questions);
   judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -251,7 +268,9 @@ std::vector<FirstPair> PairJudging::first_pairs() {
     return pair;
   };
   const SubmapGraph& graph = lasers_->graph();
-  const auto id_of = [&](std::size_t submap) { return maps_[graph.map_of(submap)].submaps[graph.submap_of(submap)]->id; };
+  const auto id_of = [&](std::size_t submap) {
+    return maps_[graph.map_of(submap)].submaps[graph.submap_of(submap)]->id;
+  };
   for (const SubmapQuestion& question : lasers_->first_questions_of_all())
     pair_of(graph.map_of(question.from), graph.map_of(question.to))
         .submaps.push_back({id_of(question.from), id_of(question.to), question.from_from_to});
@@ -265,10 +284,12 @@ std::vector<FirstPair> PairJudging::first_pairs() {
 
 bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const MappedKeyframe& keyframe : b.keyframes()) middle += keyframe.map_from_node.t / static_cast<double>(b.keyframes().size());
+  for (const MappedKeyframe& keyframe : b.keyframes())
+    middle += keyframe.map_from_node.t / static_cast<double>(b.keyframes().size());
   constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;
   const Eigen::Vector3d apart = transformed(middle, one) - transformed(middle, other);
-  return apart.head<2>().norm() < kAlike_m && std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
+  return apart.head<2>().norm() < kAlike_m &&
+         std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;
 }
 
 }  // namespace mapweave::fusion

@@ -22,7 +22,8 @@ struct PairJoin {
   std::size_t witnesses() const { return result.witnesses.size() + seen.size(); }
 };
 
-// Numbers of maps are in the order of their ids. Not thread-safe; works in parallel within. Input and memo must outlive it.
+// Numbers of maps are in the order of their ids. Not thread-safe; works in parallel within. Input and memo must outlive
+// it.
 class PairJudging {
  public:
   PairJudging(const FusionInput& input, const FusionOptions& options, Memo& memo, WorkerPool& pool);
@@ -33,7 +34,9 @@ class PairJudging {
   const GridAlignments& grids() const { return *grids_; }
   std::size_t number_of(const MapId& id) const;  // the number of maps where there is no such map
   // As a team has it. A grid that is alone keeps the scale that it was given with.
-  const Map& map_in_team(std::size_t number, bool is_alone) const { return is_alone ? grids_->given(number) : *maps_[number].map; }
+  const Map& map_in_team(std::size_t number, bool is_alone) const {
+    return is_alone ? grids_->given(number) : *maps_[number].map;
+  }
   const std::deque<VisualMap>& seen() const { return seen_; }  // of each map; empty without keyframes
   matching::ModelCache& models() const { return cache_; }
   const ClaimedSightings& claimed_sightings() const { return *claimed_; }
@@ -44,7 +47,7 @@ class PairJudging {
   const LaserMerger& lasers() const { return *lasers_; }  // after all_pairs()
   void judge(const std::vector<FirstPair>& pairs, Progress& progress);
   std::vector<FirstPair> first_pairs();  // instead of all_pairs()
-  std::vector<Judgement> judgements();  // that were asked for, sorted by id
+  std::vector<Judgement> judgements();   // that were asked for, sorted by id
 
  private:
   std::size_t known_number(const MapId& id) const;
@@ -53,7 +56,8 @@ class PairJudging {
   PairJoin compared(std::size_t a, std::size_t b);
   Verdict not_compared(std::size_t a, std::size_t b, Reason reason) const;
   VisualPairResult seen_by_cameras(std::size_t a, std::size_t b);
-  Verdict combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b, std::vector<Hash>& judged);
+  Verdict combined_verdict(const Verdict& laser, const Verdict& seen, std::size_t a, std::size_t b,
+                           std::vector<Hash>& judged);
   double wall_conflict(std::size_t a, std::size_t b, const Pose2& a_from_b);
 
   const FusionInput& input_;

@@ -9,7 +9,8 @@ std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node) {
     if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;
   }
   auto words = std::make_shared<OrderedPicture>();
-  static_cast<matching::DescribedPicture&>(*words) = matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors);
+  static_cast<matching::DescribedPicture&>(*words) =
+      matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors);
   words->by_node = matching::order_by_node(words->node_of_feature.data(), words->node_of_feature.size());
   const std::lock_guard lock(mutex_);
   return known_.try_emplace(node.payload.get(), Known{node.payload, std::move(words)}).first->second.words;
@@ -17,7 +18,8 @@ std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node) {
 
 void Pictures::forget() {
   const std::lock_guard lock(mutex_);
-  for (auto one = known_.begin(); one != known_.end();) one = one->second.payload.use_count() == 1 ? known_.erase(one) : std::next(one);
+  for (auto one = known_.begin(); one != known_.end();)
+    one = one->second.payload.use_count() == 1 ? known_.erase(one) : std::next(one);
 }
 
 }  // namespace mapweave::fusion

@@ -19,8 +19,10 @@ double distance(const matching::Point2f& a, const matching::Point2f& b) { return
 std::vector<std::uint64_t> cells_of(const std::vector<matching::WallPoint>& walls) {
   std::vector<std::uint64_t> cells;
   for (const matching::WallPoint& wall : walls) {
-    const auto x = static_cast<std::uint64_t>(matching::cell_of(wall.x, 10.0) + (1 << 28)), y = static_cast<std::uint64_t>(matching::cell_of(wall.y, 10.0) + (1 << 28));
-    cells.push_back((y << 34U) | (x << 3U) | (wall.normal_x > wall.normal_y ? 1U : 0U) | (wall.normal_x > -wall.normal_y ? 2U : 0U));
+    const auto x = static_cast<std::uint64_t>(matching::cell_of(wall.x, 10.0) + (1 << 28)),
+               y = static_cast<std::uint64_t>(matching::cell_of(wall.y, 10.0) + (1 << 28));
+    cells.push_back((y << 34U) | (x << 3U) | (wall.normal_x > wall.normal_y ? 1U : 0U) |
+                    (wall.normal_x > -wall.normal_y ? 2U : 0U));
   }
   std::sort(cells.begin(), cells.end());
   cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
@@ -47,8 +49,10 @@ PreparedMap prepare(const Map& map, matching::ModelCache& cache, double stride_m
     const auto model = cache.get(*prepared.submaps[i], map.nodes);
     Hasher hasher;
     for (const matching::WallPoint& wall : model->walls()) hasher.add_bytes(&wall, sizeof wall);
-    const auto cells = cells_of(matching::placed(planar(map.nodes.find(prepared.submaps[i]->anchor())->map_from_node), model->walls()));
-    return Facts{model->centre(), model->ring_keys(), model->far_keys(), model->radius_m(), hasher.finish(), cells, model->walls()};
+    const auto cells = cells_of(
+        matching::placed(planar(map.nodes.find(prepared.submaps[i]->anchor())->map_from_node), model->walls()));
+    return Facts{model->centre(), model->ring_keys(), model->far_keys(), model->radius_m(), hasher.finish(),
+                 cells,           model->walls()};
   });
   for (std::size_t i = 0; i < facts.size(); ++i) {
     const Node& anchor = *map.nodes.find(prepared.submaps[i]->anchor());

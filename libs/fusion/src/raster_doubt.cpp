@@ -16,7 +16,8 @@ class Coarse {
     constexpr double kCell_m = 0.1;
     constexpr int kMostCells = 2048;
     const int side = std::max(grid.columns, grid.rows);
-    stride_ = std::max({1, static_cast<int>(std::lround(kCell_m / grid.resolution_m)), (side + kMostCells - 1) / kMostCells});
+    stride_ =
+        std::max({1, static_cast<int>(std::lround(kCell_m / grid.resolution_m)), (side + kMostCells - 1) / kMostCells});
     cell_m = stride_ * grid.resolution_m;
     columns = (grid.columns + stride_ - 1) / stride_;
     rows = (grid.rows + stride_ - 1) / stride_;
@@ -29,11 +30,13 @@ class Coarse {
         }
   }
 
-  bool is_wall(int column, int row) const { return is_inside(column, row) && (cells_[place(column, row)] & kWall) != 0; }
+  bool is_wall(int column, int row) const {
+    return is_inside(column, row) && (cells_[place(column, row)] & kWall) != 0;
+  }
   bool is_free(int column, int row) const { return is_inside(column, row) && cells_[place(column, row)] == kFree; }
   bool is_face(int column, int row) const {
-    return is_wall(column, row) &&
-           (is_free(column - 1, row) || is_free(column + 1, row) || is_free(column, row - 1) || is_free(column, row + 1));
+    return is_wall(column, row) && (is_free(column - 1, row) || is_free(column + 1, row) || is_free(column, row - 1) ||
+                                    is_free(column, row + 1));
   }
   std::size_t place(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column);
@@ -62,13 +65,15 @@ std::vector<Piece> pieces_of(const Coarse& raster) {
       if (!raster.is_wall(column, row)) continue;
       if (raster.is_wall(column - 1, row)) together.join(raster.place(column - 1, row), raster.place(column, row));
       for (int i = -1; i <= 1; ++i)
-        if (raster.is_wall(column + i, row - 1)) together.join(raster.place(column + i, row - 1), raster.place(column, row));
+        if (raster.is_wall(column + i, row - 1))
+          together.join(raster.place(column + i, row - 1), raster.place(column, row));
     }
   std::map<std::size_t, Piece> pieces;
   for (int row = 0; row < raster.rows; ++row)
     for (int column = 0; column < raster.columns; ++column) {
       if (!raster.is_wall(column, row)) continue;
-      Piece& piece = pieces.emplace(together.find(raster.place(column, row)), Piece{column, row, column, row}).first->second;
+      Piece& piece =
+          pieces.emplace(together.find(raster.place(column, row)), Piece{column, row, column, row}).first->second;
       piece.left = std::min(piece.left, column);
       piece.right = std::max(piece.right, column);
       piece.high = row;
@@ -81,11 +86,12 @@ std::vector<Piece> pieces_of(const Coarse& raster) {
 
 }  // namespace
 
-// Of 20 grids of robots and floor plans at least 95 % of the walls hang together over 2 m; up to 15 % of what is known is wall, 0.1 to 0.5
-// m thick. Of pages of text at most 20 % do so, until letters are as large as rooms; in photographs from 40 % on is wall, or it is 1 m
-// thick.
+// Of 20 grids of robots and floor plans at least 95 % of the walls hang together over 2 m; up to 15 % of what is known
+// is wall, 0.1 to 0.5 m thick. Of pages of text at most 20 % do so, until letters are as large as rooms; in photographs
+// from 40 % on is wall, or it is 1 m thick.
 std::string doubt_of_raster(const OccupancyGrid& grid) {
-  constexpr double kLeastFree_m2 = 1.0, kLeastWall_m = 2.0, kPiece_m = 2.0, kLeastInPieces = 0.5, kMostWall = 0.4, kThickest_m = 0.8;
+  constexpr double kLeastFree_m2 = 1.0, kLeastWall_m = 2.0, kPiece_m = 2.0, kLeastInPieces = 0.5, kMostWall = 0.4,
+                   kThickest_m = 0.8;
   if (grid.empty()) return "";
   const Coarse raster(grid);
   std::size_t walls = 0, free = 0, faces = 0, in_pieces = 0;
@@ -101,13 +107,14 @@ std::string doubt_of_raster(const OccupancyGrid& grid) {
   const double share = static_cast<double>(walls) / static_cast<double>(walls + free);
   const double thick_m = static_cast<double>(walls) * cell_m / static_cast<double>(faces);
   if (share > kMostWall || thick_m > kThickest_m)
-    return format("looks like no map: %.0f %% of it is wall, %.1f m thick on average, as in a photograph", 100.0 * share, thick_m);
+    return format("looks like no map: %.0f %% of it is wall, %.1f m thick on average, as in a photograph",
+                  100.0 * share, thick_m);
   for (const Piece& piece : pieces_of(raster))
     if (std::hypot(piece.right - piece.left, piece.high - piece.low) * cell_m >= kPiece_m) in_pieces += piece.faces;
   const double hanging = static_cast<double>(in_pieces) / static_cast<double>(faces);
   if (hanging < kLeastInPieces)
-    return format("looks like no map: %.0f %% of its walls are pieces shorter than %.0f m, as on a page of text", 100.0 * (1.0 - hanging),
-                  kPiece_m);
+    return format("looks like no map: %.0f %% of its walls are pieces shorter than %.0f m, as on a page of text",
+                  100.0 * (1.0 - hanging), kPiece_m);
   return "";
 }
 

@@ -5,7 +5,8 @@
 
 namespace mapweave::fusion {
 
-Constraint constraint_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a, double scale_b) {
+Constraint constraint_of(const VisualWitness& w, const VisualMap& a, const VisualMap& b, double scale_a,
+                         double scale_b) {
   const MetricWitness metric = rescaled(w, a, b, scale_a, scale_b);
   Constraint constraint;
   constraint.id = {ConstraintKind::between_maps, a.keyframes()[w.keyframe_a].id, b.keyframes()[w.keyframe_b].id, 0};
@@ -19,9 +20,9 @@ Constraint constraint_of(const Witness& w, const PreparedMap& a, const PreparedM
   // Submaps bend a little once their nodes move on their own.
   const Eigen::Matrix3d floor = Eigen::Vector3d(9e-4, 9e-4, 9e-6).asDiagonal();
   const Eigen::Matrix3d information = (w.submap_information.inverse() + floor).inverse();
-  Constraint constraint =
-      planar_constraint({ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
-                        w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));
+  Constraint constraint = planar_constraint(
+      {ConstraintKind::between_maps, a.submaps[w.submap_a]->anchor(), b.submaps[w.submap_b]->anchor(), 0},
+      w.submap_a_from_submap_b, 0.5 * (information + information.transpose()));
   constraint.because = w.judgement.id;
   return constraint;
 }

@@ -15,7 +15,8 @@ std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe
   const int least = std::max(1, static_cast<int>(options.least_alike * here.likeness));
   const auto is_here = [&](const NodeId& id) {
     const std::size_t other = map.number_of(id);
-    return beside(map, keyframe, other) || (map.keyframes()[other].map_from_camera.t - here.map_from_camera.t).norm() < kApart_m;
+    return beside(map, keyframe, other) ||
+           (map.keyframes()[other].map_from_camera.t - here.map_from_camera.t).norm() < kApart_m;
   };
   std::vector<VisualQuestion> questions;
   for (const matching::SimilarPlace& place : map.alike(here.words->bag, least, kAsked, is_here))
@@ -58,7 +59,8 @@ VisualRepetition repetition_within(const VisualMap& a, const VisualMap& b, std::
   return kOneIn * found.of_a.size() < looked_at.of_a.size() ? VisualRepetition{} : found;
 }
 
-VisualRepetition repetition_between(const VisualMap& a, const VisualMap& b, const std::vector<const VisualWitness*>& clique,
+VisualRepetition repetition_between(const VisualMap& a, const VisualMap& b,
+                                    const std::vector<const VisualWitness*>& clique,
                                     const std::vector<const VisualWitness*>& rivals) {
   VisualRepetition found;
   for (const VisualWitness* one : clique)
@@ -72,15 +74,16 @@ VisualRepetition repetition_between(const VisualMap& a, const VisualMap& b, cons
   return found;
 }
 
-bool rests_on(const std::set<std::size_t>& known_of_a, const std::set<std::size_t>& known_of_b, const VisualMap& a, const VisualMap& b,
-              const std::vector<VisualWitness>& witnesses) {
+bool rests_on(const std::set<std::size_t>& known_of_a, const std::set<std::size_t>& known_of_b, const VisualMap& a,
+              const VisualMap& b, const std::vector<VisualWitness>& witnesses) {
   const auto is_known = [](const std::set<std::size_t>& known, const VisualMap& map, std::size_t keyframe) {
     return std::any_of(known.begin(), known.end(), [&](std::size_t other) { return beside(map, keyframe, other); });
   };
   VisualRepetition looked_at;
   std::size_t repeated = 0;
   for (const VisualWitness& w : witnesses)
-    repeated += is_of_its_own(w, looked_at) && (is_known(known_of_a, a, w.keyframe_a) || is_known(known_of_b, b, w.keyframe_b));
+    repeated +=
+        is_of_its_own(w, looked_at) && (is_known(known_of_a, a, w.keyframe_a) || is_known(known_of_b, b, w.keyframe_b));
   return repeated > 0 && kOneIn * repeated >= looked_at.of_a.size();
 }
 

@@ -14,13 +14,15 @@ constexpr std::ptrdiff_t kFewestReadings = 20;  // with a return, of a scan that
 std::optional<Hash> print_of(const Payload& payload) {
   Hasher hasher;
   if (const auto* scan = std::get_if<PackedScan>(&payload)) {
-    const auto seen = std::count_if(scan->ranges.begin(), scan->ranges.end(), [](std::uint16_t range) { return range != 0; });
+    const auto seen =
+        std::count_if(scan->ranges.begin(), scan->ranges.end(), [](std::uint16_t range) { return range != 0; });
     if (seen < kFewestReadings) return std::nullopt;
     for (const std::uint16_t range : scan->ranges) hasher.add(std::int64_t{range});
     return hasher.finish();
   }
   if (const auto* grid = std::get_if<OccupancyGrid>(&payload)) {
-    const auto known = std::count_if(grid->log_odds.begin(), grid->log_odds.end(), [](std::int16_t cell) { return cell != OccupancyGrid::kUnknown; });
+    const auto known = std::count_if(grid->log_odds.begin(), grid->log_odds.end(),
+                                     [](std::int16_t cell) { return cell != OccupancyGrid::kUnknown; });
     if (known < kFewestReadings) return std::nullopt;
     for (const std::int16_t cell : grid->log_odds) hasher.add(std::int64_t{cell});
     return hasher.finish();

@@ -12,7 +12,9 @@ constexpr int kMostDifferent = 50;  // bits
 constexpr double kClearly = 0.85;   // nearest descriptor to the second nearest
 constexpr double kCell_px = 24.0;
 
-int cell_of(double pixel, int count) { return static_cast<int>(std::min(std::max(0.0, pixel / kCell_px), static_cast<double>(count - 1))); }
+int cell_of(double pixel, int count) {
+  return static_cast<int>(std::min(std::max(0.0, pixel / kCell_px), static_cast<double>(count - 1)));
+}
 
 }  // namespace
 
@@ -22,7 +24,8 @@ FeaturesByPlace::FeaturesByPlace(const MappedKeyframe& keyframe, double scale) :
   std::vector<std::uint32_t> cells;
   begin_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
   for (const matching::FeaturePoint& point : keyframe.points) {
-    const int column = cell_of(static_cast<double>(point.u_px), columns_), row = cell_of(static_cast<double>(point.v_px), rows_);
+    const int column = cell_of(static_cast<double>(point.u_px), columns_),
+              row = cell_of(static_cast<double>(point.v_px), rows_);
     cells.push_back(static_cast<std::uint32_t>(row * columns_ + column));
     ++begin_[cells.back() + 1];
   }
@@ -30,11 +33,13 @@ FeaturesByPlace::FeaturesByPlace(const MappedKeyframe& keyframe, double scale) :
   features_.resize(cells.size());
   std::vector<std::uint32_t> next(begin_.begin(), begin_.end() - 1);
   for (std::size_t f = 0; f < cells.size(); ++f)
-    features_[next[cells[f]]++] = {static_cast<double>(keyframe.points[f].u_px), static_cast<double>(keyframe.points[f].v_px),
-                                   scale * depth_m_of(keyframe.content->points[f].inverse_depth), static_cast<std::uint32_t>(f)};
+    features_[next[cells[f]]++] = {
+        static_cast<double>(keyframe.points[f].u_px), static_cast<double>(keyframe.points[f].v_px),
+        scale * depth_m_of(keyframe.content->points[f].inverse_depth), static_cast<std::uint32_t>(f)};
 }
 
-MAPWEAVE_POPCOUNT_CLONES FeaturesByPlace::Nearest FeaturesByPlace::nearest_to(const SoughtLandmark& sought, double radius_px) const {
+MAPWEAVE_POPCOUNT_CLONES FeaturesByPlace::Nearest FeaturesByPlace::nearest_to(const SoughtLandmark& sought,
+                                                                              double radius_px) const {
   const double u = sought.pixel.x(), v = sought.pixel.y();
   const int first_column = cell_of(u - radius_px, columns_), last_column = cell_of(u + radius_px, columns_);
   const int first_row = cell_of(v - radius_px, rows_), last_row = cell_of(v + radius_px, rows_);
@@ -58,7 +63,8 @@ MAPWEAVE_POPCOUNT_CLONES FeaturesByPlace::Nearest FeaturesByPlace::nearest_to(co
   return nearest.bits > kMostDifferent || nearest.bits > kClearly * second ? Nearest{kMostDifferent + 1, 0} : nearest;
 }
 
-std::vector<FeaturesByPlace::Shown> FeaturesByPlace::find(const std::vector<SoughtLandmark>& sought, double radius_px) const {
+std::vector<FeaturesByPlace::Shown> FeaturesByPlace::find(const std::vector<SoughtLandmark>& sought,
+                                                          double radius_px) const {
   constexpr auto kNone = static_cast<std::size_t>(-1);
   std::vector<std::pair<int, std::size_t>> best(features_.size(), {kMostDifferent + 1, kNone});  // of each feature
   for (const SoughtLandmark& landmark : sought)

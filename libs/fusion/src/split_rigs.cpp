@@ -9,7 +9,8 @@
 namespace mapweave::fusion {
 namespace {
 
-// The scale is that of a camera's trajectory, not of its robot's: extrinsics are in metres whatever the scale of the map.
+// The scale is that of a camera's trajectory, not of its robot's: extrinsics are in metres whatever the scale of the
+// map.
 struct PlacedCamera {
   Pose3 in_map, in_team;
 };
@@ -20,7 +21,8 @@ std::vector<PlacedCamera> placed_cameras(const Map& map, const Map& team) {
     if (placed == nullptr) continue;
     const KeyframeFeatures* keyframe = keyframe_of(node);
     const Pose3 robot_from_camera = keyframe != nullptr ? keyframe->geometry->robot_from_camera : Pose3();
-    result.push_back({compose(node.map_from_node, robot_from_camera), compose(placed->map_from_node, robot_from_camera)});
+    result.push_back(
+        {compose(node.map_from_node, robot_from_camera), compose(placed->map_from_node, robot_from_camera)});
   }
   MAPWEAVE_EXPECT(!result.empty(), "a team has nodes of each member");
   return result;
@@ -56,7 +58,8 @@ void split_rigs(FusionResult& result, const std::vector<rig::RobotRigs::Rig>& al
         if (const double own_m = spread_m(cameras, &PlacedCamera::in_map); own_m > 0.0 && !rig::is_metric(map))
           scale = spread_m(cameras, &PlacedCamera::in_team) / own_m;
         component.members.push_back(member);
-        component.team_from_map.set(member, transformed(inverse(cameras.front().in_map), Sim3{cameras.front().in_team, scale}));
+        component.team_from_map.set(member,
+                                    transformed(inverse(cameras.front().in_map), Sim3{cameras.front().in_team, scale}));
         if (scale != 1.0) component.scales.set(member, scale);
       }
     }

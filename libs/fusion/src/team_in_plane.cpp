@@ -13,19 +13,21 @@ namespace {
 
 constexpr double kBend_weight = 16.0;  // 1 / (0.25 m)^2: maps bend
 
-// The places that the pair's witnesses put on each other. `join`: with the numbers of the members, whose maps are rescaled so.
+// The places that the pair's witnesses put on each other. `join`: with the numbers of the members, whose maps are
+// rescaled so.
 Join joint_terms(const PairJoin& pair, Join join, double scale_a, double scale_b, const std::vector<PreparedMap>& maps,
                  const std::deque<VisualMap>& seen) {
   const double share = 1.0 / static_cast<double>(pair.witnesses());
   for (const auto& w : pair.result.witnesses) {
     const auto& p = maps[pair.b].centres[w.submap_b];
     const double c = std::cos(w.a_from_b.phi), s = std::sin(w.a_from_b.phi);
-    join.terms.push_back(
-        {w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi, kBend_weight * share});
+    join.terms.push_back({w.a_from_b.x + c * p.x - s * p.y, w.a_from_b.y + s * p.x + c * p.y, p.x, p.y, w.a_from_b.phi,
+                          kBend_weight * share});
   }
   const auto node = [](const VisualMap& map, std::size_t keyframe, double scale) {
     const MappedKeyframe& content = map.keyframes()[keyframe];
-    return scale == 1.0 ? content.map_from_node : rig::rescaled(content.map_from_node, rig::extrinsics_of(map.map()), scale);
+    return scale == 1.0 ? content.map_from_node
+                        : rig::rescaled(content.map_from_node, rig::extrinsics_of(map.map()), scale);
   };
   const VisualMap &of_a = seen[pair.a], &of_b = seen[pair.b];
   for (const VisualWitness& w : pair.seen) {
@@ -49,14 +51,16 @@ Constraint constraint_of(const SubmapMatch& match, const SubmapGraph& graph, con
 }
 
 // A map's nodes where the team has them: as bent, or moved as a whole.
-void add_nodes(const Map& map, const Pose3& team_from_map, const std::vector<Pose2>& bent, std::vector<std::pair<NodeId, Node>>& nodes) {
+void add_nodes(const Map& map, const Pose3& team_from_map, const std::vector<Pose2>& bent,
+               std::vector<std::pair<NodeId, Node>>& nodes) {
   std::size_t k = 0;
   for (const auto& [id, node] : map.nodes) {
     Node moved = node;
     if (bent.empty())
       moved.map_from_node = compose(team_from_map, node.map_from_node);
     else
-      moved.map_from_node = compose(compose(spatial(bent[k++]), inverse(spatial(planar(node.map_from_node)))), node.map_from_node);
+      moved.map_from_node =
+          compose(compose(spatial(bent[k++]), inverse(spatial(planar(node.map_from_node)))), node.map_from_node);
     nodes.emplace_back(id, std::move(moved));
   }
 }
@@ -64,7 +68,8 @@ void add_nodes(const Map& map, const Pose3& team_from_map, const std::vector<Pos
 }  // namespace
 
 std::optional<std::vector<Sim3>> TeamInPlane::place(const TeamMembers& members) const {
-  if (const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front()); lasers != nullptr && lasers->maps == members.maps)
+  if (const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front());
+      lasers != nullptr && lasers->maps == members.maps)
     return as_lasers_have_it(*lasers);
   if (members.maps.size() == 1) return std::vector<Sim3>(1);
   std::vector<Sim3> team_from_map = strongest_tree(members).team_from_map;
@@ -97,9 +102,10 @@ std::vector<Sim3> TeamInPlane::as_lasers_have_it(const LaserTeam& team) const {
   return team_from_map;
 }
 
-// Where the team's graph of submaps puts each node of a map that lasers matched to others, by the submap that it is in or comes after; the
-// first map that was matched so lies where it was placed. Empty for a map that was matched to none.
-std::vector<Pose2> TeamInPlane::bent_nodes(std::size_t number, const TeamMembers& members, const std::vector<Sim3>& placed) const {
+// Where the team's graph of submaps puts each node of a map that lasers matched to others, by the submap that it is in
+// or comes after; the first map that was matched so lies where it was placed. Empty for a map that was matched to none.
+std::vector<Pose2> TeamInPlane::bent_nodes(std::size_t number, const TeamMembers& members,
+                                           const std::vector<Sim3>& placed) const {
   const LaserTeam* lasers = judging_.lasers().team_of(number);
   if (lasers == nullptr || lasers->maps.size() < 2) return {};
   const SubmapGraph& graph = judging_.lasers().graph();
@@ -109,8 +115,8 @@ std::vector<Pose2> TeamInPlane::bent_nodes(std::size_t number, const TeamMembers
   const Pose2 team_from_lasers = compose(there, compose(first.map_from_submap.front(), inverse(first_submap)));
   std::vector<Pose2> team_from_map;  // by each submap
   for (std::size_t s = 0; s < map.submaps.size(); ++s)
-    team_from_map.push_back(
-        compose(team_from_lasers, compose(lasers->solved.pose_of(graph.number(number, s)), inverse(map.map_from_submap[s]))));
+    team_from_map.push_back(compose(
+        team_from_lasers, compose(lasers->solved.pose_of(graph.number(number, s)), inverse(map.map_from_submap[s]))));
   std::vector<Pose2> result;
   std::size_t current = 0;
   const auto home_of = map.is_grid ? homes_of(map) : std::map<NodeId, std::size_t>();  // tiles have no order in time
@@ -137,13 +143,15 @@ void TeamInPlane::add_laser_matches(const LaserTeam& lasers, std::vector<Constra
     for (Constraint& constraint : judging_.grids().constraints(a, b)) constraints.push_back(std::move(constraint));
 }
 
-std::vector<Constraint> TeamInPlane::constraints_between(const TeamMembers& members, const std::vector<Sim3>& team_from_map) const {
+std::vector<Constraint> TeamInPlane::constraints_between(const TeamMembers& members,
+                                                         const std::vector<Sim3>& team_from_map) const {
   std::vector<Constraint> constraints;
   for (const LaserTeam& lasers : judging_.lasers().teams())
     if (members.contains(lasers.maps.front())) add_laser_matches(lasers, constraints);
   for (const PairJoin* join : members.joins)
     for (const VisualWitness& w : join->seen)
-      constraints.push_back(constraint_of(w, seen_[join->a], seen_[join->b], team_from_map[members.place_of(join->a)].scale,
+      constraints.push_back(constraint_of(w, seen_[join->a], seen_[join->b],
+                                          team_from_map[members.place_of(join->a)].scale,
                                           team_from_map[members.place_of(join->b)].scale));
   return constraints;
 }
@@ -152,7 +160,8 @@ std::vector<Constraint> TeamInPlane::constraints_between(const TeamMembers& memb
 bool TeamInPlane::is_bent_by_lasers(const TeamMembers& members) const {
   const LaserTeam* lasers = judging_.lasers().team_of(members.maps.front());
   return lasers != nullptr && lasers->maps == members.maps &&
-         std::none_of(members.maps.begin(), members.maps.end(), [&](std::size_t m) { return judging_.maps()[m].is_grid; });
+         std::none_of(members.maps.begin(), members.maps.end(),
+                      [&](std::size_t m) { return judging_.maps()[m].is_grid; });
 }
 
 // A map whose scans were matched again when it was made holds what that found.
@@ -160,8 +169,9 @@ std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themse
   std::map<SessionId, std::size_t> map_of;
   for (const std::size_t m : members.maps) {
     const Map& map = *judging_.maps()[m].map;
-    const bool is_matched = std::any_of(map.constraints.begin(), map.constraints.end(),
-                                        [](const auto& entry) { return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0; });
+    const bool is_matched = std::any_of(map.constraints.begin(), map.constraints.end(), [](const auto& entry) {
+      return entry.first.kind == ConstraintKind::scan_match && entry.first.index > 0;
+    });
     if (!is_matched) continue;
     for (const auto& entry : map.submaps) map_of.emplace(entry.second.id.session, m);
   }
@@ -171,7 +181,8 @@ std::function<bool(const NodeId&, const Submap&)> TeamInPlane::matched_by_themse
   };
 }
 
-void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& component) const {
+void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map,
+                        Component& component) const {
   const bool is_alone = members.maps.size() == 1;
   Map& team = component.map;
   std::vector<std::pair<NodeId, Node>> nodes;
@@ -181,22 +192,26 @@ void TeamInPlane::solve(const TeamMembers& members, const std::vector<Sim3>& tea
     const double scale = team_from_map[i].scale;
     const Map rescaled = scale != 1.0 ? rig::rescaled(own, scale) : Map();
     const Map& map = scale != 1.0 ? rescaled : own;
-    add_nodes(map, team_from_map[i].pose, is_alone ? std::vector<Pose2>() : bent_nodes(members.maps[i], members, team_from_map), nodes);
+    add_nodes(map, team_from_map[i].pose,
+              is_alone ? std::vector<Pose2>() : bent_nodes(members.maps[i], members, team_from_map), nodes);
     for (const auto& [id, submap] : map.submaps) team.submaps.set(id, submap);
     for (const auto& [id, landmark] : map.landmarks) team.landmarks.set(id, landmark);
     for (const auto& [id, constraint] : map.constraints) constraints.push_back(constraint);
     if (is_alone || !map.submaps.empty()) continue;
-    for (Constraint& edge : rig::covisibility_constraints(map, rig::LaserCameraOptions{})) constraints.push_back(std::move(edge));
+    for (Constraint& edge : rig::covisibility_constraints(map, rig::LaserCameraOptions{}))
+      constraints.push_back(std::move(edge));
   }
   std::sort(nodes.begin(), nodes.end(), [](const auto& l, const auto& r) { return l.first < r.first; });
   team.nodes.reserve(nodes.size());
   for (auto& [id, node] : nodes) team.nodes.set(id, std::move(node));
   if (!is_alone)
-    for (Constraint& constraint : constraints_between(members, team_from_map)) constraints.push_back(std::move(constraint));
+    for (Constraint& constraint : constraints_between(members, team_from_map))
+      constraints.push_back(std::move(constraint));
   add_constraints(team, std::move(constraints));
   if (is_alone) return;
   if (!is_bent_by_lasers(members)) graph::optimise(team, options_.solve);
-  add_constraints(team, matching::rematch(team, options_.rematch, pool_, matched_by_themselves(members), &judging_.models()));
+  add_constraints(team,
+                  matching::rematch(team, options_.rematch, pool_, matched_by_themselves(members), &judging_.models()));
   graph::optimise(team, options_.solve);
   back_to_lowest(*maps_[members.maps.front()].map, team);
 }

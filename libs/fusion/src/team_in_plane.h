@@ -1,6 +1,7 @@
 #pragma once
-// Teams with a laser among them, and maps that are alone: one pose graph in the plane. Lasers' maps begin where the graph of submaps has
-// bent them (laser/laser_team.h); cameras' maps are rescaled, move as their keyframes do, and their bundles are not adjusted.
+// Teams with a laser among them, and maps that are alone: one pose graph in the plane. Lasers' maps begin where the
+// graph of submaps has bent them (laser/laser_team.h); cameras' maps are rescaled, move as their keyframes do, and
+// their bundles are not adjusted.
 
 #include "team_solver.h"
 
@@ -15,7 +16,8 @@ class TeamInPlane final : public TeamSolver {
 
  private:
   std::vector<Sim3> as_lasers_have_it(const LaserTeam& team) const;
-  std::vector<Pose2> bent_nodes(std::size_t map, const TeamMembers& members, const std::vector<Sim3>& team_from_map) const;
+  std::vector<Pose2> bent_nodes(std::size_t map, const TeamMembers& members,
+                                const std::vector<Sim3>& team_from_map) const;
   bool is_bent_by_lasers(const TeamMembers& members) const;
   std::function<bool(const NodeId&, const Submap&)> matched_by_themselves(const TeamMembers& members) const;
   void add_laser_matches(const LaserTeam& lasers, std::vector<Constraint>& constraints) const;

@@ -10,7 +10,8 @@ std::optional<std::vector<Sim3>> TeamInSpace::place(const TeamMembers& members) 
   Tree tree = strongest_tree(members);
   bool do_all_agree = true;
   for (PairJoin* join : tree.other_joins) {
-    const Sim3 a_from_b = compose(inverse(tree.team_from_map[members.place_of(join->a)]), tree.team_from_map[members.place_of(join->b)]);
+    const Sim3 a_from_b =
+        compose(inverse(tree.team_from_map[members.place_of(join->a)]), tree.team_from_map[members.place_of(join->b)]);
     if (lie_alike(seen_[join->b], a_from_b, join->result.verdict.alignment->a_from_b)) continue;
     refuse_as_inconsistent(join->result.verdict);
     do_all_agree = false;
@@ -36,7 +37,8 @@ void TeamInSpace::solve(const TeamMembers& members, const std::vector<Sim3>& tea
   std::vector<const VisualMap*> seen;
   for (const std::size_t m : members.maps) seen.push_back(&seen_[m]);
   std::vector<VisualJoin> joins;
-  for (const PairJoin* join : members.joins) joins.push_back({members.place_of(join->a), members.place_of(join->b), &join->seen});
+  for (const PairJoin* join : members.joins)
+    joins.push_back({members.place_of(join->a), members.place_of(join->b), &join->seen});
   const std::vector<ClaimedSighting> claimed = claimed_within(members);
   VisualTeam solved = join(seen, joins, team_from_map, claimed, options_.visual, largest_within(input_.teams, seen));
   team.map.nodes = std::move(solved.nodes);

@@ -1,5 +1,6 @@
 #pragma once
-// Teams of cameras alone, which do not stay in a plane: one graph of their keyframes, then the bundle of all (visual_team.h).
+// Teams of cameras alone, which do not stay in a plane: one graph of their keyframes, then the bundle of all
+// (visual_team.h).
 
 #include "team_solver.h"
 

@@ -58,8 +58,8 @@ void TeamSolver::rescale_to_metres(const TeamMembers& members, std::vector<Sim3>
 }
 
 const std::pair<NodeId, Node>& first_within(const Map& map, const Map& team) {
-  const auto first =
-      std::find_if(map.nodes.begin(), map.nodes.end(), [&](const auto& entry) { return team.nodes.find(entry.first) != nullptr; });
+  const auto first = std::find_if(map.nodes.begin(), map.nodes.end(),
+                                  [&](const auto& entry) { return team.nodes.find(entry.first) != nullptr; });
   MAPWEAVE_EXPECT(first != map.nodes.end(), "a team has nodes of each member");
   return *first;
 }

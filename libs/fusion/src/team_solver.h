@@ -1,6 +1,6 @@
 #pragma once
-// Stage 4 of fuse(): where the maps of one team lie, and where all their nodes do. Teams with a laser among them are solved in the plane,
-// teams of cameras alone in space.
+// Stage 4 of fuse(): where the maps of one team lie, and where all their nodes do. Teams with a laser among them are
+// solved in the plane, teams of cameras alone in space.
 
 #include "pair_judging.h"
 
@@ -28,8 +28,8 @@ class TeamSolver {
   TeamSolver(const TeamSolver&) = delete;
   TeamSolver& operator=(const TeamSolver&) = delete;
 
-  // Of each member's map frame, about; the scale is by how much the map is rescaled. Joins that contradict the others are refused: nullopt
-  // then.
+  // Of each member's map frame, about; the scale is by how much the map is rescaled. Joins that contradict the others
+  // are refused: nullopt then.
   virtual std::optional<std::vector<Sim3>> place(const TeamMembers& members) const = 0;
   // Nodes, constraints, submaps and landmarks of all members, solved together from there.
   virtual void solve(const TeamMembers& members, const std::vector<Sim3>& team_from_map, Component& team) const = 0;

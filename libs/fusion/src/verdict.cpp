@@ -64,8 +64,8 @@ void set_witnesses(Verdict& verdict, std::vector<Hash> witnesses) {
 }
 
 void decide_by_cameras(Verdict& verdict, const VisualSupport& support, const FusionOptions& options) {
-  // Maps bend, and so a few may disagree a little. Few that lie far off are enough to say that something is there twice: in halves of
-  // public recordings and in apartments not one does.
+  // Maps bend, and so a few may disagree a little. Few that lie far off are enough to say that something is there
+  // twice: in halves of public recordings and in apartments not one does.
   constexpr std::size_t kFew = 2, kOneIn = 12;
   const bool is_there_twice = support.far_rivals >= kFew && kOneIn * support.far_rivals >= support.witnesses;
   const bool are_enough = support.witnesses >= static_cast<std::size_t>(options.min_witnesses) ||
@@ -89,7 +89,8 @@ void accept_by_lasers(Verdict& verdict, double log_odds) {
   verdict.probability = 1.0 / (1.0 + std::exp(-log_odds));
 }
 
-void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreement& walls, const FusionOptions& options) {
+void doubt_by_lasers(Verdict& verdict, const LaserDoubt& doubt, const WallAgreement& walls,
+                     const FusionOptions& options) {
   verdict.probability = doubt.probability;
   verdict.second_best = doubt.rival;
   verdict.conflict = walls.conflict();
@@ -119,10 +120,10 @@ namespace {
 
 std::vector<PairHypothesis> both(const std::vector<PairHypothesis>& first, const std::vector<PairHypothesis>& second) {
   // The best of each, however many there are of the first.
-  const std::size_t of_second =
-      std::min(second.size(), std::max<std::size_t>(1, kMostPairHypotheses - std::min(first.size(), kMostPairHypotheses)));
-  std::vector<PairHypothesis> all(first.begin(),
-                                  first.begin() + static_cast<std::ptrdiff_t>(std::min(first.size(), kMostPairHypotheses - of_second)));
+  const std::size_t of_second = std::min(
+      second.size(), std::max<std::size_t>(1, kMostPairHypotheses - std::min(first.size(), kMostPairHypotheses)));
+  std::vector<PairHypothesis> all(first.begin(), first.begin() + static_cast<std::ptrdiff_t>(std::min(
+                                                                     first.size(), kMostPairHypotheses - of_second)));
   all.insert(all.end(), second.begin(), second.begin() + static_cast<std::ptrdiff_t>(of_second));
   return all;
 }

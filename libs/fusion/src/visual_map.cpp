@@ -39,7 +39,8 @@ void assign_to_features(MappedKeyframe& keyframe, std::vector<Shown> shown) {
   std::vector<double> nearest(keyframe.points.size(), kSamePoint_px * kSamePoint_px);
   for (std::size_t i = 0; i < keyframe.points.size(); ++i) {
     const double u = static_cast<double>(keyframe.points[i].u_px), v = static_cast<double>(keyframe.points[i].v_px);
-    for (auto s = std::lower_bound(shown.begin(), shown.end(), v - kSamePoint_px, [](const Shown&a, double y) { return a.v < y; });
+    for (auto s = std::lower_bound(shown.begin(), shown.end(), v - kSamePoint_px,
+                                   [](const Shown&a, double y) { return a.v < y; });
          s != shown.end() && s->v <= v + kSamePoint_px; ++s) {
       const double square = (s->u - u) * (s->u - u) + (s->v - v) * (s->v - v);
       if (square < nearest[i]) nearest[i] = square, keyframe.landmark_of_feature[i] = s->landmark;
@@ -51,7 +52,11 @@ Hash content_of(const MappedKeyframe& keyframe) {
   const auto& points = keyframe.content->points;
   const auto& descriptors = keyframe.content->descriptors;
   Hasher hasher;
-  hasher.add("keyframe").add(keyframe.camera.fx).add(keyframe.camera.fy).add(keyframe.camera.cx).add(keyframe.camera.cy);
+  hasher.add("keyframe")
+      .add(keyframe.camera.fx)
+      .add(keyframe.camera.fy)
+      .add(keyframe.camera.cx)
+      .add(keyframe.camera.cy);
   hasher.add(static_cast<std::int64_t>(points.size())).add_bytes(points.data(), points.size() * sizeof(KeyframePoint));
   return hasher.add_bytes(descriptors.data(), descriptors.size() * sizeof(BinaryDescriptor)).finish();
 }
@@ -89,7 +94,8 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
     for (const LandmarkSighting& sighting : landmark.seen) {
       const std::size_t number = number_of(sighting.node);
       if (number == keyframes_.size()) continue;
-      shown[number].push_back({static_cast<std::int32_t>(landmarks_.size()), pixels_of(sighting.u), pixels_of(sighting.v)});
+      shown[number].push_back(
+          {static_cast<std::int32_t>(landmarks_.size()), pixels_of(sighting.u), pixels_of(sighting.v)});
     }
     landmarks_.push_back({id, transformed(landmark.point_in_anchor(), anchor->map_from_node)});
   }
@@ -126,9 +132,11 @@ const Hash& VisualMap::content(std::size_t keyframe) const {
 }
 
 std::optional<std::size_t> VisualMap::landmark_number(const LandmarkId& id) const {
-  const auto found =
-      std::lower_bound(landmarks_.begin(), landmarks_.end(), id, [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
-  return found != landmarks_.end() && found->id == id ? std::optional(static_cast<std::size_t>(found - landmarks_.begin())) : std::nullopt;
+  const auto found = std::lower_bound(landmarks_.begin(), landmarks_.end(), id,
+                                      [](const MappedLandmark& l, const LandmarkId& key) { return l.id < key; });
+  return found != landmarks_.end() && found->id == id
+             ? std::optional(static_cast<std::size_t>(found - landmarks_.begin()))
+             : std::nullopt;
 }
 
 VisualPlace VisualMap::place(std::size_t keyframe, std::size_t most_covisible, bool with_words) const {
@@ -154,10 +162,12 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t most_covisible, b
         of_feature[i] = known->second;
         if (is_new)
           place.view.landmarks.push_back(
-              {transformed(landmarks_[static_cast<std::size_t>(landmark)].point_in_map, side_from_map), from.content->descriptors[i]});
+              {transformed(landmarks_[static_cast<std::size_t>(landmark)].point_in_map, side_from_map),
+               from.content->descriptors[i]});
       } else if (is_metric_ && depth_m > 0.0) {
         of_feature[i] = next;
-        const Eigen::Vector3d ray = from.camera.ray({static_cast<double>(from.points[i].u_px), static_cast<double>(from.points[i].v_px)});
+        const Eigen::Vector3d ray =
+            from.camera.ray({static_cast<double>(from.points[i].u_px), static_cast<double>(from.points[i].v_px)});
         place.view.landmarks.push_back({transformed(depth_m * ray, side_from_camera), from.content->descriptors[i]});
       }
     }
@@ -166,7 +176,8 @@ VisualPlace VisualMap::place(std::size_t keyframe, std::size_t most_covisible, b
     view.camera = from.camera;
     view.side_from_camera = side_from_camera;
     view.features = {from.points.size(), from.points.data(), from.content->descriptors.data(),
-                     with_words ? from.words->node_of_feature.data() : nullptr, with_words ? from.words->by_node.data() : nullptr};
+                     with_words ? from.words->node_of_feature.data() : nullptr,
+                     with_words ? from.words->by_node.data() : nullptr};
     view.landmark_of_feature = of_feature.data();
     view.level_scale = from.content->geometry->level_scale;
     place.view.keyframes.push_back(view);

@@ -1,5 +1,6 @@
 #pragma once
-// A map of keyframes with what comparing it with others needs, made once: words, who sees what, and places as the judge wants them.
+// A map of keyframes with what comparing it with others needs, made once: words, who sees what, and places as the judge
+// wants them.
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/pictures.h>
@@ -22,7 +23,7 @@ struct MappedKeyframe {
   const KeyframeFeatures* content = nullptr;
   Pinhole camera;
   std::vector<matching::FeaturePoint> points;
-  std::vector<std::int32_t> landmark_of_feature;                // number of the landmark that it shows; -1: none
+  std::vector<std::int32_t> landmark_of_feature;               // number of the landmark that it shows; -1: none
   std::vector<std::pair<std::size_t, std::size_t>> covisible;  // landmarks shared, and with which keyframe; most first
   std::shared_ptr<const OrderedPicture> words;
   int likeness = 0;  // of its bag to that of the keyframe before: what a picture of the same place scores

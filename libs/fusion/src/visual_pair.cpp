@@ -18,7 +18,8 @@ using Eigen::Vector3d;
 constexpr double kSameScale = 0.1;  // of the logarithms of two scales
 
 bool agree(const VisualWitness& one, const VisualWitness& other, const VisualMap& b, const FusionOptions& options) {
-  const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t, &q = b.keyframes()[other.keyframe_b].map_from_node.t;
+  const Vector3d &p = b.keyframes()[one.keyframe_b].map_from_node.t,
+                 &q = b.keyframes()[other.keyframe_b].map_from_node.t;
   const Vector3d middle = 0.5 * (p + q);
   const double scale = std::sqrt(one.a_from_b.scale * other.a_from_b.scale), far = scale * (p - q).norm();
   const double apart = (transformed(middle, one.a_from_b) - transformed(middle, other.a_from_b)).norm();
@@ -65,12 +66,14 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
   for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
     const MappedKeyframe& keyframe = b.keyframes()[j];
     const int least = std::max(1, static_cast<int>(options.least_alike * keyframe.likeness));
-    for (const matching::SimilarPlace& place : a.alike(keyframe.words->bag, least, static_cast<std::size_t>(options.candidates)))
+    for (const matching::SimilarPlace& place :
+         a.alike(keyframe.words->bag, least, static_cast<std::size_t>(options.candidates)))
       ranked.emplace_back(-static_cast<double>(place.score) / std::max(1, keyframe.likeness), a.number_of(place.id),
                           j);  // groups' sums: above 1
   }
   std::sort(ranked.begin(), ranked.end());
-  if (ranked.size() > static_cast<std::size_t>(options.most_pairs)) ranked.resize(static_cast<std::size_t>(options.most_pairs));
+  if (ranked.size() > static_cast<std::size_t>(options.most_pairs))
+    ranked.resize(static_cast<std::size_t>(options.most_pairs));
   std::vector<VisualQuestion> questions;
   for (const auto& [score, i, j] : ranked) questions.push_back({i, j});
   return questions;
@@ -78,7 +81,8 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
 
 }  // namespace
 
-bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge, std::vector<Hash>& judged) {
+bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge,
+                std::vector<Hash>& judged) {
   constexpr double kNear_m = 1.0, kAlike_rad = 0.35;
   constexpr std::size_t kMostLooks = 12, kLeastLooks = 4, kLeastFeatures = 150;
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
@@ -89,7 +93,8 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
     for (std::size_t i = 0; i < a.keyframes().size(); ++i) {
       const Pose3& here = a.keyframes()[i].map_from_camera;
       if (a.keyframes()[i].points.size() < kLeastFeatures || (here.t - there.t).norm() > kNear_m) continue;
-      const double turn = std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0));
+      const double turn =
+          std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0));
       if (turn < kAlike_rad) nearest = std::min(nearest, {(here.t - there.t).norm() + turn, i});
     }
     if (nearest.first < 1e300) near.emplace_back(nearest.first, nearest.second, j);
@@ -114,7 +119,8 @@ namespace {
 
 // What the judgements so far make of two maps.
 struct VisualCommitment {
-  std::vector<const VisualWitness*> clique, others;  // the heaviest set that holds together; those that hold, and agree with none of it
+  std::vector<const VisualWitness*> clique,
+      others;  // the heaviest set that holds together; those that hold, and agree with none of it
   std::vector<std::vector<const VisualWitness*>> sets;  // that hold together, the heaviest (the clique) first
   double weight = 0.0, rival_weight = 0.0;              // of the clique, and of the heaviest set of the others
 };
@@ -128,7 +134,8 @@ VisualCommitment commit_to(const std::deque<VisualWitness>& witnesses, const Vis
   std::vector<double> weights;
   for (std::size_t i = 0; i < good.size(); ++i) {
     weights.push_back(log_odds(good[i]->judgement.probability));
-    for (std::size_t j = 0; j < good.size(); ++j) agreement[i * good.size() + j] = i != j && agree(*good[i], *good[j], b, options);
+    for (std::size_t j = 0; j < good.size(); ++j)
+      agreement[i * good.size() + j] = i != j && agree(*good[i], *good[j], b, options);
   }
   const std::vector<Commitment> sets = commit(agreement, weights);
   VisualCommitment result;
@@ -150,13 +157,15 @@ bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQues
   const Pose3 &here = a.keyframes()[question.keyframe_a].map_from_camera,
               there = transformed(b.keyframes()[question.keyframe_b].map_from_camera, a_from_b);
   const bool is_near = !a.is_metric() || (here.t - there.t).norm() < kNear_m;
-  return is_near && std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0)) < kAlike_rad;
+  return is_near &&
+         std::acos(std::clamp((here.q * Vector3d::UnitZ()).dot(there.q * Vector3d::UnitZ()), -1.0, 1.0)) < kAlike_rad;
 }
 
-// Judged in rounds, those claimed first, then those most alike, so that maps that clearly lie on each other cost little. Once enough witnesses
-// agree and nothing speaks against them, pairs beside one of theirs are left out (they see the same again), and of those that could only
-// be rivals all but the first. Rounds that bring nothing new are then the last. Where anything contradicts, all are judged. Vetoes change
-// nothing here: what they take away, no other judgement takes the place of.
+// Judged in rounds, those claimed first, then those most alike, so that maps that clearly lie on each other cost
+// little. Once enough witnesses agree and nothing speaks against them, pairs beside one of theirs are left out (they
+// see the same again), and of those that could only be rivals all but the first. Rounds that bring nothing new are then
+// the last. Where anything contradicts, all are judged. Vetoes change nothing here: what they take away, no other
+// judgement takes the place of.
 class Rounds {
  public:
   Rounds(const VisualMap& a, const VisualMap& b, const FusionOptions& options, VisualJudge& judge)
@@ -183,12 +192,15 @@ class Rounds {
   }
 
   void open_new(const std::vector<VisualQuestion>& questions) {
-    const auto is_same = [](const VisualQuestion& one, std::size_t a, std::size_t b) { return one.keyframe_a == a && one.keyframe_b == b; };
+    const auto is_same = [](const VisualQuestion& one, std::size_t a, std::size_t b) {
+      return one.keyframe_a == a && one.keyframe_b == b;
+    };
     for (const VisualQuestion& question : questions)
       if (std::none_of(witnesses_.begin(), witnesses_.end(),
                        [&](const VisualWitness& w) { return is_same(question, w.keyframe_a, w.keyframe_b); }) &&
-          std::none_of(open_.begin(), open_.end(),
-                       [&](const VisualQuestion& other) { return is_same(question, other.keyframe_a, other.keyframe_b); }))
+          std::none_of(open_.begin(), open_.end(), [&](const VisualQuestion& other) {
+            return is_same(question, other.keyframe_a, other.keyframe_b);
+          }))
         open_.push_back(question);
   }
 
@@ -216,10 +228,12 @@ class Rounds {
   bool leave_out() {
     constexpr std::size_t kMostRivals = 12;
     const VisualCommitment now = commit_to(witnesses_, b_, {}, options_);
-    if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses)) return false;
+    if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses))
+      return false;
     const Sim3 a_from_b = mean_transform(now.clique, b_);
     std::size_t rivals = 0;
-    for (const VisualWitness& w : witnesses_) rivals += !would_see_the_same(a_, b_, {w.keyframe_a, w.keyframe_b}, a_from_b);
+    for (const VisualWitness& w : witnesses_)
+      rivals += !would_see_the_same(a_, b_, {w.keyframe_a, w.keyframe_b}, a_from_b);
     const auto is_idle = [&](const VisualQuestion& question) {
       if (!would_see_the_same(a_, b_, question, a_from_b)) return ++rivals > kMostRivals;
       return std::any_of(now.clique.begin(), now.clique.end(), [&](const VisualWitness* w) {
@@ -243,7 +257,8 @@ class Rounds {
 };
 
 // Witnesses that put the second map far from where the others have it.
-std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vector<const VisualWitness*>& witnesses, const VisualMap& b) {
+std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vector<const VisualWitness*>& witnesses,
+                                           const VisualMap& b) {
   constexpr double kFar_m = 2.0;
   std::vector<const VisualWitness*> far;
   for (const VisualWitness* w : witnesses) {
@@ -266,7 +281,8 @@ PairHypothesis hypothesis_of(const std::vector<const VisualWitness*>& witnesses,
   hypothesis.matches = static_cast<std::uint32_t>(witnesses.size());
   const double p = std::clamp(probability_of_one(witnesses), 1e-9, 1.0 - 1e-9);
   hypothesis.log_odds = std::log(p / (1.0 - p));
-  for (const VisualWitness* w : witnesses) hypothesis.overlap += w->judgement.evidence.inliers / static_cast<double>(witnesses.size());
+  for (const VisualWitness* w : witnesses)
+    hypothesis.overlap += w->judgement.evidence.inliers / static_cast<double>(witnesses.size());
   return hypothesis;
 }
 
@@ -278,7 +294,8 @@ std::vector<PairHypothesis> hypotheses_of(const VisualCommitment& commitment, co
   }
   // Beside each set stand all that hold and are not in it.
   const std::size_t all = commitment.clique.size() + commitment.others.size();
-  for (PairHypothesis& hypothesis : hypotheses) hypothesis.elsewhere = static_cast<std::uint32_t>(all - hypothesis.matches);
+  for (PairHypothesis& hypothesis : hypotheses)
+    hypothesis.elsewhere = static_cast<std::uint32_t>(all - hypothesis.matches);
   return hypotheses;
 }
 
@@ -315,8 +332,8 @@ VisualSupport support_of(const VisualCommitment& commitment, const Verdict& verd
 
 }  // namespace
 
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
-                        const FusionOptions& options, VisualJudge& judge) {
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions,
+                        const FusionInput& input, const FusionOptions& options, VisualJudge& judge) {
   VisualPairResult result;
   Verdict& verdict = result.verdict = unseen(a.map().id, b.map().id, input.by, "vision");
   verdict.proposer = "words";
@@ -326,7 +343,8 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   for (const VisualWitness& w : witnesses) {
     result.judged.push_back(w.judgement.id);
     vetoed += input.vetoed.count(w.judgement.id);
-    if (!w.judgement.hypotheses.empty() && (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
+    if (!w.judgement.hypotheses.empty() &&
+        (likeliest == nullptr || w.judgement.probability > likeliest->judgement.probability))
       likeliest = &w;
   }
   const VisualCommitment commitment = commit_to(witnesses, b, input.vetoed, options);
@@ -341,9 +359,11 @@ VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQues
   describe(verdict, commitment, b);
   verdict.hypotheses = hypotheses_of(commitment, b);
   decide_by_cameras(verdict, support_of(commitment, verdict, b), options);
-  if (verdict.reason == Reason::ambiguous) result.repetition = repetition_between(a, b, commitment.clique, commitment.others);
+  if (verdict.reason == Reason::ambiguous)
+    result.repetition = repetition_between(a, b, commitment.clique, commitment.others);
   if (verdict.decision != Decision::accepted) return result;
-  if (questions.is_doubted) result.repetition = repetition_within(a, b, commitment.clique, options, judge, result.judged);
+  if (questions.is_doubted)
+    result.repetition = repetition_within(a, b, commitment.clique, options, judge, result.judged);
   if (!result.repetition.because.empty()) {
     doubt_as_repeated(verdict, result.repetition.because);
     return result;

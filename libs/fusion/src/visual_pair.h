@@ -1,6 +1,6 @@
 #pragma once
-// Stages 2 and 3 of fuse() for two maps of keyframes (CORB-SLAM 2.2; CVS III-B): which keyframes look alike, what the judge says of them,
-// and whether that is enough to join.
+// Stages 2 and 3 of fuse() for two maps of keyframes (CORB-SLAM 2.2; CVS III-B): which keyframes look alike, what the
+// judge says of them, and whether that is enough to join.
 
 #include "visual_witness.h"
 
@@ -23,14 +23,15 @@ struct VisualPairResult {
 
 struct VisualQuestions {
   std::vector<VisualQuestion> first;  // to be judged before others
-  bool is_incremental = false;              // these and what was found before are all
+  bool is_incremental = false;        // these and what was found before are all
   bool is_doubted = true;             // whether what the maps rest on looks like other places
 };
 
-VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions, const FusionInput& input,
-                        const FusionOptions& options, VisualJudge& judge);
+VisualPairResult decide(const VisualMap& a, const VisualMap& b, const VisualQuestions& questions,
+                        const FusionInput& input, const FusionOptions& options, VisualJudge& judge);
 
 // Whether keyframes that see the same once b lies so do not know each other again.
-bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge, std::vector<Hash>& judged);
+bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge,
+                std::vector<Hash>& judged);
 
 }  // namespace mapweave::fusion

@@ -21,17 +21,19 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr std::size_t kCovisible = 5;  // covisible keyframes that each is constrained to in the graph
-// Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does not, so there the
-// shapes that they found hardly give way.
+// Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does
+// not, so there the shapes that they found hardly give way.
 constexpr double kStiff = 0.1;
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;
 constexpr double kWide_px = 20.0, kNarrow_px = 6.0;
-constexpr double kLeastGain = 3e-3, kRoughGain = 2e-2;  // of an iteration of the bundle of all, in the last round and before
-constexpr std::size_t kOfOneMap = 3;                    // sightings of a landmark while maps are laid on each other
+constexpr double kLeastGain = 3e-3,
+                 kRoughGain = 2e-2;   // of an iteration of the bundle of all, in the last round and before
+constexpr std::size_t kOfOneMap = 3;  // sightings of a landmark while maps are laid on each other
 constexpr auto kAll = static_cast<std::size_t>(-1);
-constexpr std::size_t kAtOnce = 600, kPart = 300;  // keyframes that a preview adjusts at once; else in parts of about so many
-constexpr std::size_t kLeastFound = 12;            // in one keyframe, from all its neighbours
+constexpr std::size_t kAtOnce = 600,
+                      kPart = 300;       // keyframes that a preview adjusts at once; else in parts of about so many
+constexpr std::size_t kLeastFound = 12;  // in one keyframe, from all its neighbours
 
 // A keyframe in the team.
 struct TeamKeyframe {
@@ -53,8 +55,9 @@ struct SharedSighting {
 
 class Team {
  public:
-  Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-       const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options)
+  Team(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+       const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
+       const VisualFusionOptions& options)
       : members_(members), joins_(joins), team_from_map_(team_from_map), claimed_(claimed), options_(options) {
     for (std::size_t m = 0; m < members.size(); ++m) {
       first_keyframe_.push_back(keyframes_.size());
@@ -62,12 +65,13 @@ class Team {
       for (const MappedLandmark& landmark : members[m]->landmarks()) {
         landmark_ids_.push_back(landmark.id);
         landmark_member_.push_back(m);
-        landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) + first_keyframe_[m]);
+        landmark_keyframe_.push_back(members[m]->number_of(members[m]->map().landmarks.find(landmark.id)->anchor) +
+                                     first_keyframe_[m]);
       }
       const Pose3 robot_from_camera = rig::extrinsics_of(members[m]->map());
       for (const MappedKeyframe& keyframe : members[m]->keyframes())
-        keyframes_.push_back(
-            {m, &keyframe, first_landmark, 1.0, rig::moved_with_camera(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
+        keyframes_.push_back({m, &keyframe, first_landmark, 1.0,
+                              rig::moved_with_camera(team_from_map[m], keyframe.map_from_node, robot_from_camera)});
     }
     is_free_.assign(keyframes_.size(), true);
     for (TeamKeyframe& keyframe : keyframes_) keyframe.depth_m = middle_depth(keyframe);
@@ -77,7 +81,8 @@ class Team {
   VisualTeam run(const PreviousMerge* before) {
     const bool is_again = before != nullptr && before->is_adjusted_again;
     if (before != nullptr && (!is_again || keyframes_.size() > kAtOnce))
-      if (const auto start = warm_start(*before, members_, joins_)) return is_again ? adjusted_again(*start) : extended(*start);
+      if (const auto start = warm_start(*before, members_, joins_))
+        return is_again ? adjusted_again(*start) : extended(*start);
     correct_loops();
     shape_ = shape_constraints(kStiff);
     place_landmarks();
@@ -122,7 +127,8 @@ class Team {
     return result();
   }
 
-  // One part after the other, while the rest stays: what that costs grows as the team, where all at once costs far more.
+  // One part after the other, while the rest stays: what that costs grows as the team, where all at once costs far
+  // more.
   void adjust_in_parts(double radius_px) {
     const std::size_t parts = (keyframes_.size() + kPart - 1) / kPart;
     for (std::size_t part = 0; part < parts; ++part) {
@@ -136,13 +142,14 @@ class Team {
     std::vector<const Constraint*> result;
     const auto is_keyframe = [&](const NodeId& id) { return member.number_of(id) < member.keyframes().size(); };
     for (const auto& [id, constraint] : member.map().constraints)
-      if (id.kind == ConstraintKind::extrinsic && is_keyframe(id.from) && is_keyframe(id.to) && constraint.information(0, 0) > 0.0 &&
-          constraint.information(5, 5) > 0.0)
+      if (id.kind == ConstraintKind::extrinsic && is_keyframe(id.from) && is_keyframe(id.to) &&
+          constraint.information(0, 0) > 0.0 && constraint.information(5, 5) > 0.0)
         result.push_back(&constraint);
     return result;
   }
 
-  // Whether they are of two cameras that are tied: the last keyframe of one and the first of the other say nothing of each other.
+  // Whether they are of two cameras that are tied: the last keyframe of one and the first of the other say nothing of
+  // each other.
   bool are_of_one_rig(std::size_t a, std::size_t b) const {
     const SessionId &one = keyframes_[a].content->id.session, &other = keyframes_[b].content->id.session;
     const auto& rig = rigs_[keyframes_[a].member];
@@ -163,21 +170,25 @@ class Team {
     for (const std::int32_t landmark : keyframe.content->landmark_of_feature)
       if (landmark >= 0)
         depths.push_back(
-            transformed(members_[keyframe.member]->landmarks()[static_cast<std::size_t>(landmark)].point_in_map, camera_from_map).z());
+            transformed(members_[keyframe.member]->landmarks()[static_cast<std::size_t>(landmark)].point_in_map,
+                        camera_from_map)
+                .z());
     if (depths.empty()) return 1.0;
     const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
     std::nth_element(depths.begin(), middle, depths.end());
     return scale_of(keyframe.member) * std::max(0.1, *middle);
   }
 
-  // How keyframes lay in their own maps: of those that see the same, of one and the next, and of cameras of one robot at the same time.
+  // How keyframes lay in their own maps: of those that see the same, of one and the next, and of cameras of one robot
+  // at the same time.
   std::vector<graph::RelativePoseConstraint> shape_constraints(double stiffness) const {
     std::vector<graph::RelativePoseConstraint> result;
     const auto add_constraint = [&](std::size_t from, std::size_t to, double slack) {
       const Pose3 from_from_to = between(keyframes_[from].team_from_node, keyframes_[to].team_from_node);
-      result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
-                        stiffness * slack * (kCovisibleMotion.step_m + kCovisibleMotion.step_share * from_from_to.t.norm()),
-                        stiffness * slack * kCovisibleMotion.step_rad});
+      result.push_back(
+          {static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
+           stiffness * slack * (kCovisibleMotion.step_m + kCovisibleMotion.step_share * from_from_to.t.norm()),
+           stiffness * slack * kCovisibleMotion.step_rad});
     };
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       const std::size_t first = first_keyframe_[keyframes_[i].member];
@@ -193,7 +204,8 @@ class Team {
                           to = first_keyframe_[m] + members_[m]->number_of(rigid->id.to);
         result.push_back({static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to),
                           between(keyframes_[from].team_from_node, keyframes_[to].team_from_node),
-                          stiffness / std::sqrt(rigid->information(0, 0)), stiffness / std::sqrt(rigid->information(5, 5))});
+                          stiffness / std::sqrt(rigid->information(0, 0)),
+                          stiffness / std::sqrt(rigid->information(5, 5))});
       }
     return result;
   }
@@ -203,7 +215,8 @@ class Team {
     for (const TeamKeyframe& keyframe : keyframes_) poses.push_back(keyframe.team_from_node);
     std::vector<graph::SpatialEdge> edges;
     for (const graph::RelativePoseConstraint& constraint : shape_constraints(1.0)) {
-      graph::SpatialEdge edge{constraint.from, constraint.to, constraint.from_from_to, Eigen::Matrix<double, 6, 6>::Zero()};
+      graph::SpatialEdge edge{constraint.from, constraint.to, constraint.from_from_to,
+                              Eigen::Matrix<double, 6, 6>::Zero()};
       edge.information.diagonal().head<3>().setConstant(1.0 / (constraint.sigma_m * constraint.sigma_m));
       edge.information.diagonal().tail<3>().setConstant(1.0 / (constraint.sigma_rad * constraint.sigma_rad));
       edges.push_back(edge);
@@ -221,7 +234,9 @@ class Team {
 
   // Of the cameras instead of the nodes.
   graph::RelativePoseConstraint of_cameras(graph::RelativePoseConstraint constraint) const {
-    const auto robot_from_camera = [&](std::uint32_t keyframe) { return keyframes_[keyframe].content->content->geometry->robot_from_camera; };
+    const auto robot_from_camera = [&](std::uint32_t keyframe) {
+      return keyframes_[keyframe].content->content->geometry->robot_from_camera;
+    };
     constraint.from_from_to = compose(compose(inverse(robot_from_camera(constraint.from)), constraint.from_from_to),
                                       robot_from_camera(constraint.to));
     return constraint;
@@ -244,7 +259,8 @@ class Team {
     std::vector<std::pair<double, std::size_t>> near;
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       if (keyframes_[i].member == here.member) continue;
-      const double reach = std::min(here.depth_m, keyframes_[i].depth_m), square = (rays[number].from - rays[i].from).squaredNorm();
+      const double reach = std::min(here.depth_m, keyframes_[i].depth_m),
+                   square = (rays[number].from - rays[i].from).squaredNorm();
       if (!(square < reach * reach)) continue;
       const double turn = std::acos(std::clamp(rays[number].along.dot(rays[i].along), -1.0, 1.0));
       if (turn < kSameView_rad) near.emplace_back(std::sqrt(square) / reach + turn, i);
@@ -265,7 +281,8 @@ class Team {
       rays.push_back({camera.t, camera.q * Vector3d::UnitZ()});
     }
     if (features_.empty())
-      for (const TeamKeyframe& keyframe : keyframes_) features_.emplace_back(*keyframe.content, scale_of(keyframe.member));
+      for (const TeamKeyframe& keyframe : keyframes_)
+        features_.emplace_back(*keyframe.content, scale_of(keyframe.member));
     constexpr auto kNobody = static_cast<std::size_t>(-1);
     std::vector<std::size_t> asked_by(landmark_ids_.size(), kNobody);
     for (std::size_t number = 0; number < keyframes_.size(); ++number) {
@@ -278,7 +295,8 @@ class Team {
         const TeamKeyframe& from = keyframes_[other];
         for (std::size_t f = 0; f < from.content->points.size(); ++f) {
           if (from.content->landmark_of_feature[f] < 0) continue;
-          const std::size_t landmark = from.first_landmark + static_cast<std::size_t>(from.content->landmark_of_feature[f]);
+          const std::size_t landmark =
+              from.first_landmark + static_cast<std::size_t>(from.content->landmark_of_feature[f]);
           if (asked_by[landmark] == number) continue;
           asked_by[landmark] = number;
           const Vector3d p = rotation * points_[landmark] + camera_from_team.t;
@@ -301,14 +319,16 @@ class Team {
       if (own < 0) continue;
       const std::size_t here = keyframe.first_landmark + static_cast<std::size_t>(own);
       const double depth_m = transformed(points_[here], inverse(keyframe.team_from_camera())).z();
-      if ((points_[here] - points_[found.landmark]).norm() < kSameDepth * std::max(depth_m, 0.1)) result.join(here, found.landmark);
+      if ((points_[here] - points_[found.landmark]).norm() < kSameDepth * std::max(depth_m, 0.1))
+        result.join(here, found.landmark);
     }
     return result;
   }
 
   // Of what was claimed, the new: by keyframes whose features were found to see the same, and where it is expected.
   std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> borne_out(const graph::Bundle& bundle,
-                                                                                       const DisjointSets& same, double radius_px) const {
+                                                                                       const DisjointSets& same,
+                                                                                       double radius_px) const {
     std::vector<std::tuple<std::size_t, std::size_t, const LandmarkSighting*>> result;
     if (claimed_.empty()) return result;
     std::set<std::size_t> known;
@@ -323,7 +343,9 @@ class Team {
       const TeamKeyframe& here = keyframes_[keyframe];
       const Vector3d p = transformed(points_[landmark], inverse(here.team_from_camera()));
       if (!(p.z() > 0.1)) continue;
-      if (!((here.content->camera.project(p) - Vector2d(pixels_of(claim.seen.u), pixels_of(claim.seen.v))).norm() < radius_px)) continue;
+      if (!((here.content->camera.project(p) - Vector2d(pixels_of(claim.seen.u), pixels_of(claim.seen.v))).norm() <
+            radius_px))
+        continue;
       const double depth_m = scale_of(here.member) * depth_m_of(claim.seen.inverse_depth);
       if (depth_m > 0.0 && std::abs(depth_m - p.z()) > kSameDepth * p.z()) continue;
       if (seen.emplace(keyframe, same.find(landmark)).second) result.emplace_back(keyframe, landmark, &claim.seen);
@@ -340,7 +362,8 @@ class Team {
       for (const auto& [id, landmark] : members_[m]->map().landmarks) {
         own.clear();
         for (const LandmarkSighting& seen : landmark.seen)
-          if (const std::size_t keyframe = members_[m]->number_of(seen.node); keyframe < members_[m]->keyframes().size())
+          if (const std::size_t keyframe = members_[m]->number_of(seen.node);
+              keyframe < members_[m]->keyframes().size())
             own.emplace_back(first_keyframe_[m] + keyframe, &seen);
         const std::size_t count = own.size(), chosen = std::min(most, count);
         for (std::size_t i = 0; i < count; ++i)
@@ -349,8 +372,8 @@ class Team {
       }
   }
 
-  // shared: with landmarks that two maps see alone, few sightings each, which lays the maps on each other within their shapes; the others
-  // stay at their keyframes. free: with those that free keyframes see.
+  // shared: with landmarks that two maps see alone, few sightings each, which lays the maps on each other within their
+  // shapes; the others stay at their keyframes. free: with those that free keyframes see.
   enum class Extent { shared, free, all };
   void adjust_all(double radius_px, Extent extent) {
     const DisjointSets same = classes();
@@ -361,20 +384,24 @@ class Team {
     const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       bundle.cameras.push_back(keyframes_[i].content->camera);
-      bundle.views.push_back({keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
+      bundle.views.push_back(
+          {keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
     for (const graph::RelativePoseConstraint& constraint : shape_)
       if (is_free_[constraint.from] || is_free_[constraint.to]) bundle.relative_poses.push_back(of_cameras(constraint));
-    const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px, std::uint16_t inverse_depth) {
+    const auto see = [&](std::size_t keyframe, std::size_t landmark, const Vector2d& pixel, double sigma_px,
+                         std::uint16_t inverse_depth) {
       if (counts[same.find(landmark)] == 0) return;
       graph::BundleSighting sighting;
-      sighting.view = static_cast<std::uint32_t>(keyframe), sighting.point = static_cast<std::uint32_t>(same.find(landmark));
+      sighting.view = static_cast<std::uint32_t>(keyframe),
+      sighting.point = static_cast<std::uint32_t>(same.find(landmark));
       sighting.pixel = pixel, sighting.sigma_px = sigma_px;
       if (inverse_depth != 0) {
         sighting.inverse_depth = 1.0 / (scale_of(keyframes_[keyframe].member) * depth_m_of(inverse_depth));
         const CameraGeometry& camera = *keyframes_[keyframe].content->content->geometry;
-        sighting.inverse_depth_sigma = camera.baseline_m > 0.0 ? sigma_px / (camera.fx * camera.baseline_m) : options_.inverse_depth_sigma;
+        sighting.inverse_depth_sigma =
+            camera.baseline_m > 0.0 ? sigma_px / (camera.fx * camera.baseline_m) : options_.inverse_depth_sigma;
       }
       bundle.sightings.push_back(sighting);
     };
@@ -382,10 +409,11 @@ class Team {
       for_own_sightings(kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting&) {
         if (is_free_[keyframe]) counts[same.find(landmark)] = 1;
       });
-    for_own_sightings(
-        extent == Extent::shared ? kOfOneMap : kAll, [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
-          see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)}, options_.sigma_px * (1 << seen.level), seen.inverse_depth);
-        });
+    for_own_sightings(extent == Extent::shared ? kOfOneMap : kAll,
+                      [&](std::size_t keyframe, std::size_t landmark, const LandmarkSighting& seen) {
+                        see(keyframe, landmark, {pixels_of(seen.u), pixels_of(seen.v)},
+                            options_.sigma_px * (1 << seen.level), seen.inverse_depth);
+                      });
     for (const SharedSighting& found : found_) {
       const MappedKeyframe& content = *keyframes_[found.keyframe].content;
       if (content.landmark_of_feature[found.feature] >= 0) continue;  // the same one, or a mistake
@@ -394,14 +422,16 @@ class Team {
           2.0 * options_.sigma_px * std::pow(content.content->geometry->level_scale, point.level), 0);
     }
     for (const auto& [keyframe, landmark, sighting] : borne_out(bundle, same, radius_px))
-      see(keyframe, landmark, {pixels_of(sighting->u), pixels_of(sighting->v)}, 2.0 * options_.sigma_px * (1 << sighting->level), 0);
-    std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(), [](const auto& a, const auto& b) { return a.point < b.point; });
+      see(keyframe, landmark, {pixels_of(sighting->u), pixels_of(sighting->v)},
+          2.0 * options_.sigma_px * (1 << sighting->level), 0);
+    std::stable_sort(bundle.sightings.begin(), bundle.sightings.end(),
+                     [](const auto& a, const auto& b) { return a.point < b.point; });
     graph::BundleOptions adjusting;
     adjusting.least_gain = extent == Extent::shared ? kRoughGain : kLeastGain;
     graph::adjust(bundle, adjusting);
     for (std::size_t i = 0; i < keyframes_.size(); ++i)
-      keyframes_[i].team_from_node =
-          compose(bundle.views[i].map_from_camera, inverse(keyframes_[i].content->content->geometry->robot_from_camera));
+      keyframes_[i].team_from_node = compose(bundle.views[i].map_from_camera,
+                                             inverse(keyframes_[i].content->content->geometry->robot_from_camera));
     place_landmarks();
     if (extent == Extent::shared) return;
     for (std::size_t i = 0; i < points_.size(); ++i)
@@ -421,7 +451,8 @@ class Team {
 
     std::vector<Constraint> constraints;
     for (std::size_t m = 0; m < members_.size(); ++m)
-      for (const Constraint* rigid : rigs_[m]) constraints.push_back(rig::rescaled(*rigid, members_[m]->map(), scale_of(m)));
+      for (const Constraint* rigid : rigs_[m])
+        constraints.push_back(rig::rescaled(*rigid, members_[m]->map(), scale_of(m)));
     for (const VisualJoin& join : joins_)
       for (const VisualWitness& w : *join.witnesses) {
         Constraint constraint;
@@ -433,7 +464,8 @@ class Team {
         constraint.because = w.judgement.id;
         constraints.push_back(constraint);
       }
-    std::sort(constraints.begin(), constraints.end(), [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
+    std::sort(constraints.begin(), constraints.end(),
+              [](const Constraint& a, const Constraint& b) { return a.id < b.id; });
     for (Constraint& constraint : constraints) {
       const ConstraintId id = constraint.id;
       team.constraints.set(id, std::move(constraint));
@@ -447,7 +479,8 @@ class Team {
         const std::size_t kept = same.find(number);
         if (kept == number) {
           Landmark& own = landmarks.emplace(id, landmark).first->second;
-          own.point_units = landmark_units(transformed(points_[number], inverse(keyframes_[landmark_keyframe_[number]].team_from_node)));
+          own.point_units = landmark_units(
+              transformed(points_[number], inverse(keyframes_[landmark_keyframe_[number]].team_from_node)));
         } else {
           auto& seen = landmarks.at(landmark_ids_[kept]).seen;
           seen.insert(seen.end(), landmark.seen.begin(), landmark.seen.end());
@@ -456,10 +489,11 @@ class Team {
         ++number;
       }
     for (auto& [id, landmark] : landmarks) {
-      std::stable_sort(landmark.seen.begin(), landmark.seen.end(), [](const auto& a, const auto& b) { return a.node < b.node; });
-      landmark.seen.erase(
-          std::unique(landmark.seen.begin(), landmark.seen.end(), [](const auto& a, const auto& b) { return a.node == b.node; }),
-          landmark.seen.end());
+      std::stable_sort(landmark.seen.begin(), landmark.seen.end(),
+                       [](const auto& a, const auto& b) { return a.node < b.node; });
+      landmark.seen.erase(std::unique(landmark.seen.begin(), landmark.seen.end(),
+                                      [](const auto& a, const auto& b) { return a.node == b.node; }),
+                          landmark.seen.end());
       team.landmarks.set(id, std::move(landmark));
     }
     return team;
@@ -484,8 +518,9 @@ class Team {
 
 }  // namespace
 
-VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const PreviousMerge* before) {
+VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+                const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
+                const VisualFusionOptions& options, const PreviousMerge* before) {
   return Team(members, joins, team_from_map, claimed, options).run(before);
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-// Stage 4 of fuse() for maps of keyframes: one graph of all of them (the essential graph of CORB-SLAM 2.2), landmarks that two maps share
-// found and made one, then the bundle of all adjusted.
+// Stage 4 of fuse() for maps of keyframes: one graph of all of them (the essential graph of CORB-SLAM 2.2), landmarks
+// that two maps share found and made one, then the bundle of all adjusted.
 
 #include "claimed_sightings.h"
 
@@ -18,10 +18,11 @@ struct VisualTeam {
   Table<LandmarkId, LandmarkId> same_as;        // which one stands for each that is not there
 };
 
-// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. claimed: by numbers of the members. before:
-// of a merge before, all of whose members are here: it stays for the most part, or all is adjusted again, a large team part by part.
-// null: cold.
-VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<Sim3>& team_from_map,
-                const std::vector<ClaimedSighting>& claimed, const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
+// team_from_map: where the members lie, about; the first keeps its frame. Members have keyframes. claimed: by numbers
+// of the members. before: of a merge before, all of whose members are here: it stays for the most part, or all is
+// adjusted again, a large team part by part. null: cold.
+VisualTeam join(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+                const std::vector<Sim3>& team_from_map, const std::vector<ClaimedSighting>& claimed,
+                const VisualFusionOptions& options, const PreviousMerge* before = nullptr);
 
 }  // namespace mapweave::fusion

@@ -82,8 +82,8 @@ std::vector<VisualQuestion> VisualJudge::known_places(const VisualMap& a, const 
   return questions;
 }
 
-std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
-                                            bool by_words) {
+std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap& b,
+                                            const std::vector<VisualQuestion>& questions, bool by_words) {
   const auto place_id = [](const VisualMap& map, std::size_t keyframe) {
     const NodeId& id = map.keyframes()[keyframe].id;
     return SubmapId{id.session, id.index};
@@ -102,15 +102,17 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
   }
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
-    auto made = pool_.map(order.size(),
-                          [&](std::size_t i) { return map.place(order[i], static_cast<std::size_t>(options_.covisible), by_words); });
+    auto made = pool_.map(order.size(), [&](std::size_t i) {
+      return map.place(order[i], static_cast<std::size_t>(options_.covisible), by_words);
+    });
     std::map<std::size_t, VisualPlace> places;
     for (std::size_t i = 0; i < order.size(); ++i) places.emplace(order[i], std::move(made[i]));
     return places;
   };
   const auto places_a = places_of(a, of_a), places_b = places_of(b, of_b);
   const auto judged = [&](const VisualQuestion& question, bool swapped) {
-    const matching::PlaceView &one = places_a.at(question.keyframe_a).view, &other = places_b.at(question.keyframe_b).view;
+    const matching::PlaceView &one = places_a.at(question.keyframe_a).view,
+                              &other = places_b.at(question.keyframe_b).view;
     const matching::PlaceView &first = swapped ? other : one, &second = swapped ? one : other;
     const auto known = memo_.find(matching::visual_judgement_id(first.content, second.content, options_.judge));
     return known != memo_.end() ? known->second : matching::judge_places(first, second, options_.judge).judgement;
@@ -125,7 +127,8 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
     if (witness.judgement.hypotheses.empty()) return witness;
     const Alignment& best = witness.judgement.hypotheses.front();
     witness.node_a_from_node_b = swapped ? inverse(best.a_from_b) : best.a_from_b;
-    const Eigen::Matrix<double, 6, 6> covariance = swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
+    const Eigen::Matrix<double, 6, 6> covariance =
+        swapped ? exchanged(best.covariance, best.a_from_b) : best.covariance;
     witness.information = covariance.inverse();
     witness.information = (0.5 * (witness.information + witness.information.transpose())).eval();
     witness.a_from_b = compose(compose(Sim3{a.keyframes()[in_a].map_from_node, 1.0}, witness.node_a_from_node_b),
@@ -137,8 +140,8 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
 }
 
 bool holds(const VisualWitness& w, const std::set<Hash>& vetoed, const FusionOptions& options) {
-  return !w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none && w.judgement.probability >= options.min_probability &&
-         vetoed.count(w.judgement.id) == 0;
+  return !w.judgement.hypotheses.empty() && w.judgement.doubt == Reason::none &&
+         w.judgement.probability >= options.min_probability && vetoed.count(w.judgement.id) == 0;
 }
 
 bool beside(const VisualMap& map, std::size_t keyframe, std::size_t other) {

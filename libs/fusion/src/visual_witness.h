@@ -16,9 +16,10 @@ Eigen::Matrix<double, 6, 6> exchanged(const Eigen::Matrix<double, 6, 6>& covaria
 // One judgement seen as a statement about two maps.
 struct VisualWitness {
   Judgement judgement;
-  std::size_t keyframe_a = 0, keyframe_b = 0;                                     // numbers in the two maps
-  Sim3 node_a_from_node_b, a_from_b;                                              // of the keyframes' nodes; of the map frames
-  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  // of node_a_from_node_b, as a constraint's
+  std::size_t keyframe_a = 0, keyframe_b = 0;  // numbers in the two maps
+  Sim3 node_a_from_node_b, a_from_b;           // of the keyframes' nodes; of the map frames
+  Eigen::Matrix<double, 6, 6> information =
+      Eigen::Matrix<double, 6, 6>::Zero();  // of node_a_from_node_b, as a constraint's
 };
 
 // node_a_from_node_b in metres.
@@ -33,7 +34,8 @@ struct VisualQuestion {
   std::size_t keyframe_a, keyframe_b;
 };
 
-// Asks the matching library's judge once for every pair of places, or finds the answer in the memo, or among those of before.
+// Asks the matching library's judge once for every pair of places, or finds the answer in the memo, or among those of
+// before.
 class VisualJudge {
  public:
   // All outlive it.
@@ -42,7 +44,8 @@ class VisualJudge {
   std::vector<VisualWitness> ask(const VisualMap& a, const VisualMap& b, const std::vector<VisualQuestion>& questions,
                                  bool by_words = true);
 
-  // What was judged of them before and found to be the same place, the most probable first, no keyframe twice; all of it is known.
+  // What was judged of them before and found to be the same place, the most probable first, no keyframe twice; all of
+  // it is known.
   std::vector<VisualQuestion> known_places(const VisualMap& a, const VisualMap& b) const;
 
  private:

@@ -12,8 +12,10 @@ constexpr std::size_t kAlong = 3;      // covisible keyframes that move with one
 
 }  // namespace
 
-const PreviousMerge* largest_within(const std::vector<PreviousMerge>& teams, const std::vector<const VisualMap*>& members) {
-  if (std::any_of(members.begin(), members.end(), [](const VisualMap* map) { return !map->is_metric(); })) return nullptr;
+const PreviousMerge* largest_within(const std::vector<PreviousMerge>& teams,
+                                    const std::vector<const VisualMap*>& members) {
+  if (std::any_of(members.begin(), members.end(), [](const VisualMap* map) { return !map->is_metric(); }))
+    return nullptr;
   const PreviousMerge* largest = nullptr;
   for (const PreviousMerge& team : teams) {
     const auto is_here = [&](const MapId& id) {
@@ -28,16 +30,18 @@ const PreviousMerge* largest_within(const std::vector<PreviousMerge>& teams, con
 
 namespace {
 
-// Of maps that were not in the team: as the one witness says that most of the others agree with; the nearest to the team first.
+// Of maps that were not in the team: as the one witness says that most of the others agree with; the nearest to the
+// team first.
 class Newcomers {
  public:
-  Newcomers(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins, const std::vector<std::size_t>& first,
-            WarmStart& start)
+  Newcomers(const std::vector<const VisualMap*>& members, const std::vector<VisualJoin>& joins,
+            const std::vector<std::size_t>& first, WarmStart& start)
       : members_(members), joins_(joins), first_(first), start_(start) {}
 
   bool lay(std::vector<std::size_t> members, std::vector<char> placed) {
     while (!members.empty()) {
-      const auto next = std::find_if(members.begin(), members.end(), [&](std::size_t member) { return lay(member, placed); });
+      const auto next =
+          std::find_if(members.begin(), members.end(), [&](std::size_t member) { return lay(member, placed); });
       if (next == members.end()) return false;
       placed[*next] = true;
       members.erase(next);
@@ -65,7 +69,8 @@ class Newcomers {
     std::pair<double, std::size_t> best{1e300, 0};
     for (std::size_t i = 0; i < team_from_map.size(); ++i) {
       double apart = 0.0;
-      for (const Pose3& other : team_from_map) apart += (transformed(middle, team_from_map[i]) - transformed(middle, other)).norm();
+      for (const Pose3& other : team_from_map)
+        apart += (transformed(middle, team_from_map[i]) - transformed(middle, other)).norm();
       best = std::min(best, {apart, i});
     }
     for (std::size_t i = 0; i < keyframes.size(); ++i)
@@ -109,7 +114,8 @@ std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vect
         hung = i;
         start.team_from_node.push_back(*known[i]), start.is_free.push_back(moved_m > kMoved_m);
       } else {
-        start.team_from_node.push_back(compose(*known[hung], between(keyframes[hung].map_from_node, keyframes[i].map_from_node)));
+        start.team_from_node.push_back(
+            compose(*known[hung], between(keyframes[hung].map_from_node, keyframes[i].map_from_node)));
         start.is_free.push_back(true);
       }
     }
@@ -129,7 +135,8 @@ std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vect
     for (const VisualWitness& w : *join.witnesses) {
       const std::size_t a = first[join.a] + w.keyframe_a, b = first[join.b] + w.keyframe_b;
       if (moved[a] || moved[b])
-        apart_m.push_back((compose(start.team_from_node[a], w.node_a_from_node_b.pose).t - start.team_from_node[b].t).norm());
+        apart_m.push_back(
+            (compose(start.team_from_node[a], w.node_a_from_node_b.pose).t - start.team_from_node[b].t).norm());
     }
   const auto middle = apart_m.begin() + static_cast<std::ptrdiff_t>(apart_m.size() / 2);
   std::nth_element(apart_m.begin(), middle, apart_m.end());

@@ -13,7 +13,8 @@ namespace mapweave::graph {
 namespace {
 
 // For each row its place in an order that leaves few blocks in the factor.
-std::vector<std::int32_t> places(std::size_t count, const std::vector<std::size_t>& row_begin, const std::vector<std::int32_t>& columns) {
+std::vector<std::int32_t> places(std::size_t count, const std::vector<std::size_t>& row_begin,
+                                 const std::vector<std::int32_t>& columns) {
   using Pattern = Eigen::SparseMatrix<double, Eigen::ColMajor, int>;
   std::vector<Eigen::Triplet<double>> entries;
   for (std::size_t row = 0; row < count; ++row) {
@@ -84,7 +85,8 @@ namespace {
 
 // The factor in the place of the matrix; false where it is not positive definite.
 template <int kSize>
-MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin, const std::int32_t* rows, Eigen::Matrix<double, kSize, kSize>* pivots,
+MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin, const std::int32_t* rows,
+                                    Eigen::Matrix<double, kSize, kSize>* pivots,
                                     Eigen::Matrix<double, kSize, kSize>* blocks) {
   constexpr std::int32_t kNone = -1;
   // Columns that are finished and whose next row is this one; which block that is.
@@ -98,7 +100,8 @@ MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
       const double* const factor = blocks[first].data();
       subtract_product<kSize, kSize>(factor, factor, pivots[column].data());
       for (std::size_t i = first + 1; i < end; ++i)
-        subtract_product<kSize, kSize>(blocks[i].data(), factor, blocks[where[static_cast<std::size_t>(rows[i])]].data());
+        subtract_product<kSize, kSize>(blocks[i].data(), factor,
+                                       blocks[where[static_cast<std::size_t>(rows[i])]].data());
       done = next[from];
       if (first + 1 < end) {
         reached[from] = first + 1;
@@ -107,7 +110,8 @@ MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
       }
     }
     if (!has_root(pivots[column])) return false;
-    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i) divide_by_transposed<kSize>(pivots[column].data(), blocks[i].data());
+    for (std::size_t i = begin[column]; i < begin[column + 1]; ++i)
+      divide_by_transposed<kSize>(pivots[column].data(), blocks[i].data());
     if (begin[column] == begin[column + 1]) continue;
     reached[column] = begin[column];
     auto& list = waiting[static_cast<std::size_t>(rows[begin[column]])];
@@ -116,12 +120,12 @@ MAPWEAVE_INTO_CLONES bool eliminate(std::size_t count, const std::size_t* begin,
   return true;
 }
 
-MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky<3>::Block* pivots,
-                                     BlockCholesky<3>::Block* blocks) {
+MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows,
+                                     BlockCholesky<3>::Block* pivots, BlockCholesky<3>::Block* blocks) {
   return eliminate<3>(count, begin, rows, pivots, blocks);
 }
-MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows, BlockCholesky<6>::Block* pivots,
-                                     BlockCholesky<6>::Block* blocks) {
+MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows,
+                                     BlockCholesky<6>::Block* pivots, BlockCholesky<6>::Block* blocks) {
   return eliminate<6>(count, begin, rows, pivots, blocks);
 }
 
@@ -148,11 +152,13 @@ Eigen::VectorXd BlockCholesky<kSize>::solved(const Eigen::VectorXd& right) const
   MAPWEAVE_EXPECT(right.size() == kSize * rows, "kSize numbers a row");
   Eigen::VectorXd x(right.size());
   const auto at = [](auto place) { return kSize * static_cast<Eigen::Index>(place); };
-  for (std::size_t row = 0; row < count_; ++row) x.template segment<kSize>(at(place_[row])) = right.template segment<kSize>(at(row));
+  for (std::size_t row = 0; row < count_; ++row)
+    x.template segment<kSize>(at(place_[row])) = right.template segment<kSize>(at(row));
   for (std::size_t column = 0; column < count_; ++column) {
     auto here = x.template segment<kSize>(at(column));
     pivots_[column].template triangularView<Eigen::Lower>().solveInPlace(here);
-    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i) x.template segment<kSize>(at(rows_[i])).noalias() -= blocks_[i].lazyProduct(here);
+    for (std::size_t i = begin_[column]; i < begin_[column + 1]; ++i)
+      x.template segment<kSize>(at(rows_[i])).noalias() -= blocks_[i].lazyProduct(here);
   }
   for (std::size_t column = count_; column-- > 0;) {
     auto here = x.template segment<kSize>(at(column));
@@ -161,7 +167,8 @@ Eigen::VectorXd BlockCholesky<kSize>::solved(const Eigen::VectorXd& right) const
     pivots_[column].template triangularView<Eigen::Lower>().transpose().solveInPlace(here);
   }
   Eigen::VectorXd result(right.size());
-  for (std::size_t row = 0; row < count_; ++row) result.template segment<kSize>(at(row)) = x.template segment<kSize>(at(place_[row]));
+  for (std::size_t row = 0; row < count_; ++row)
+    result.template segment<kSize>(at(row)) = x.template segment<kSize>(at(place_[row]));
   return result;
 }
 

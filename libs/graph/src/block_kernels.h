@@ -1,6 +1,7 @@
 #pragma once
-// Products of blocks of 6 rows (poses in space) or 3 (in the plane), in registers of any width: each lane does the same operations in the same order, so that processors with
-// wider registers give the same bytes. Blocks lie column by column.
+// Products of blocks of 6 rows (poses in space) or 3 (in the plane), in registers of any width: each lane does the same
+// operations in the same order, so that processors with wider registers give the same bytes. Blocks lie column by
+// column.
 
 // Into loops of MAPWEAVE_WIDE_CLONES (mapweave/core/processor_clones.h).
 #define MAPWEAVE_INTO_CLONES __attribute__((always_inline)) inline
@@ -61,7 +62,8 @@ MAPWEAVE_INTO_CLONES void divide_by_transposed(const double* lower, double* x) {
     TwoLanes low[kRows];
 #pragma GCC unroll 6
     for (int j = 0; j < kRows; ++j) {
-      high[j] = *reinterpret_cast<const FourLanes*>(x + kRows * j), low[j] = *reinterpret_cast<const TwoLanes*>(x + kRows * j + 4);
+      high[j] = *reinterpret_cast<const FourLanes*>(x + kRows * j),
+      low[j] = *reinterpret_cast<const TwoLanes*>(x + kRows * j + 4);
 #pragma GCC unroll 6
       for (int k = 0; k < j; ++k) {
         const double factor = lower[kRows * k + j];

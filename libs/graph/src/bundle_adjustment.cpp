@@ -35,18 +35,21 @@ View view_of(const Pose3& map_from_camera) {
 View moved(const View& view, const Vector6& motion) {
   const Vector3d turn = motion.tail<3>();
   const double angle = turn.norm();
-  const Matrix3d rotation = angle < 1e-12 ? Matrix3d::Identity() : Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-  return {Eigen::Quaterniond(rotation * view.rotation).normalized().toRotationMatrix(), rotation * view.translation + motion.head<3>()};
+  const Matrix3d rotation =
+      angle < 1e-12 ? Matrix3d::Identity() : Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+  return {Eigen::Quaterniond(rotation * view.rotation).normalized().toRotationMatrix(),
+          rotation * view.translation + motion.head<3>()};
 }
 
 double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
 
 // In sigmas: two of the pixel, one of the inverse depth. False behind the camera.
-bool residual_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d& p, Vector3d& value, Matrix3d* by_point) {
+bool residual_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d& p, Vector3d& value,
+                 Matrix3d* by_point) {
   if (!(p.z() > kNearest_m)) return false;
   const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
-  value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x()), weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y()),
-           0.0};
+  value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x()),
+           weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y()), 0.0};
   const double depth_weight = seen.inverse_depth_sigma > 0.0 ? 1.0 / seen.inverse_depth_sigma : 0.0;
   value.z() = depth_weight * (z - seen.inverse_depth);
   if (by_point != nullptr)
@@ -57,7 +60,8 @@ bool residual_of(const BundleSighting& seen, const Pinhole& camera, const Vector
 
 class Adjustment {
  public:
-  Adjustment(Bundle& bundle, const BundleOptions& options) : bundle_(bundle), options_(options), points_(bundle.points) {
+  Adjustment(Bundle& bundle, const BundleOptions& options)
+      : bundle_(bundle), options_(options), points_(bundle.points) {
     for (const BundleView& view : bundle.views) {
       MAPWEAVE_EXPECT(view.camera < bundle.cameras.size(), "a view names a camera");
       column_.push_back(view.fixed ? -1 : free_++);
@@ -67,14 +71,16 @@ class Adjustment {
     std::size_t next = 0;
     for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
       const BundleSighting& seen = bundle.sightings[i];
-      MAPWEAVE_EXPECT(
-          seen.view < bundle.views.size() && seen.point < bundle.points.size() && (i == 0 || bundle.sightings[i - 1].point <= seen.point),
-          "sightings name views and points, in order");
+      MAPWEAVE_EXPECT(seen.view < bundle.views.size() && seen.point < bundle.points.size() &&
+                          (i == 0 || bundle.sightings[i - 1].point <= seen.point),
+                      "sightings name views and points, in order");
       while (next <= seen.point) first_[next++] = sightings_.size();
       if (seen.fits) sightings_.push_back(seen);
     }
     while (next < first_.size()) first_[next++] = sightings_.size();
-    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) { return column_[a.view] < column_[b.view]; };
+    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) {
+      return column_[a.view] < column_[b.view];
+    };
     for (std::size_t point = 0; point < points_.size(); ++point) {
       const auto begin = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point]),
                  end = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point + 1]);
@@ -84,13 +90,13 @@ class Adjustment {
     for (const BundleSighting& seen : sightings_) column_of_sighting_.push_back(column_[seen.view]);
     for (std::size_t point = 0; point < points_.size(); ++point) {
       first_free_.push_back(first_[point]);
-      while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0) ++first_free_[point];
+      while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0)
+        ++first_free_[point];
     }
     for (const RelativePoseConstraint& constraint : bundle.relative_poses)
-      MAPWEAVE_EXPECT(
-          constraint.from < bundle.views.size() && constraint.to < bundle.views.size() && constraint.from != constraint.to &&
-              constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
-          "a constraint names two views");
+      MAPWEAVE_EXPECT(constraint.from < bundle.views.size() && constraint.to < bundle.views.size() &&
+                          constraint.from != constraint.to && constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
+                      "a constraint names two views");
     find_blocks();
   }
 
@@ -145,7 +151,8 @@ class Adjustment {
       for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
         for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of_sighting_[i], column_of_sighting_[j]);
     for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
-      if (const auto [column, row] = std::minmax(column_[constraint.from], column_[constraint.to]); column >= 0) meet(row, column);
+      if (const auto [column, row] = std::minmax(column_[constraint.from], column_[constraint.to]); column >= 0)
+        meet(row, column);
     for (std::size_t row = 0; row < rows; ++row) {
       row_begin_.push_back(columns_.size());
       for (std::size_t column = 0; column < row; ++column) {
@@ -187,9 +194,11 @@ class Adjustment {
       if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, nullptr))
         sum += 100.0 * options_.soft_sigmas * options_.soft_sigmas;
       else
-        sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) + soft_cost(std::abs(value.z()), options_.soft_sigmas);
+        sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) +
+               soft_cost(std::abs(value.z()), options_.soft_sigmas);
     }
-    for (const RelativePoseConstraint& constraint : bundle_.relative_poses) sum += error_of(constraint, views).squaredNorm();
+    for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
+      sum += error_of(constraint, views).squaredNorm();
     return sum;
   }
 
@@ -227,7 +236,8 @@ class Adjustment {
     };
     add(constraint.from, by_from), add(constraint.to, by_to);
     const bool from_is_row = column_[constraint.from] > column_[constraint.to];
-    cross_of_constraint_[number] = from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
+    cross_of_constraint_[number] =
+        from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
   }
 
   void linearise() {
@@ -247,11 +257,13 @@ class Adjustment {
       const Vector3d p = view.rotation * points_[seen.point] + view.translation;
       if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_point)) continue;
       used_[i] = 1;
-      // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p. Element by element:
-      // of `by_point` the half is zero.
+      // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p.
+      // Element by element: of `by_point` the half is zero.
       const Vector3d weights = weights_of(value), slope = by_point.transpose() * weights.cwiseProduct(value);
-      const double x = by_point(0, 0), x_z = by_point(0, 2), y = by_point(1, 1), y_z = by_point(1, 2), z = by_point(2, 2);
-      const double xx = weights.x() * x * x, xz = weights.x() * x * x_z, yy = weights.y() * y * y, yz = weights.y() * y * y_z,
+      const double x = by_point(0, 0), x_z = by_point(0, 2), y = by_point(1, 1), y_z = by_point(1, 2),
+                   z = by_point(2, 2);
+      const double xx = weights.x() * x * x, xz = weights.x() * x * x_z, yy = weights.y() * y * y,
+                   yz = weights.y() * y * y_z,
                    zz = weights.x() * x_z * x_z + weights.y() * y_z * y_z + weights.z() * z * z;
       const Matrix3d& rotation = view.rotation;
       Matrix3d& of_point = hessian_of_point_[seen.point];
@@ -259,14 +271,16 @@ class Adjustment {
 #pragma GCC unroll 3
       for (int k = 0; k < 3; ++k) {
         const Vector3d axis = rotation.col(k);
-        const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(), xz * axis.x() + yz * axis.y() + zz * axis.z());
+        const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(),
+                             xz * axis.x() + yz * axis.y() + zz * axis.z());
         of_point(0, k) += rotation.col(0).dot(known), of_point(1, k) += rotation.col(1).dot(known);
         of_point(2, k) += rotation.col(2).dot(known);
         gradient_of_point_[seen.point](k) += axis.dot(slope);
         if (c >= 0) cross_[i].col(k).head<3>() = known, cross_[i].col(k).tail<3>() = p.cross(known);
       }
       if (c < 0) continue;
-      const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx), second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
+      const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx),
+          second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
           third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
       Matrix6& hessian = hessian_of_view_[static_cast<std::size_t>(c)];  // the lower triangle
       hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
@@ -319,7 +333,8 @@ class Adjustment {
         Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
         subtract_product<6, 3>(left.data(), cross_[i].data(), diagonal[row].data());
         for (std::size_t j = first_free_[point]; j < i; ++j, ++target)
-          if (used_[j] != 0 && column_of_sighting_[j] != row) subtract_product<6, 3>(left.data(), cross_[j].data(), below[*target].data());
+          if (used_[j] != 0 && column_of_sighting_[j] != row)
+            subtract_product<6, 3>(left.data(), cross_[j].data(), below[*target].data());
       }
   }
 

@@ -7,8 +7,8 @@
 namespace mapweave::graph {
 namespace {
 
-// Branch and bound over candidates in a fixed order; the bound is a greedy colouring: of each class of mutually inconsistent ones a clique
-// holds at most one.
+// Branch and bound over candidates in a fixed order; the bound is a greedy colouring: of each class of mutually
+// inconsistent ones a clique holds at most one.
 class Search {
  public:
   Search(const std::vector<bool>& consistent, const std::vector<double>& weights, std::size_t budget)
@@ -82,7 +82,8 @@ class Search {
 
 }  // namespace
 
-std::vector<std::size_t> consistent_set(const std::vector<bool>& consistent, const std::vector<double>& weights, std::size_t budget) {
+std::vector<std::size_t> consistent_set(const std::vector<bool>& consistent, const std::vector<double>& weights,
+                                        std::size_t budget) {
   MAPWEAVE_EXPECT(consistent.size() == weights.size() * weights.size(), "one row and column per weight");
   return Search(consistent, weights, budget).run();
 }

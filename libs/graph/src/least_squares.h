@@ -5,8 +5,9 @@
 
 namespace mapweave::graph {
 
-inline ceres::Solver::Summary minimised(ceres::Problem& problem, int iterations,
-                                        double trust_region_radius = ceres::Solver::Options().initial_trust_region_radius) {
+inline ceres::Solver::Summary minimised(
+    ceres::Problem& problem, int iterations,
+    double trust_region_radius = ceres::Solver::Options().initial_trust_region_radius) {
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;

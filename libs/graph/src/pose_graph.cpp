@@ -31,9 +31,11 @@ struct InPlane {
     return {error.x, error.y, error.phi};
   }
   // Motions are of positions in the map's frame, and of yaws.
-  static void linearise(const graph::Edge& edge, const Pose2& from, const Pose2& to, Error& error, Matrix& by_from, Matrix& by_to) {
+  static void linearise(const graph::Edge& edge, const Pose2& from, const Pose2& to, Error& error, Matrix& by_from,
+                        Matrix& by_to) {
     const Pose2& measured = edge.from_from_to;
-    const double cf = std::cos(from.phi), sf = std::sin(from.phi), cm = std::cos(measured.phi), sm = std::sin(measured.phi);
+    const double cf = std::cos(from.phi), sf = std::sin(from.phi), cm = std::cos(measured.phi),
+                 sm = std::sin(measured.phi);
     const double dx = to.x - from.x, dy = to.y - from.y;
     const double lx = cf * dx + sf * dy, ly = -sf * dx + cf * dy;  // `to` seen from `from`
     const double ex = lx - measured.x, ey = ly - measured.y;
@@ -56,9 +58,11 @@ double chi2_of(const Edge& edge, const std::vector<Pose2>& poses) {
   return error.dot(edge.information * error);
 }
 
-Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options, std::uint32_t fixed) {
+Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options,
+               std::uint32_t fixed) {
   for (const auto& edge : edges) {
-    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to, "an edge joins two poses of the graph");
+    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to,
+                    "an edge joins two poses of the graph");
     MAPWEAVE_EXPECT(edge.information.allFinite() && is_finite(edge.from_from_to), "edges are finite");
   }
   Solution solution;
@@ -113,7 +117,8 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
     if (mu > 0.0) solver.set_weights(solution.weight);
     run(kEnough);
   }
-  for (std::size_t i = 0; i < edges.size(); ++i) solution.chi2 += solution.weight[i] * chi2_of(edges[i], solution.poses);
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    solution.chi2 += solution.weight[i] * chi2_of(edges[i], solution.poses);
   return solution;
 }
 
@@ -137,7 +142,8 @@ MapSolution optimise(Map& map, const SolveOptions& options) {
   std::vector<ConstraintId> names;
   edges.reserve(map.constraints.size());
   for (const auto& [id, constraint] : map.constraints) {
-    edges.push_back({number(id.from), number(id.to), planar(constraint.from_from_to.pose), planar(constraint.information),
+    edges.push_back({number(id.from), number(id.to), planar(constraint.from_from_to.pose),
+                     planar(constraint.information),
                      id.kind == ConstraintKind::loop || id.kind == ConstraintKind::between_maps});
     names.push_back(id);
   }

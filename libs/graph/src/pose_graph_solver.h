@@ -1,5 +1,6 @@
 #pragma once
-// Levenberg-Marquardt on graphs of poses: the same loop for poses in the plane and in space. What differs stands in a `Space`:
+// Levenberg-Marquardt on graphs of poses: the same loop for poses in the plane and in space. What differs stands in a
+// `Space`:
 //   Pose, Edge        with numbers of poses `from` and `to`, the measured pose `from_from_to`, and `information`
 //   kSize             numbers that a small motion of a pose has
 //   kFirstDamping            share of the diagonal that is added first
@@ -31,7 +32,8 @@ class PoseGraphSolver {
   };
 
   // Both must outlive this.
-  PoseGraphSolver(std::vector<Pose>& poses, const std::vector<Edge>& edges, std::uint32_t fixed) : poses_(poses), edges_(edges) {
+  PoseGraphSolver(std::vector<Pose>& poses, const std::vector<Edge>& edges, std::uint32_t fixed)
+      : poses_(poses), edges_(edges) {
     std::vector<std::int32_t> number(poses.size(), kNone);
     for (const Edge& edge : edges) {
       information_.push_back(Space::sound(edge.information));
@@ -103,7 +105,8 @@ class PoseGraphSolver {
       const auto row = static_cast<std::size_t>(std::max(place.from, place.to));
       const auto first = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row]),
                  last = columns.begin() + static_cast<std::ptrdiff_t>(row_begin[row + 1]);
-      place.block = static_cast<std::size_t>(std::lower_bound(first, last, std::min(place.from, place.to)) - columns.begin());
+      place.block =
+          static_cast<std::size_t>(std::lower_bound(first, last, std::min(place.from, place.to)) - columns.begin());
     }
     diagonal_.resize(free_.size());
     below_.resize(columns.size());

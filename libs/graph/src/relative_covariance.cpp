@@ -28,7 +28,8 @@ struct RelativeCovariance::State {
   }
 };
 
-RelativeCovariance::RelativeCovariance(const std::vector<Pose2>& poses, const std::vector<Edge>& edges, const std::vector<double>& weights)
+RelativeCovariance::RelativeCovariance(const std::vector<Pose2>& poses, const std::vector<Edge>& edges,
+                                       const std::vector<double>& weights)
     : state_(std::make_unique<State>()) {
   MAPWEAVE_EXPECT(weights.size() == edges.size(), "one weight an edge");
   state_->poses = poses;
@@ -36,7 +37,8 @@ RelativeCovariance::RelativeCovariance(const std::vector<Pose2>& poses, const st
   entries.reserve(edges.size() * 36 + poses.size() * 3);
   const auto add = [&](std::uint32_t row, std::uint32_t column, const Eigen::Matrix3d& block) {
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) entries.emplace_back(static_cast<int>(3 * row) + i, static_cast<int>(3 * column) + j, block(i, j));
+      for (int j = 0; j < 3; ++j)
+        entries.emplace_back(static_cast<int>(3 * row) + i, static_cast<int>(3 * column) + j, block(i, j));
   };
   for (std::size_t k = 0; k < edges.size(); ++k) {
     const Edge& edge = edges[k];
@@ -68,7 +70,8 @@ Eigen::Matrix3d RelativeCovariance::between(std::uint32_t from, std::uint32_t to
   const Columns& of_from = state_->columns_of(from);
   const Eigen::Matrix3d from_from = of_from.middleRows<3>(row(from)), to_from = of_from.middleRows<3>(row(to));
   const Eigen::Matrix3d to_to = state_->columns_of(to).middleRows<3>(row(to));
-  const Eigen::Matrix3d covariance = to_to + carry * from_from * carry.transpose() - to_from * carry.transpose() - carry * to_from.transpose();
+  const Eigen::Matrix3d covariance =
+      to_to + carry * from_from * carry.transpose() - to_from * carry.transpose() - carry * to_from.transpose();
   return 0.5 * (covariance + covariance.transpose());
 }
 

@@ -66,7 +66,8 @@ struct InSpace {
     Eigen::Quaterniond turn;
     return graph::error_of(edge.from_from_to, from, to, turn);
   }
-  static void linearise(const SpatialEdge& edge, const Pose3& from, const Pose3& to, Vector6& error, Matrix6& by_from, Matrix6& by_to) {
+  static void linearise(const SpatialEdge& edge, const Pose3& from, const Pose3& to, Vector6& error, Matrix6& by_from,
+                        Matrix6& by_to) {
     Eigen::Quaterniond turn;
     error = graph::error_of(edge.from_from_to, from, to, turn);
     const Slopes slopes = slopes_of(edge.from_from_to, from, to, turn);
@@ -76,17 +77,20 @@ struct InSpace {
   static Pose3 moved(Pose3 pose, const Vector6& motion) {
     const double angle = motion.tail<3>().norm();
     pose.t += pose.q * motion.head<3>();
-    if (angle > 0.0) pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, motion.tail<3>() / angle))).normalized();
+    if (angle > 0.0)
+      pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, motion.tail<3>() / angle))).normalized();
     return pose;
   }
 };
 
 }  // namespace
 
-SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations, std::uint32_t fixed) {
+SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations,
+                      std::uint32_t fixed) {
   MAPWEAVE_EXPECT(initial.empty() || fixed < initial.size(), "the fixed pose is one of them");
   for (const SpatialEdge& edge : edges) {
-    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to, "edges join two of the poses");
+    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to,
+                    "edges join two of the poses");
     MAPWEAVE_EXPECT(edge.information.allFinite() && is_finite(edge.from_from_to), "edges are finite");
   }
   std::vector<Pose3> poses = initial;

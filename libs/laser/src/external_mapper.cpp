@@ -21,16 +21,18 @@ namespace {
 
 constexpr int kInterruptCheck_ms = 100;
 constexpr int kExitChecks = 1000,
-              kExitCheck_us = 5000;  // a process that has closed its stream is given 5 s to end (it may be dumping core)
+              kExitCheck_us =
+                  5000;  // a process that has closed its stream is given 5 s to end (it may be dumping core)
 constexpr char kRemedy[] = "run this robot again, or with another laser engine";
 
 std::string path_of_helper(const std::string& chosen) {
   namespace fs = std::filesystem;
   std::error_code ignored;
-  const fs::path path = chosen.empty() ? fs::read_symlink("/proc/self/exe", ignored).parent_path() / "mrpt_mapper" : fs::path(chosen);
+  const fs::path path =
+      chosen.empty() ? fs::read_symlink("/proc/self/exe", ignored).parent_path() / "mrpt_mapper" : fs::path(chosen);
   if (!fs::is_regular_file(path, ignored) || ::access(path.c_str(), X_OK) != 0)
-    throw Error(ErrorCode::kMissing, "the helper of laser engines rbpf and icp is not there, or not executable", path.string(),
-                "build the target mrpt_mapper, or name its path with the option 'helper'");
+    throw Error(ErrorCode::kMissing, "the helper of laser engines rbpf and icp is not there, or not executable",
+                path.string(), "build the target mrpt_mapper, or name its path with the option 'helper'");
   return path.string();
 }
 
@@ -54,7 +56,8 @@ std::string system_message(int code) { return std::error_code(code, std::generic
 
 }  // namespace
 
-ExternalMapper::ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOptions> engine, ExternalMapperOptions options)
+ExternalMapper::ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOptions> engine,
+                               ExternalMapperOptions options)
     : client_(client), options_(std::move(options)) {
   map_.id = MapId(client_.robot.str());
   start(path_of_helper(options_.helper));
@@ -68,19 +71,20 @@ ExternalMapper::ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOpt
 
 ExternalMapper::~ExternalMapper() { end_helper(); }
 
-// One socket serves as the helper's standard input and output: unlike a pipe it can be written to without SIGPIPE. Every descriptor of ours
-// is close-on-exec, so when this process dies the helper sees its stream end. (PR_SET_PDEATHSIG would fire when the thread ends that
-// started the helper.)
+// One socket serves as the helper's standard input and output: unlike a pipe it can be written to without SIGPIPE.
+// Every descriptor of ours is close-on-exec, so when this process dies the helper sees its stream end.
+// (PR_SET_PDEATHSIG would fire when the thread ends that started the helper.)
 void ExternalMapper::start(const std::string& program) {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
-    throw Error(ErrorCode::kHelperFailed, "no stream to the helper can be made: " + system_message(errno), client_.robot.str(),
-                "raise the limit of open files");
+    throw Error(ErrorCode::kHelperFailed, "no stream to the helper can be made: " + system_message(errno),
+                client_.robot.str(), "raise the limit of open files");
   stream_ = ends[0];
   SpawnArguments spawn;
   ::posix_spawn_file_actions_adddup2(&spawn.files, ends[1], STDIN_FILENO);
   ::posix_spawn_file_actions_adddup2(&spawn.files, ends[1], STDOUT_FILENO);
-  if (!options_.show_messages) ::posix_spawn_file_actions_addopen(&spawn.files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+  if (!options_.show_messages)
+    ::posix_spawn_file_actions_addopen(&spawn.files, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
   ::posix_spawn_file_actions_addclosefrom_np(&spawn.files, STDERR_FILENO + 1);
   sigset_t none, all;
   sigemptyset(&none);
@@ -89,8 +93,10 @@ void ExternalMapper::start(const std::string& program) {
   ::posix_spawnattr_setsigdefault(&spawn.attributes, &all);
   ::posix_spawnattr_setflags(&spawn.attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
   std::string name = "mrpt_mapper", robot = client_.robot.str();
-  std::array<char*, 3> arguments{name.data(), robot.data(), nullptr};  // the robot's name for those who look at the list of processes
-  const int code = ::posix_spawn(&process_, program.c_str(), &spawn.files, &spawn.attributes, arguments.data(), environ);
+  std::array<char*, 3> arguments{name.data(), robot.data(),
+                                 nullptr};  // the robot's name for those who look at the list of processes
+  const int code =
+      ::posix_spawn(&process_, program.c_str(), &spawn.files, &spawn.attributes, arguments.data(), environ);
   ::close(ends[1]);
   if (code != 0) {
     process_ = -1;
@@ -110,7 +116,8 @@ void ExternalMapper::add(const LaserInput& input) {
     return;
   }
   const PackedScan& scan = std::get<ScanInput>(input).scan;
-  MAPWEAVE_EXPECT(scan.geometry && scan.geometry->ray_count == scan.ranges.size(), "a scan has as many ranges as its geometry says");
+  MAPWEAVE_EXPECT(scan.geometry && scan.geometry->ray_count == scan.ranges.size(),
+                  "a scan has as many ranges as its geometry says");
   std::string frames;
   if (sent_geometry_ != scan.geometry) frames = protocol::encode(*scan.geometry);
   sent_geometry_ = scan.geometry;
@@ -125,7 +132,8 @@ void ExternalMapper::finish() {
   while (!pose_count_)
     if (!exchange(nothing, true)) fail();
   if (*pose_count_ != scans_.size() || poses_.size() != scans_.size()) {
-    failure_ = "it answered with " + std::to_string(poses_.size()) + " poses for " + std::to_string(scans_.size()) + " scans";
+    failure_ =
+        "it answered with " + std::to_string(poses_.size()) + " poses for " + std::to_string(scans_.size()) + " scans";
     fail();
   }
   end_helper();
@@ -138,7 +146,8 @@ void ExternalMapper::finish() {
   }
   scans_ = {};
   poses_ = {};
-  map_ = cut_into_submaps(map_.id, SessionId{client_, first_stamp_ ? first_stamp_->ns : 0}, std::move(tracked), options_.submaps);
+  map_ = cut_into_submaps(map_.id, SessionId{client_, first_stamp_ ? first_stamp_->ns : 0}, std::move(tracked),
+                          options_.submaps);
   finished_ = true;
 }
 
@@ -185,7 +194,8 @@ void ExternalMapper::take(const protocol::MapperFrame& frame) {
     }
     case protocol::Kind::done: pose_count_ = protocol::decode_count(frame.body); return;
     case protocol::Kind::failed: failure_ = frame.body; return;
-    default: protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the program");
+    default:
+      protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the program");
   }
 }
 
@@ -209,15 +219,15 @@ void ExternalMapper::fail() {
       continue;
     }
     if (reaped == process_)
-      end +=
-          WIFSIGNALED(status) ? " by signal " + std::to_string(WTERMSIG(status)) : " with exit code " + std::to_string(WEXITSTATUS(status));
+      end += WIFSIGNALED(status) ? " by signal " + std::to_string(WTERMSIG(status))
+                                 : " with exit code " + std::to_string(WEXITSTATUS(status));
     process_ = -1;
   }
   end_helper();
-  error_.emplace(
-      ErrorCode::kHelperFailed,
-      "helper mrpt_mapper " + end + " after " + std::to_string(finished_scans_) + " scans" + (failure_.empty() ? "" : ": " + failure_),
-      client_.robot.str(), kRemedy);
+  error_.emplace(ErrorCode::kHelperFailed,
+                 "helper mrpt_mapper " + end + " after " + std::to_string(finished_scans_) + " scans" +
+                     (failure_.empty() ? "" : ": " + failure_),
+                 client_.robot.str(), kRemedy);
   throw Error(*error_);
 }
 

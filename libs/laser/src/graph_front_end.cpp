@@ -13,10 +13,11 @@ constexpr std::size_t kFewestPoints = 15;
 constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
 constexpr double kShortestMotion_s = 0.02, kLongestStep_s = 0.5;
 constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep
-constexpr double kClearlyBetter = 0.03;  // of the mean likelihood under the points
+constexpr double kClearlyBetter = 0.03;                    // of the mean likelihood under the points
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad)).asDiagonal();
+  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad))
+      .asDiagonal();
 }
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
@@ -25,7 +26,9 @@ Stamp later(Stamp stamp, double seconds) { return {stamp.ns + std::llround(secon
 
 }  // namespace
 
-void FrontEnd::add_odometry(const OdometryInput& odometry) { odometry_.add(odometry.stamp, planar(odometry.odometry_from_robot)); }
+void FrontEnd::add_odometry(const OdometryInput& odometry) {
+  odometry_.add(odometry.stamp, planar(odometry.odometry_from_robot));
+}
 
 Pose2 FrontEnd::predict(Stamp stamp, bool& from_odometry) const {
   const auto odometry = odometry_.at(taken_at(stamp));
@@ -36,7 +39,8 @@ Pose2 FrontEnd::predict(Stamp stamp, bool& from_odometry) const {
 }
 
 // Lasers whose sweep is not known keep the older thinning, and so their maps, byte for byte.
-std::vector<matching::WallPoint> FrontEnd::matched_points(const PackedScan& scan, const std::vector<matching::WallPoint>& all) const {
+std::vector<matching::WallPoint> FrontEnd::matched_points(const PackedScan& scan,
+                                                          const std::vector<matching::WallPoint>& all) const {
   const auto most = static_cast<std::size_t>(options_.most_points);
   return scan.geometry->has_sweep() ? matching::thinned_evenly(all, options_.thinning_m, most)
                                     : matching::thinned(all, options_.thinning_m, most);
@@ -66,13 +70,15 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   Active& against = active_.front();
   against.field.settle();
   const Pose2 guess = between(against.local_from_submap, step.predicted);
-  matching::SearchWindow window{options_.window_m + 0.25 * step.distance_m, options_.window_yaw_rad + 0.25 * step.turn_rad, 0.00873};
+  matching::SearchWindow window{options_.window_m + 0.25 * step.distance_m,
+                                options_.window_yaw_rad + 0.25 * step.turn_rad, 0.00873};
   if (!step.from_odometry) {
     window.radius_m += 0.2;
     window.yaw_rad += 0.15;
   }
   window.radius_m = std::min(window.radius_m, 2.0);
-  const matching::PriorWeight loose{std::max(0.05, 2 * step.prior.sigma_m), std::max(0.06, 2 * step.prior.sigma_yaw_rad)};
+  const matching::PriorWeight loose{std::max(0.05, 2 * step.prior.sigma_m),
+                                    std::max(0.06, 2 * step.prior.sigma_yaw_rad)};
   auto coarse = matching::correlate(against.field, few, guess, window, loose);
   if (coarse && coarse->at_border && coarse->score < 0.6) {
     window.yaw_rad *= 2;
@@ -86,11 +92,13 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   const matching::PriorWeight relative{step.prior.sigma_m * scale, step.prior.sigma_yaw_rad * scale,
                                        9.0 / options_.point_information_scale};
   auto match = matching::refine(against.field, few, coarse->field_from_scan, guess, &relative);
-  // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that odometry is wrong.
+  // Along bare corridors all places look alike, and the best by a hair is anywhere: walls must tell clearly that
+  // odometry is wrong.
   const Pose2 shift = between(guess, coarse->field_from_scan);
   if (step.from_odometry && (std::hypot(shift.x, shift.y) > kClearShift_m || std::abs(shift.phi) > kClearShift_rad)) {
     const auto as_expected = matching::refine(against.field, few, guess, guess, &relative);
-    if (as_expected.inliers >= options_.min_inliers && as_expected.score > match.score - kClearlyBetter) match = as_expected;
+    if (as_expected.inliers >= options_.min_inliers && as_expected.score > match.score - kClearlyBetter)
+      match = as_expected;
   }
   if (match.inliers < options_.min_inliers) return result;
   result.is_found = true;
@@ -98,7 +106,8 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
   result.local_from_node = compose(against.local_from_submap, match.field_from_scan);
   result.information = options_.point_information_scale * match.information;
   const Eigen::Matrix3d floor = Eigen::Vector3d(2.5e-5, 2.5e-5, 7.6e-7).asDiagonal();  // 5 mm, 0.05 degrees
-  result.information = ((Eigen::Matrix3d::Identity() + result.information * floor).inverse() * result.information).eval();
+  result.information =
+      ((Eigen::Matrix3d::Identity() + result.information * floor).inverse() * result.information).eval();
   result.information = (0.5 * (result.information + result.information.transpose())).eval();
   return result;
 }
@@ -107,21 +116,25 @@ FrontEnd::Matched FrontEnd::match(const std::vector<matching::WallPoint>& few, c
 void FrontEnd::learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan) {
   const Active& against = active_.front();
   const auto free = matching::refine(against.field, few, submap_from_scan, {}, nullptr);
-  heading_quality_.add_heading(
-      free.inliers >= options_.min_inliers ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi) : std::nullopt);
+  heading_quality_.add_heading(free.inliers >= options_.min_inliers
+                                   ? std::optional(against.local_from_submap.phi + free.field_from_scan.phi)
+                                   : std::nullopt);
 }
 
 double FrontEnd::needs_until_s(const ScanInput& input) const {
   const ScanGeometry& geometry = *input.scan.geometry;
-  return std::max({geometry.ray_time_s(0), geometry.ray_time_s(geometry.ray_count - 1), 0.0}) - static_cast<double>(delay_ns_) * 1e-9;
+  return std::max({geometry.ray_time_s(0), geometry.ray_time_s(geometry.ray_count - 1), 0.0}) -
+         static_cast<double>(delay_ns_) * 1e-9;
 }
 
 Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
   const ScanGeometry& geometry = *input.scan.geometry;
   const double first_s = geometry.ray_time_s(0), last_s = geometry.ray_time_s(geometry.ray_count - 1);
   // Shorter than this, readings do not resolve the motion.
-  const double middle_s = 0.5 * (first_s + last_s), half_s = std::max(kShortestMotion_s, 0.5 * std::abs(last_s - first_s));
-  const Stamp from = later(taken_at(input.stamp), middle_s - half_s), to = later(taken_at(input.stamp), middle_s + half_s);
+  const double middle_s = 0.5 * (first_s + last_s),
+               half_s = std::max(kShortestMotion_s, 0.5 * std::abs(last_s - first_s));
+  const Stamp from = later(taken_at(input.stamp), middle_s - half_s),
+              to = later(taken_at(input.stamp), middle_s + half_s);
   Pose2 velocity = last_motion_;
   const auto before = odometry_.at(from), after = odometry_.at(to);
   if (before && after && from < to) {
@@ -129,8 +142,8 @@ Pose2 FrontEnd::sweep_velocity(const ScanInput& input) const {
     velocity = scaled(motion, 0.5 / half_s);
     // A robot drives along an arc, and the chord leaves at half of the turn.
     const double turn = -velocity.phi * half_s;
-    velocity = {std::cos(turn) * velocity.x - std::sin(turn) * velocity.y, std::sin(turn) * velocity.x + std::cos(turn) * velocity.y,
-                velocity.phi};
+    velocity = {std::cos(turn) * velocity.x - std::sin(turn) * velocity.y,
+                std::sin(turn) * velocity.x + std::cos(turn) * velocity.y, velocity.phi};
   }
   if (inertial_.is_trusted())
     if (const auto turn = inertial_.turn(from, to)) velocity.phi = *turn * 0.5 / half_s;
@@ -182,7 +195,8 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
     const matching::PriorWeight& prior = step.prior;
     auto found = match(few, step);
     if (sweeps && found.is_found) {
-      inertial_.compare(taken_at(*last_stamp_), taken_at(input.stamp), wrap_angle(found.local_from_node.phi - local_from_last_.phi));
+      inertial_.compare(taken_at(*last_stamp_), taken_at(input.stamp),
+                        wrap_angle(found.local_from_node.phi - local_from_last_.phi));
       if (const auto better = corrected_velocity(input, velocity, step, found)) {
         input.scan.motion = sweep_motion(*better);
         points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
@@ -203,8 +217,10 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
       const double seconds = std::max(0.1, seconds_between(*last_stamp_, input.stamp));
       // What scans found to be wrong by far is told as wrong as that.
       const double missed = matched ? std::abs(wrap_angle(moved.phi - motion.phi)) : 0.0;
-      const double sigma_yaw = missed > 3.0 * prior.sigma_yaw_rad ? std::max(missed, prior.sigma_yaw_rad) : prior.sigma_yaw_rad;
-      const Eigen::Matrix3d known = from_odometry ? information_of(prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
+      const double sigma_yaw =
+          missed > 3.0 * prior.sigma_yaw_rad ? std::max(missed, prior.sigma_yaw_rad) : prior.sigma_yaw_rad;
+      const Eigen::Matrix3d known =
+          from_odometry ? information_of(prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
       const ConstraintId name{ConstraintKind::odometry, *last_node_, id, 0};
       map.constraints.set(name, planar_constraint(name, motion, known));
     }
@@ -219,11 +235,12 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
       inserted = true;
     } else if (matched || from_odometry) {
       // New ground fits nothing yet: there odometry draws.
-      inserted = std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad;
+      inserted =
+          std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad;
       lost_ = 0;
     } else if (++lost_ >= options_.lost_scans) {
-      // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops may tie to the
-      // others.
+      // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops
+      // may tie to the others.
       log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) +
                                  " scans fit nowhere and there is no odometry; a new piece of map begins at " +
                                  std::to_string(input.stamp.seconds()) + " s, its place uncertain");
@@ -274,7 +291,8 @@ void FrontEnd::insert(const Node& node, const std::vector<matching::WallPoint>& 
   for (auto& active : active_) {
     Submap& submap = *map.submaps.find(active.id);
     if (!submap.submap_from_node.empty() && submap.submap_from_node.back().first == node.id) continue;
-    const Pose2 submap_from_node = submap.submap_from_node.empty() ? Pose2{} : between(active.local_from_submap, local_from_node);
+    const Pose2 submap_from_node =
+        submap.submap_from_node.empty() ? Pose2{} : between(active.local_from_submap, local_from_node);
     submap.submap_from_node.emplace_back(node.id, spatial(submap_from_node));
     ++active.scans;
     active.field.add(matching::placed(submap_from_node, points));

@@ -23,15 +23,15 @@ class FrontEnd {
   // How long after a scan's stamp its last ray was measured: odometry until then helps. 0: no need to wait.
   double needs_until_s(const ScanInput& input) const;
   void add_inertial(const InertialInput& inertial) { inertial_.add(inertial.stamp, inertial.yaw_rad); }
-  // Where the laser sweeps, the scan becomes content with the robot's motion during the sweep: of odometry and the inertial unit, or else
-  // of the matches. Readings after the scan's stamp that were added before it help.
-  // Appends a node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number of
-  // submaps that were frozen.
+  // Where the laser sweeps, the scan becomes content with the robot's motion during the sweep: of odometry and the
+  // inertial unit, or else of the matches. Readings after the scan's stamp that were added before it help. Appends a
+  // node (map_from_node: in the local frame), its constraints, and what changed of submaps to `map`. Returns the number
+  // of submaps that were frozen.
   int add_scan(const ScanInput& scan, Map& map);
   const Pose2& local_from_last() const { return local_from_last_; }  // where the last scan was taken
   bool last_is_matched() const { return last_is_matched_; }
-  // Freezes what is left. A submap under way that is wholly part of the one before it is dropped. Returns the number of submaps that were
-  // frozen.
+  // Freezes what is left. A submap under way that is wholly part of the one before it is dropped. Returns the number of
+  // submaps that were frozen.
   int finish(Map& map);
 
  private:
@@ -56,12 +56,14 @@ class FrontEnd {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   };
   Stamp taken_at(Stamp stamp) const { return {stamp.ns - delay_ns_}; }
-  std::vector<matching::WallPoint> matched_points(const PackedScan& scan, const std::vector<matching::WallPoint>& all) const;
+  std::vector<matching::WallPoint> matched_points(const PackedScan& scan,
+                                                  const std::vector<matching::WallPoint>& all) const;
   Step next_step(Stamp stamp);
   Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
   void learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
-  std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step, const Matched& found) const;
+  std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
+                                          const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
   void insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);
   void freeze(Active& active, Map& map);

@@ -11,7 +11,8 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr std::size_t kNeighbours = 2;  // submaps this near in the sequence share scans, or nearly: matching them says nothing new
+constexpr std::size_t kNeighbours =
+    2;  // submaps this near in the sequence share scans, or nearly: matching them says nothing new
 
 }  // namespace
 
@@ -37,8 +38,9 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   }
   kept.length_m *= 0.5;  // the next starts half-way
   const std::size_t number = submaps_.size();
-  poses_.push_back(number == 0 ? kept.local_from_submap
-                               : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
+  poses_.push_back(number == 0
+                       ? kept.local_from_submap
+                       : compose(poses_.back(), between(submaps_.back().local_from_submap, kept.local_from_submap)));
   submaps_.push_back(std::move(kept));
   if (number < kNeighbours + 1) return;
 
@@ -46,7 +48,8 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   const auto middle = [&](std::size_t i) {
     const Pose2& p = poses_[i];
     const auto& c = submaps_[i].centre;
-    return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
+    return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y,
+                          p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
   };
   const auto [x, y] = middle(number);
   std::vector<std::pair<double, std::size_t>> near, alike;
@@ -54,7 +57,8 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
     const auto [ix, iy] = middle(i);
     const double distance = std::hypot(ix - x, iy - y);
     const double reach = std::min(2.5 * uncertainty[i].position_m, options_.loops.max_radius_m);
-    const double extent = 0.6 * std::min(12.0F, submaps_[i].radius_m) + 0.6 * std::min(12.0F, submaps_[number].radius_m);
+    const double extent =
+        0.6 * std::min(12.0F, submaps_[i].radius_m) + 0.6 * std::min(12.0F, submaps_[number].radius_m);
     if (distance > reach + extent) continue;
     near.emplace_back(distance, i);
     alike.emplace_back(matching::ring_distance(submaps_[i].keys, submaps_[number].keys), i);
@@ -62,8 +66,10 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   std::sort(near.begin(), near.end());
   std::sort(alike.begin(), alike.end());
   std::vector<std::size_t> chosen;
-  for (std::size_t i = 0; i < near.size() && i < static_cast<std::size_t>(options_.loops.nearest); ++i) chosen.push_back(near[i].second);
-  for (std::size_t i = 0; i < alike.size() && i < static_cast<std::size_t>(options_.loops.alike); ++i) chosen.push_back(alike[i].second);
+  for (std::size_t i = 0; i < near.size() && i < static_cast<std::size_t>(options_.loops.nearest); ++i)
+    chosen.push_back(near[i].second);
+  for (std::size_t i = 0; i < alike.size() && i < static_cast<std::size_t>(options_.loops.alike); ++i)
+    chosen.push_back(alike[i].second);
   std::sort(chosen.begin(), chosen.end());
   chosen.erase(std::unique(chosen.begin(), chosen.end()), chosen.end());
   bool found = false;
@@ -121,7 +127,8 @@ bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& un
   window.radius_m = std::clamp(3.0 * uncertainty.position_m, 0.6, options_.loops.max_radius_m);
   window.yaw_rad = std::min(M_PI, 0.05 + 3.0 * uncertainty.yaw_rad);
   Judgement judgement = matching::judge(view(a), view(b), window, options_.judge);
-  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none || judgement.probability < options_.loops.min_probability)
+  if (judgement.hypotheses.empty() || judgement.doubt != Reason::none ||
+      judgement.probability < options_.loops.min_probability)
     return false;
   Loop loop;
   loop.a = a, loop.b = b;
@@ -143,13 +150,16 @@ void LaserLoopCloser::commit_agreeing() {
     }
     for (const auto& other : loops_) {
       if (&other == &loop || (other.a == loop.a && other.b == loop.b)) continue;
-      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 || std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6) continue;
-      // Around the cycle: a -> b -> other.b -> other.a -> a. The way along the robot's path is short, so it hardly drifts.
-      const Pose2 by_other =
-          compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b), between(poses_[other.b], poses_[loop.b]));
+      if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 ||
+          std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6)
+        continue;
+      // Around the cycle: a -> b -> other.b -> other.a -> a. The way along the robot's path is short, so it hardly
+      // drifts.
+      const Pose2 by_other = compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b),
+                                     between(poses_[other.b], poses_[loop.b]));
       const Pose2 apart = between(loop.a_from_b, by_other);
-      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) + std::max(other.b, loop.b) -
-                                             std::min(other.b, loop.b));
+      const auto steps = static_cast<double>(std::max(other.a, loop.a) - std::min(other.a, loop.a) +
+                                             std::max(other.b, loop.b) - std::min(other.b, loop.b));
       if (std::hypot(apart.x, apart.y) < 0.15 + 0.08 * steps && std::abs(apart.phi) < 0.02 + 0.01 * steps) {
         loop.committed = true;
         break;
@@ -164,14 +174,15 @@ void LaserLoopCloser::solve() {
   for (std::size_t i = 0; i + 1 < submaps_.size(); ++i)
     edges.push_back({static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(i + 1),
                      between(submaps_[i].local_from_submap, submaps_[i + 1].local_from_submap),
-                     submap_step_information(submaps_[i].length_m, options_.loops.drift_per_m, options_.loops.drift_yaw_per_submap_rad),
+                     submap_step_information(submaps_[i].length_m, options_.loops.drift_per_m,
+                                             options_.loops.drift_yaw_per_submap_rad),
                      false});
   for (std::size_t i = 0; i < loops_.size(); ++i) {
     if (!loops_[i].committed) continue;
     Eigen::Matrix3d information = (loops_[i].information.inverse() + submap_bend_covariance()).inverse();
     information = (0.5 * (information + information.transpose())).eval();
-    edges.push_back(
-        {static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b), loops_[i].a_from_b, information, true});
+    edges.push_back({static_cast<std::uint32_t>(loops_[i].a), static_cast<std::uint32_t>(loops_[i].b),
+                     loops_[i].a_from_b, information, true});
     of_loop.push_back(i);
   }
   if (of_loop.empty()) return;
@@ -197,7 +208,8 @@ void LaserLoopCloser::finish(const Map& map) {
         const auto place = [&](std::size_t i) {
           const Pose2& p = poses_[i];
           const auto& c = submaps_[i].centre;
-          return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y, p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
+          return std::make_pair(p.x + std::cos(p.phi) * c.x - std::sin(p.phi) * c.y,
+                                p.y + std::sin(p.phi) * c.x + std::cos(p.phi) * c.y);
         };
         const auto [ax, ay] = place(a);
         const auto [bx, by] = place(b);
@@ -205,8 +217,10 @@ void LaserLoopCloser::finish(const Map& map) {
         if (distance < 6.0 && uncertainty[a].position_m < 0.7) near.emplace_back(distance, a);
       }
       std::sort(near.begin(), near.end());
-      if (near.size() > static_cast<std::size_t>(options_.loops.nearest)) near.resize(static_cast<std::size_t>(options_.loops.nearest));
-      for (const auto& candidate : near) found = search(candidate.second, b, uncertainty[candidate.second], map) || found;
+      if (near.size() > static_cast<std::size_t>(options_.loops.nearest))
+        near.resize(static_cast<std::size_t>(options_.loops.nearest));
+      for (const auto& candidate : near)
+        found = search(candidate.second, b, uncertainty[candidate.second], map) || found;
     }
     commit_agreeing();
     solve();
@@ -221,8 +235,9 @@ std::vector<Constraint> LaserLoopCloser::loops() const {
     if (!loop.committed) continue;
     const Eigen::Matrix3d floor = Eigen::Vector3d(4e-4, 4e-4, 9e-6).asDiagonal();
     Eigen::Matrix3d information = (loop.information.inverse() + floor).inverse();
-    Constraint constraint = planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,
-                                              0.5 * (information + information.transpose()));
+    Constraint constraint =
+        planar_constraint({ConstraintKind::loop, submaps_[loop.a].anchor, submaps_[loop.b].anchor, 0}, loop.a_from_b,
+                          0.5 * (information + information.transpose()));
     constraint.because = loop.judgement.id;
     result.push_back(std::move(constraint));
   }

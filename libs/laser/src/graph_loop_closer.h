@@ -13,7 +13,8 @@ class LaserLoopCloser {
  public:
   explicit LaserLoopCloser(const GraphMapperOptions& options);
 
-  // A submap that was just frozen: looks for loops with all before it and, where some hold, moves the poses. `map`: in the local frame.
+  // A submap that was just frozen: looks for loops with all before it and, where some hold, moves the poses. `map`: in
+  // the local frame.
   void add(const Submap& submap, const Map& map);
   // Looks once more at all pairs that lie near each other now.
   void finish(const Map& map);

@@ -18,10 +18,11 @@ constexpr std::size_t kMostInputs = 200000;  // that are kept to be mapped again
 std::string described(const SweepEstimator& estimator) {
   const SweepEstimate& estimate = estimator.estimate();
   const auto number = [](const Estimated& one, bool counts) {
-    return std::to_string(std::lround(1e3 * one.value)) + " +- " + std::to_string(std::lround(1e3 * one.sigma)) + " ms" +
-           (counts ? "" : " (counts as nothing)");
+    return std::to_string(std::lround(1e3 * one.value)) + " +- " + std::to_string(std::lround(1e3 * one.sigma)) +
+           " ms" + (counts ? "" : " (counts as nothing)");
   };
-  std::string text = "the laser takes " + number(estimate.sweep_s, estimator.sweep_s() != 0.0) + " from its first ray to its last";
+  std::string text =
+      "the laser takes " + number(estimate.sweep_s, estimator.sweep_s() != 0.0) + " from its first ray to its last";
   if (const auto& known = estimate.by_odometry)
     text += "; its scans are stamped " + number(known->delay_s, estimator.delay_s() != 0.0) + " late";
   return text + "; from " + std::to_string(estimate.pairs) + " pairs of scans";
@@ -51,7 +52,8 @@ struct Mapping {
     } else {
       const auto& odometry = std::get<OdometryInput>(input);
       front_end.add_odometry(odometry);
-      if (held_back && seconds_between(held_back->stamp, odometry.stamp) >= front_end.needs_until_s(*held_back)) place_held_back();
+      if (held_back && seconds_between(held_back->stamp, odometry.stamp) >= front_end.needs_until_s(*held_back))
+        place_held_back();
     }
   }
 
@@ -83,7 +85,8 @@ struct Mapping {
     std::size_t current = 0;
     std::vector<Pose2> map_from_local;
     for (std::size_t i = 0; i < poses.size(); ++i)
-      map_from_local.push_back(compose(poses[i], inverse(planar(map.nodes.find(map.submaps.find(frozen[i])->anchor())->map_from_node))));
+      map_from_local.push_back(
+          compose(poses[i], inverse(planar(map.nodes.find(map.submaps.find(frozen[i])->anchor())->map_from_node))));
     for (auto& [id, node] : result.nodes) {
       while (current + 1 < poses.size() && !(id < map.submaps.find(frozen[current + 1])->anchor())) ++current;
       node.map_from_node = spatial(compose(map_from_local[current], planar(node.map_from_node)));
@@ -104,10 +107,11 @@ struct GraphMapper::State {
   bool finished = false;
   SweepEstimator estimator;
   bool is_estimating;
-  std::vector<LaserInput> inputs;                           // all of them, while it is not known whether the laser sweeps
+  std::vector<LaserInput> inputs;  // all of them, while it is not known whether the laser sweeps
   std::shared_ptr<const ScanGeometry> unswept, with_sweep;  // a geometry as it comes, and with the estimated sweep
 
-  State(ClientId c, const GraphMapperOptions& o) : client(c), options(o), estimator(o.sweep), is_estimating(o.sweep.estimate) {
+  State(ClientId c, const GraphMapperOptions& o)
+      : client(c), options(o), estimator(o.sweep), is_estimating(o.sweep.estimate) {
     map.id = MapId(c.robot.str());
   }
 
@@ -166,7 +170,8 @@ struct GraphMapper::State {
   }
 };
 
-GraphMapper::GraphMapper(ClientId client, const GraphMapperOptions& options) : state_(std::make_unique<State>(client, options)) {}
+GraphMapper::GraphMapper(ClientId client, const GraphMapperOptions& options)
+    : state_(std::make_unique<State>(client, options)) {}
 GraphMapper::~GraphMapper() = default;
 
 void GraphMapper::add(const LaserInput& input) {

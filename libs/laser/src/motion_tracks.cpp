@@ -8,10 +8,10 @@ namespace {
 
 constexpr double kLongestExtrapolation_s = 0.5;
 constexpr std::size_t kFewestReadings = 64;
-constexpr double kKept_s = 2.0;                // before the latest reading: scans may be stamped late
-constexpr double kInertialGap_s = 0.25;        // readings farther apart say nothing of what is between them
-constexpr double kForget = 0.995;              // of what was compared, per comparison
-constexpr double kEnoughTurning = 0.05;        // square radians
+constexpr double kKept_s = 2.0;                 // before the latest reading: scans may be stamped late
+constexpr double kInertialGap_s = 0.25;         // readings farther apart say nothing of what is between them
+constexpr double kForget = 0.995;               // of what was compared, per comparison
+constexpr double kEnoughTurning = 0.05;         // square radians
 constexpr double kScale = 0.15, kMissed = 0.1;  // what may be wrong: the scale of turns, the share of their squares
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
@@ -24,17 +24,20 @@ void OdometryTrack::add(Stamp stamp, const Pose2& odometry_from_robot) {
     return;
   }
   readings_.emplace_back(stamp, odometry_from_robot);
-  while (readings_.size() > kFewestReadings && seconds_between(readings_.front().first, stamp) > kKept_s) readings_.pop_front();
+  while (readings_.size() > kFewestReadings && seconds_between(readings_.front().first, stamp) > kKept_s)
+    readings_.pop_front();
 }
 
 std::optional<Pose2> OdometryTrack::at(Stamp stamp) const {
   if (readings_.empty() || stamp < readings_.front().first) return std::nullopt;
-  const auto after =
-      std::lower_bound(readings_.begin(), readings_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
+  const auto after = std::lower_bound(readings_.begin(), readings_.end(), stamp,
+                                      [](const auto& reading, Stamp s) { return reading.first < s; });
   if (after != readings_.end() && after->first == stamp) return after->second;
   const auto later = after != readings_.end() ? after : readings_.end() - 1;
-  if (after == readings_.end() && (readings_.size() < 2 || seconds_between(later->first, stamp) > kLongestExtrapolation_s)) {
-    return seconds_between(later->first, stamp) <= kLongestExtrapolation_s ? std::optional<Pose2>(later->second) : std::nullopt;
+  if (after == readings_.end() &&
+      (readings_.size() < 2 || seconds_between(later->first, stamp) > kLongestExtrapolation_s)) {
+    return seconds_between(later->first, stamp) <= kLongestExtrapolation_s ? std::optional<Pose2>(later->second)
+                                                                           : std::nullopt;
   }
   const auto earlier = later - 1;
   const double span = seconds_between(earlier->first, later->first);
@@ -56,7 +59,8 @@ void InertialTrack::add(Stamp stamp, double yaw_rad) {
 
 std::optional<double> InertialTrack::at(Stamp stamp) const {
   if (readings_.size() < 2 || stamp < readings_.front().first) return std::nullopt;
-  auto later = std::lower_bound(readings_.begin(), readings_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
+  auto later = std::lower_bound(readings_.begin(), readings_.end(), stamp,
+                                [](const auto& reading, Stamp s) { return reading.first < s; });
   if (later == readings_.end()) {
     --later;
     if (seconds_between(later->first, stamp) > kInertialGap_s) return std::nullopt;

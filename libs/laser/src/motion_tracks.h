@@ -10,7 +10,8 @@
 
 namespace mapweave::laser {
 
-// Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as before.
+// Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as
+// before.
 class OdometryTrack {
  public:
   void add(Stamp stamp, const Pose2& odometry_from_robot);
@@ -21,8 +22,8 @@ class OdometryTrack {
   std::deque<std::pair<Stamp, Pose2>> readings_;
 };
 
-// Turns by the inertial unit. It is believed once it agrees with scan matching over enough turning: mounted upside down, or in degrees, it
-// does not.
+// Turns by the inertial unit. It is believed once it agrees with scan matching over enough turning: mounted upside
+// down, or in degrees, it does not.
 class InertialTrack {
  public:
   void add(Stamp stamp, double yaw_rad);

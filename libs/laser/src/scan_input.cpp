@@ -11,7 +11,8 @@ namespace mapweave::laser {
 namespace {
 
 constexpr double kUnknownMaxRange_m = 100.0;  // for logs that do not say
-constexpr double kFarthest_m = 200.0;      // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
+constexpr double kFarthest_m =
+    200.0;  // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
 constexpr double kJump_m = 1.0;            // beyond what the top speed allows
 constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
 constexpr double kInertialGap_s = 0.25, kInertialEvery_s = 0.039, kFastest_rad_s = 30.0;
@@ -23,7 +24,8 @@ Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
   return result;
 }
 
-std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan& scan, const ScanInputOptions& options) {
+std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan& scan,
+                                        const ScanInputOptions& options) {
   ScanGeometry geometry;
   const std::size_t rays = scan.getScanSize();
   if (rays < 2 || rays > protocol::kMaxRays) return std::nullopt;
@@ -51,18 +53,21 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
 
 }  // namespace
 
-ScanPacker::ScanPacker(ScanInputOptions options) : options_(std::move(options)), label_is_known_(!options_.label.empty()) {}
+ScanPacker::ScanPacker(ScanInputOptions options)
+    : options_(std::move(options)), label_is_known_(!options_.label.empty()) {}
 
 Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
   Pose2 result = compose(start_from_odometry_, odometry_from_robot);
   if (last_odometry_) {
     const auto& [then, there] = *last_odometry_;
-    const double possible = std::min(kJump_m + options_.max_speed_mps * std::max(0.0, seconds_between(then, stamp)), kFarthestJump_m);
+    const double possible =
+        std::min(kJump_m + options_.max_speed_mps * std::max(0.0, seconds_between(then, stamp)), kFarthestJump_m);
     if (std::hypot(result.x - there.x, result.y - there.y) > possible) {
       start_from_odometry_ = compose(there, inverse(odometry_from_robot));
       result = there;
       if (++odometry_jumps_ == 1)
-        log(LogLevel::warning, "the odometry jumps farther than " + std::to_string(static_cast<int>(options_.max_speed_mps)) +
+        log(LogLevel::warning, "the odometry jumps farther than " +
+                                   std::to_string(static_cast<int>(options_.max_speed_mps)) +
                                    " m/s allow: taken as a counter that started anew (option 'max_speed_mps')");
     }
   }
@@ -73,7 +78,8 @@ Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
 // Turn rates are summed up; a unit that tells headings alone is taken at its word.
 std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::CObservationIMU& reading) {
   const bool has_rate = reading.has(mrpt::obs::IMU_WZ), has_heading = reading.has(mrpt::obs::IMU_YAW);
-  if (options_.sweep == SweepSource::none || !(has_rate || has_heading) || (inertial_ && inertial_->label != reading.sensorLabel))
+  if (options_.sweep == SweepSource::none || !(has_rate || has_heading) ||
+      (inertial_ && inertial_->label != reading.sensorLabel))
     return std::nullopt;
   Inertial now;
   now.label = reading.sensorLabel;
@@ -81,7 +87,8 @@ std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::COb
   if (has_rate) {
     const auto part = [&](auto axis) { return reading.has(axis) ? reading.get(axis) : 0.0; };
     const Eigen::Matrix3d robot_from_unit = reading.sensorPose.getRotationMatrix().asEigen();
-    now.rate_rad_s = robot_from_unit.row(2).dot(Eigen::Vector3d(part(mrpt::obs::IMU_WX), part(mrpt::obs::IMU_WY), part(mrpt::obs::IMU_WZ)));
+    now.rate_rad_s = robot_from_unit.row(2).dot(
+        Eigen::Vector3d(part(mrpt::obs::IMU_WX), part(mrpt::obs::IMU_WY), part(mrpt::obs::IMU_WZ)));
   } else {
     now.heading_rad = reading.get(mrpt::obs::IMU_YAW);
   }
@@ -109,23 +116,26 @@ std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
   using namespace mrpt::obs;
   if (const auto odometry = std::dynamic_pointer_cast<const CObservationOdometry>(record.observation)) {
     const Pose2 odometry_from_robot = odometry->odometry.asTPose();
-    if (is_finite(odometry_from_robot)) return OdometryInput{record.stamp, spatial(steady(record.stamp, odometry_from_robot))};
+    if (is_finite(odometry_from_robot))
+      return OdometryInput{record.stamp, spatial(steady(record.stamp, odometry_from_robot))};
     ++unusable_;
     return std::nullopt;
   }
-  if (const auto unit = std::dynamic_pointer_cast<const CObservationIMU>(record.observation)) return inertial(record.stamp, *unit);
+  if (const auto unit = std::dynamic_pointer_cast<const CObservationIMU>(record.observation))
+    return inertial(record.stamp, *unit);
   const auto scan = std::dynamic_pointer_cast<const CObservation2DRangeScan>(record.observation);
   if (!scan) return std::nullopt;
   if (label_is_known_ && scan->sensorLabel != options_.label) {
     if (++ignored_[scan->sensorLabel] == 1)
-      log(LogLevel::warning,
-          "laser '" + scan->sensorLabel + "' is ignored: '" + options_.label + "' is used; choose with the option 'label'");
+      log(LogLevel::warning, "laser '" + scan->sensorLabel + "' is ignored: '" + options_.label +
+                                 "' is used; choose with the option 'label'");
     return std::nullopt;
   }
   const auto geometry = geometry_of(*scan, options_);
   if (!geometry) {
     if (++unusable_ == 1)
-      log(LogLevel::warning, "a scan of laser '" + scan->sensorLabel + "' is left out: its rays or its pose make no sense");
+      log(LogLevel::warning,
+          "a scan of laser '" + scan->sensorLabel + "' is left out: its rays or its pose make no sense");
     return std::nullopt;
   }
   if (!label_is_known_) options_.label = scan->sensorLabel;
@@ -135,8 +145,11 @@ std::optional<LaserInput> ScanPacker::operator()(const rawlog::Record& record) {
   PackedScan packed{geometry_, std::vector<std::uint16_t>(geometry->ray_count, 0)};
   for (std::uint32_t ray = 0; ray < geometry->ray_count; ++ray) {
     const double range = scan->getScanRange(ray);
-    if (!scan->getScanRangeValidity(ray) || !(range >= options_.min_range_m && range > 0.0 && range < geometry->max_range_m)) continue;
-    packed.ranges[ray] = static_cast<std::uint16_t>(std::clamp(std::round(range / geometry->range_unit_m), 1.0, 65535.0));
+    if (!scan->getScanRangeValidity(ray) ||
+        !(range >= options_.min_range_m && range > 0.0 && range < geometry->max_range_m))
+      continue;
+    packed.ranges[ray] =
+        static_cast<std::uint16_t>(std::clamp(std::round(range / geometry->range_unit_m), 1.0, 65535.0));
   }
   return ScanInput{record.stamp, std::move(packed)};
 }

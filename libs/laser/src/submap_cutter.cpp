@@ -24,24 +24,26 @@ struct Content {
   double path_m;  // travelled before it
 };
 
-// Submap k holds the content between k and k + 2 half lengths of the path. The last one begins where its predecessor does not reach the
-// end.
+// Submap k holds the content between k and k + 2 half lengths of the path. The last one begins where its predecessor
+// does not reach the end.
 std::vector<Submap> submaps_along(const std::vector<Content>& content, const SessionId& session, double length_m) {
   std::vector<Submap> submaps;
   std::size_t begin = 0;
   while (begin < content.size()) {
     const double start_m = content[begin].path_m;
     const auto beyond = [&](double path_m) {
-      return static_cast<std::size_t>(std::partition_point(content.begin() + static_cast<std::ptrdiff_t>(begin), content.end(),
-                                                           [&](const Content& c) { return c.path_m - start_m <= path_m; }) -
-                                      content.begin());
+      return static_cast<std::size_t>(
+          std::partition_point(content.begin() + static_cast<std::ptrdiff_t>(begin), content.end(),
+                               [&](const Content& c) { return c.path_m - start_m <= path_m; }) -
+          content.begin());
     };
     const std::size_t end = beyond(length_m);
     Submap submap;
     submap.id = {session, static_cast<std::uint32_t>(submaps.size())};
     for (std::size_t i = begin; i < end; ++i)
-      submap.submap_from_node.emplace_back(content[i].id,
-                                           i == begin ? Pose3{} : spatial(between(content[begin].map_from_node, content[i].map_from_node)));
+      submap.submap_from_node.emplace_back(
+          content[i].id,
+          i == begin ? Pose3{} : spatial(between(content[begin].map_from_node, content[i].map_from_node)));
     submaps.push_back(std::move(submap));
     if (end == content.size()) break;
     begin = std::min(beyond(0.5 * length_m), end);
@@ -51,7 +53,8 @@ std::vector<Submap> submaps_along(const std::vector<Content>& content, const Ses
 
 }  // namespace
 
-Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<TrackedScan> scans, const SubmapCutterOptions& options) {
+Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<TrackedScan> scans,
+                     const SubmapCutterOptions& options) {
   Map map;
   map.id = id;
   map.nodes.reserve(scans.size());
@@ -69,20 +72,20 @@ Map cut_into_submaps(const MapId& id, const SessionId& session, std::vector<Trac
       const NodeId before{session, static_cast<std::uint32_t>(i - 1)};
       const Pose2 motion = between(previous, map_from_node);
       path_m += std::hypot(motion.x, motion.y);
-      matched.push_back(
-          planar_constraint({ConstraintKind::scan_match, before, node, 0}, motion, information_of(motion, options.scan_match)));
+      matched.push_back(planar_constraint({ConstraintKind::scan_match, before, node, 0}, motion,
+                                          information_of(motion, options.scan_match)));
       if (scan.previous_from_this)
         map.constraints.set({ConstraintKind::odometry, before, node, 0},
                             planar_constraint({ConstraintKind::odometry, before, node, 0}, *scan.previous_from_this,
                                               information_of(*scan.previous_from_this, options.odometry)));
     }
     previous = map_from_node;
-    bool shows_something_new =
-        std::count_if(scan.scan.ranges.begin(), scan.scan.ranges.end(), [](auto range) { return range > 0; }) >= options.min_returns;
+    bool shows_something_new = std::count_if(scan.scan.ranges.begin(), scan.scan.ranges.end(),
+                                             [](auto range) { return range > 0; }) >= options.min_returns;
     if (shows_something_new && !content.empty()) {
       const Pose2 moved = between(content.back().map_from_node, map_from_node);
-      shows_something_new =
-          std::hypot(moved.x, moved.y) >= options.scan_distance_m || std::abs(wrap_angle(moved.phi)) >= options.scan_yaw_rad;
+      shows_something_new = std::hypot(moved.x, moved.y) >= options.scan_distance_m ||
+                            std::abs(wrap_angle(moved.phi)) >= options.scan_yaw_rad;
     }
     std::shared_ptr<const Payload> payload;
     if (shows_something_new) {

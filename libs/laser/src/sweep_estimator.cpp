@@ -51,10 +51,12 @@ void SweepEstimator::add(Stamp stamp, const PackedScan& scan, const Pose2& local
     const SeenScan& before = seen_[seen_.size() - 3];
     SeenScan& middle = seen_[seen_.size() - 2];
     const double seconds = seconds_between(before.stamp, stamp);
-    if (before.matched && middle.matched && matched && seconds < 2.0 * kLongestStep_s && *before.scan.geometry == *scan.geometry) {
+    if (before.matched && middle.matched && matched && seconds < 2.0 * kLongestStep_s &&
+        *before.scan.geometry == *scan.geometry) {
       const Pose2 motion = between(middle.local_from_robot, local_from_robot),
                   earlier = between(before.local_from_robot, middle.local_from_robot);
-      middle.velocity = Pose2((motion.x + earlier.x) / seconds, (motion.y + earlier.y) / seconds, (motion.phi + earlier.phi) / seconds);
+      middle.velocity = Pose2((motion.x + earlier.x) / seconds, (motion.y + earlier.y) / seconds,
+                              (motion.phi + earlier.phi) / seconds);
       add_pair();
     }
   }
@@ -118,11 +120,13 @@ SweepEstimator::Side SweepEstimator::side_of(const SeenScan& seen, std::size_t m
     const float turned = fan.turned_rad(p.x, p.y);
     side.points.push_back({p.x, p.y, p.normal_x, p.normal_y, turned, turned / fan.span_rad - 0.5F});
   }
-  std::sort(side.points.begin(), side.points.end(), [](const RayPoint& a, const RayPoint& b) { return a.turned_rad < b.turned_rad; });
+  std::sort(side.points.begin(), side.points.end(),
+            [](const RayPoint& a, const RayPoint& b) { return a.turned_rad < b.turned_rad; });
   return side;
 }
 
-// Point to line, each point to the nearest of the other scan, as seen with `sweep_s`; the pose of the pair is kept for the next time.
+// Point to line, each point to the nearest of the other scan, as seen with `sweep_s`; the pose of the pair is kept for
+// the next time.
 SweepEstimator::Vote SweepEstimator::vote(Pair& pair, double sweep_s, int steps) {
   const auto s = static_cast<float>(sweep_s);
   const auto shift = [](const Side& side, const RayPoint& p) {  // per second of sweep
@@ -164,7 +168,8 @@ SweepEstimator::Vote SweepEstimator::vote(Pair& pair, double sweep_s, int steps)
       const Eigen::Vector2f across(pair.first.points[*nearest].normal_x, pair.first.points[*nearest].normal_y);
       const double r = across.dot(place - places[*nearest]);
       Eigen::Vector4d slope;
-      slope << across.x(), across.y(), across.y() * turned.x() - across.x() * turned.y(), across.dot(rotation * bent - shifts[*nearest]);
+      slope << across.x(), across.y(), across.y() * turned.x() - across.x() * turned.y(),
+          across.dot(rotation * bent - shifts[*nearest]);
       const double weight = robust(r, kSigma_m);
       information += weight * slope * slope.transpose();
       gain -= weight * r * slope;
@@ -208,8 +213,8 @@ Estimated SweepEstimator::summed(double value, const std::vector<Vote>& votes) {
 }
 
 std::optional<Pose2> SweepEstimator::odometry_at(Stamp stamp) const {
-  const auto later =
-      std::lower_bound(odometry_.begin(), odometry_.end(), stamp, [](const auto& reading, Stamp s) { return reading.first < s; });
+  const auto later = std::lower_bound(odometry_.begin(), odometry_.end(), stamp,
+                                      [](const auto& reading, Stamp s) { return reading.first < s; });
   if (later == odometry_.begin() || later == odometry_.end()) return std::nullopt;
   const auto& [from, before] = *(later - 1);
   const auto& [to, after] = *later;
@@ -276,7 +281,8 @@ std::optional<SweepEstimate::ByOdometry> SweepEstimator::compare_with_odometry()
                  later = odometry_turn(pair, value.x() + kMotion_s);
       if (!pair.fits || !turn || !sooner || !later) continue;
       const Eigen::Vector2d slope(value.y() * 0.5 * (*later - *sooner) / kMotion_s, *turn);
-      const double missed = wrap_angle(pair.first_from_second.phi - value.y() * *turn), weight = robust(missed, kTurnSigma_rad);
+      const double missed = wrap_angle(pair.first_from_second.phi - value.y() * *turn),
+                   weight = robust(missed, kTurnSigma_rad);
       Equations one;
       one.information = weight * slope * slope.transpose();
       one.gain = weight * missed * slope;
@@ -318,7 +324,8 @@ void SweepEstimator::evaluate() {
     for (Pair& pair : pairs_) votes.push_back(vote(pair, estimate_.sweep_s.value, round == 0 ? 6 : 2));
     estimate_.sweep_s = summed(estimate_.sweep_s.value, votes);
     estimate_.by_odometry = compare_with_odometry();
-    if (const auto& known = estimate_.by_odometry) take_velocities_from_odometry(known->delay_s.value, known->turn_scale.value);
+    if (const auto& known = estimate_.by_odometry)
+      take_velocities_from_odometry(known->delay_s.value, known->turn_scale.value);
   }
 }
 

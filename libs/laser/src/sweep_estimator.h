@@ -1,7 +1,7 @@
 #pragma once
-// How long a laser takes from its first ray to its last, and how late its scans are stamped, learned from the scans of a robot that turns.
-// A scan taken while turning is bent against one of the same walls taken while turning less; and where a turn begins or ends, a late scan
-// shows less of it than odometry.
+// How long a laser takes from its first ray to its last, and how late its scans are stamped, learned from the scans of
+// a robot that turns. A scan taken while turning is bent against one of the same walls taken while turning less; and
+// where a turn begins or ends, a late scan shows less of it than odometry.
 
 #include <mapweave/core/stamp.h>
 #include <mapweave/laser/graph_options.h>
@@ -24,7 +24,8 @@ struct SweepEstimate {
   // By odometry; nullopt where there is none that fits.
   struct ByOdometry {
     Estimated delay_s;     // of a scan's stamp after the middle of its sweep
-    Estimated turn_scale;  // the robot's turns as scans show them, by those of odometry: estimated so that it does not pass for a delay
+    Estimated turn_scale;  // the robot's turns as scans show them, by those of odometry: estimated so that it does not
+                           // pass for a delay
   };
   std::optional<ByOdometry> by_odometry;
   int pairs = 0;  // of scans compared
@@ -35,7 +36,8 @@ class SweepEstimator {
   explicit SweepEstimator(const SweepOptions& options) : options_(options) {}
 
   void add_odometry(Stamp stamp, const Pose2& odometry_from_robot);
-  // The next scan, its geometry without a sweep, and where the robot was when it was taken; `matched`: found by scan matching.
+  // The next scan, its geometry without a sweep, and where the robot was when it was taken; `matched`: found by scan
+  // matching.
   void add(Stamp stamp, const PackedScan& scan, const Pose2& local_from_robot, bool matched);
   // Decides with what there is.
   void finish();
@@ -53,7 +55,8 @@ class SweepEstimator {
     bool matched;
     std::optional<Pose2> velocity;  // once the next scan is known
   };
-  // A wall point; `turned_rad` is its ray's angle from the first ray on, `part` its time from the middle of the sweep, in sweeps.
+  // A wall point; `turned_rad` is its ray's angle from the first ray on, `part` its time from the middle of the sweep,
+  // in sweeps.
   struct RayPoint {
     float x, y, normal_x, normal_y, turned_rad, part;
   };
@@ -96,8 +99,8 @@ class SweepEstimator {
   SweepOptions options_;
   bool decided_ = false;
   double sweep_s_ = 0.0, delay_s_ = 0.0;
-  std::deque<SeenScan> seen_;                        // of late
-  std::vector<std::pair<Stamp, Pose2>> odometry_;    // phi not wrapped
+  std::deque<SeenScan> seen_;                      // of late
+  std::vector<std::pair<Stamp, Pose2>> odometry_;  // phi not wrapped
   std::vector<Pair> pairs_;
   std::size_t scans_ = 0, next_evaluation_ = 0;
   std::optional<Stamp> last_pair_;

@@ -25,7 +25,8 @@ constexpr std::size_t kMostJudgements = 2000;
 std::size_t size_of(const Node& node) {
   if (node.payload == nullptr) return 64;
   if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) return 64 + 2 * scan->ranges.size();
-  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) return 64 + 40 * keyframe->points.size();
+  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
+    return 64 + 40 * keyframe->points.size();
   return 128 + 2 * std::get<OccupancyGrid>(*node.payload).log_odds.size();
 }
 
@@ -89,7 +90,9 @@ std::vector<const Element*> sorted(const std::vector<Element>& elements, const L
 template <class Element>
 std::vector<const Element*> sorted_by_id(const std::vector<Element>& elements, const char* contract) {
   const auto order = sorted(elements, [](const Element& a, const Element& b) { return a.id < b.id; });
-  MAPWEAVE_EXPECT(std::adjacent_find(order.begin(), order.end(), [](auto* a, auto* b) { return a->id == b->id; }) == order.end(), contract);
+  MAPWEAVE_EXPECT(
+      std::adjacent_find(order.begin(), order.end(), [](auto* a, auto* b) { return a->id == b->id; }) == order.end(),
+      contract);
   return order;
 }
 
@@ -97,11 +100,14 @@ struct Ordered {
   explicit Ordered(const StoredMaps& stored)
       : maps(sorted_by_id(stored.maps, "every map has its own id")),
         judgements(sorted_by_id(stored.judgements, "every judgement has its own id")),
-        verdicts(sorted(stored.verdicts,
-                        [](const Verdict& a, const Verdict& b) { return std::tie(a.a, a.b, a.by) < std::tie(b.a, b.b, b.by); })) {
-    for (const Map* map : maps) MAPWEAVE_EXPECT(is_valid_name(map->id.str()), "a map has a valid name: '" + map->id.str() + "'");
-    for (const MemberMap* member :
-         sorted(stored.members, [](const MemberMap& a, const MemberMap& b) { return std::tie(a.team, a.own.id) < std::tie(b.team, b.own.id); })) {
+        verdicts(sorted(stored.verdicts, [](const Verdict& a, const Verdict& b) {
+          return std::tie(a.a, a.b, a.by) < std::tie(b.a, b.b, b.by);
+        })) {
+    for (const Map* map : maps)
+      MAPWEAVE_EXPECT(is_valid_name(map->id.str()), "a map has a valid name: '" + map->id.str() + "'");
+    for (const MemberMap* member : sorted(stored.members, [](const MemberMap&a, const MemberMap&b) {
+           return std::tie(a.team, a.own.id) < std::tie(b.team, b.own.id);
+         })) {
       const auto team = std::find_if(maps.begin(), maps.end(), [&](const Map* map) { return map->id == member->team; });
       MAPWEAVE_EXPECT(team != maps.end(), "a member's team map is in the store: '" + member->team.str() + "'");
       members.push_back({team - maps.begin(), encode(member_update(**team, member->own))});
@@ -149,7 +155,8 @@ class PartialFile {
     const bool synced = file >= 0 && ::fsync(file) == 0;
     if (file >= 0) ::close(file);
     if (!synced || ::rename(path_.c_str(), goal_.c_str()) != 0)
-      throw Error(ErrorCode::kCannotWrite, "cannot be written: " + std::generic_category().message(errno), goal_.string(),
+      throw Error(ErrorCode::kCannotWrite, "cannot be written: " + std::generic_category().message(errno),
+                  goal_.string(),
                   "check that the folder exists, that you may write there and that its disk is not full");
     const fs::path folder = fs::absolute(goal_).parent_path();
     const int parent = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -179,7 +186,8 @@ void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) 
     for (const auto& [id, submap] : map->submaps)
       MAPWEAVE_EXPECT(!submap.frozen || submap.content == content_hash(submap, map->nodes),
                       "a frozen submap holds what its hash says: " + to_string(id));
-    for_each_update(*map, [&](const MapUpdate& update) { insert_blob(database, index, BlobKind::update, place, encode(update)); });
+    for_each_update(
+        *map, [&](const MapUpdate& update) { insert_blob(database, index, BlobKind::update, place, encode(update)); });
     index.summary.maps.push_back(summary_of(*map));
   }
   for (std::size_t begin = 0; begin < ordered.judgements.size(); begin += kMostJudgements) {
@@ -189,7 +197,8 @@ void fill(Database& database, const Ordered& ordered, const StoredMaps& stored) 
     insert_blob(database, index, BlobKind::judgements, 0, encode(update));
   }
   for (const Verdict* verdict : ordered.verdicts) insert_blob(database, index, BlobKind::verdict, 0, encode(*verdict));
-  for (const Ordered::Member& member : ordered.members) insert_blob(database, index, BlobKind::member, member.team, member.update);
+  for (const Ordered::Member& member : ordered.members)
+    insert_blob(database, index, BlobKind::member, member.team, member.update);
   write_index(database, index);
 }
 
@@ -211,9 +220,10 @@ void write_store(const fs::path& path, const StoredMaps& stored) {
     throw Error(ErrorCode::kCannotWrite, "it is a folder; a map store is a file", path.string(), "choose another name");
   PartialFile partial(path);
   Database database(partial.path(), Database::Use::create, path);
-  // The file is nobody's until it is renamed: no other process looks at it, and PartialFile syncs it. Each blob is a transaction of its
-  // own, so that the log beside it stays small.
-  database.run("PRAGMA page_size = 4096; PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF");
+  // The file is nobody's until it is renamed: no other process looks at it, and PartialFile syncs it. Each blob is a
+  // transaction of its own, so that the log beside it stays small.
+  database.run(
+      "PRAGMA page_size = 4096; PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = OFF");
   fill(database, ordered, stored);
   database.run("PRAGMA wal_checkpoint(TRUNCATE); PRAGMA journal_mode = DELETE");
   database.close();
@@ -234,12 +244,13 @@ StoredMaps read_store(const fs::path& path) {
   try {
     for (const BlobEntry& entry : index.updates) {
       Map& map = stored.maps[static_cast<std::size_t>(entry.owner)];
-      map =
-          updated(std::move(map), decode_map_update(read_blob(database, BlobKind::update, entry), where + ", map '" + map.id.str() + "'"));
+      map = updated(std::move(map), decode_map_update(read_blob(database, BlobKind::update, entry),
+                                                      where + ", map '" + map.id.str() + "'"));
     }
     for (const BlobEntry& entry : index.members) {
       const Map& team = stored.maps[static_cast<std::size_t>(entry.owner)];
-      const MapUpdate update = decode_map_update(read_blob(database, BlobKind::member, entry), where + ", members of '" + team.id.str() + "'");
+      const MapUpdate update = decode_map_update(read_blob(database, BlobKind::member, entry),
+                                                 where + ", members of '" + team.id.str() + "'");
       stored.members.push_back({team.id, member_of(team, update)});
     }
   } catch (const Error& error) {
@@ -248,13 +259,15 @@ StoredMaps read_store(const fs::path& path) {
   }
   for (const BlobEntry& entry : index.judgements) {
     MapUpdate update = decode_map_update(read_blob(database, BlobKind::judgements, entry), where + ", judgements");
-    if (!stored.judgements.empty() && !update.judgements.empty() && !(stored.judgements.back().id < update.judgements.front().id))
+    if (!stored.judgements.empty() && !update.judgements.empty() &&
+        !(stored.judgements.back().id < update.judgements.front().id))
       database.corrupt("its judgements are not in order");
     std::move(update.judgements.begin(), update.judgements.end(), std::back_inserter(stored.judgements));
   }
   for (const BlobEntry& entry : index.verdicts)
     stored.verdicts.push_back(decode_verdict(read_blob(database, BlobKind::verdict, entry), where + ", verdicts"));
-  const bool counts = stored.judgements.size() == index.summary.judgements && stored.verdicts.size() == index.summary.verdicts;
+  const bool counts =
+      stored.judgements.size() == index.summary.judgements && stored.verdicts.size() == index.summary.verdicts;
   if (!counts || identity(stored) != index.summary.identity) database.corrupt("it does not hold what it says");
   return stored;
 }

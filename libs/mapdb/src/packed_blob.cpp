@@ -27,7 +27,8 @@ std::string unpack(std::string_view zstd, std::int64_t bytes, const Hash& sha256
     return Error(ErrorCode::kCorrupt, what, where, "make the file again, or take an undamaged copy");
   };
   if (bytes < 0 || bytes > kMostBytes)
-    throw corrupt("a blob of " + std::to_string(bytes) + " bytes; 0 to " + std::to_string(kMostBytes) + " are expected");
+    throw corrupt("a blob of " + std::to_string(bytes) + " bytes; 0 to " + std::to_string(kMostBytes) +
+                  " are expected");
   if (ZSTD_getFrameContentSize(zstd.data(), zstd.size()) != static_cast<unsigned long long>(bytes))
     throw corrupt("a blob does not hold the " + std::to_string(bytes) + " bytes that it should");
   std::string plain(static_cast<std::size_t>(bytes), '\0');

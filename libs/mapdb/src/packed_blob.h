@@ -16,7 +16,8 @@ struct PackedBlob {
 };
 
 PackedBlob pack(std::string_view plain);
-// Throws Error(kCorrupt) for what does not give `bytes` bytes of that hash. Allocates no more than that, and at most 1 GiB.
+// Throws Error(kCorrupt) for what does not give `bytes` bytes of that hash. Allocates no more than that, and at most 1
+// GiB.
 std::string unpack(std::string_view zstd, std::int64_t bytes, const Hash& sha256, const std::string& where);
 
 }  // namespace mapweave::mapdb

@@ -18,8 +18,8 @@ std::string file_uri(const std::filesystem::path& path, const std::string& query
   std::string uri = "file://";
   for (const char letter : std::filesystem::absolute(path).string()) {
     const auto byte = static_cast<unsigned char>(letter);
-    const bool is_plain = (byte >= 'a' && byte <= 'z') || (byte >= 'A' && byte <= 'Z') || (byte >= '0' && byte <= '9') || byte == '/' ||
-                          byte == '.' || byte == '_' || byte == '-';
+    const bool is_plain = (byte >= 'a' && byte <= 'z') || (byte >= 'A' && byte <= 'Z') ||
+                          (byte >= '0' && byte <= '9') || byte == '/' || byte == '.' || byte == '_' || byte == '-';
     if (is_plain)
       uri += letter;
     else
@@ -35,7 +35,8 @@ Database::Database(const std::filesystem::path& path, Use use, std::filesystem::
   const bool is_new = use != Use::read;
   const int flags = is_new ? SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE : SQLITE_OPEN_READONLY | SQLITE_OPEN_URI;
   const std::string name = is_new ? std::filesystem::absolute(path).string() : file_uri(path, "mode=ro&immutable=1");
-  if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr); code != SQLITE_OK) {
+  if (const int code = sqlite3_open_v2(name.c_str(), &handle_, flags | SQLITE_OPEN_NOMUTEX, nullptr);
+      code != SQLITE_OK) {
     try {
       fail(code);
     } catch (...) {
@@ -63,7 +64,8 @@ void Database::fail(int sqlite_code) const {
   if (primary == SQLITE_NOMEM) throw std::bad_alloc();
   if (use_ == Use::append && (primary == SQLITE_NOTADB || primary == SQLITE_CORRUPT)) corrupt(words);
   if (primary == SQLITE_BUSY || primary == SQLITE_LOCKED)
-    throw Error(ErrorCode::kBadInput, "another process has it open", shown_.string(), "end that one first, or choose another file");
+    throw Error(ErrorCode::kBadInput, "another process has it open", shown_.string(),
+                "end that one first, or choose another file");
   if (use_ != Use::read) {
     if (primary != SQLITE_FULL && system != ENOSPC && system != EDQUOT)
       throw Error(ErrorCode::kCannotWrite,
@@ -72,12 +74,14 @@ void Database::fail(int sqlite_code) const {
                   shown_.string(), "check that the folder exists and that you may write there");
     std::error_code ignored;
     const auto space = std::filesystem::space(std::filesystem::absolute(shown_).parent_path(), ignored);
-    throw Error(ErrorCode::kCannotWrite,
-                "the disk is full" + (ignored ? std::string() : " (" + std::to_string(space.available) + " bytes free)"), shown_.string(),
-                "free some space or choose another folder");
+    throw Error(
+        ErrorCode::kCannotWrite,
+        "the disk is full" + (ignored ? std::string() : " (" + std::to_string(space.available) + " bytes free)"),
+        shown_.string(), "free some space or choose another folder");
   }
   if (primary == SQLITE_CANTOPEN || primary == SQLITE_PERM || primary == SQLITE_AUTH)
-    throw Error(ErrorCode::kMissing, "the " + kind_ + " cannot be opened: " + words, shown_.string(), "check that you may read it");
+    throw Error(ErrorCode::kMissing, "the " + kind_ + " cannot be opened: " + words, shown_.string(),
+                "check that you may read it");
   corrupt(words);
 }
 
@@ -97,7 +101,8 @@ std::int64_t Database::number(const std::string& sql) {
 }
 
 Statement::Statement(Database& database, const char* sql) : database_(database) {
-  if (const int code = sqlite3_prepare_v2(database.handle(), sql, -1, &handle_, nullptr); code != SQLITE_OK) database.fail(code);
+  if (const int code = sqlite3_prepare_v2(database.handle(), sql, -1, &handle_, nullptr); code != SQLITE_OK)
+    database.fail(code);
 }
 
 Statement::~Statement() { sqlite3_finalize(handle_); }
@@ -113,7 +118,8 @@ Statement& Statement::bind(double number) {
 }
 
 Statement& Statement::bind_text(std::string_view text) {
-  const int code = sqlite3_bind_text64(handle_, ++bound_, text.empty() ? "" : text.data(), text.size(), nullptr, SQLITE_UTF8);
+  const int code =
+      sqlite3_bind_text64(handle_, ++bound_, text.empty() ? "" : text.data(), text.size(), nullptr, SQLITE_UTF8);
   if (code != SQLITE_OK) database_.fail(code);
   return *this;
 }

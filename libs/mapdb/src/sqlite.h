@@ -15,9 +15,9 @@ namespace mapweave::mapdb {
 class Database {
  public:
   enum class Use { create, append, read };
-  // create: a new file for one writer. append: the same, or one that is there. read: never writes nor locks, also where the folder or disk
-  // is read-only; what the file's schema says is not trusted. `shown`, `kind`: the file that messages speak
-  // of, and what it should be.
+  // create: a new file for one writer. append: the same, or one that is there. read: never writes nor locks, also where
+  // the folder or disk is read-only; what the file's schema says is not trusted. `shown`, `kind`: the file that
+  // messages speak of, and what it should be.
   Database(const std::filesystem::path& path, Use use, std::filesystem::path shown, const char* kind = "map store");
   ~Database();
   Database(const Database&) = delete;
@@ -39,7 +39,8 @@ class Database {
   std::string kind_;
 };
 
-// A prepared statement. Parameters are bound from the left; columns are read from 0, and are of the type asked for, or Error(kCorrupt).
+// A prepared statement. Parameters are bound from the left; columns are read from 0, and are of the type asked for, or
+// Error(kCorrupt).
 class Statement {
  public:
   Statement(Database& database, const char* sql);
@@ -51,7 +52,7 @@ class Statement {
   Statement& bind(double number);
   Statement& bind_text(std::string_view text);    // must live until run() or the last step()
   Statement& bind_bytes(std::string_view bytes);  // as bind_text
-  bool step();                                    // to the next row; false: there is none, and the statement can be bound again
+  bool step();  // to the next row; false: there is none, and the statement can be bound again
   void run() {
     while (step()) {}
   }

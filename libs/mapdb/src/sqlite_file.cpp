@@ -21,24 +21,28 @@ void expect_sqlite_file(const fs::path& path, const std::string& kind, const std
     throw Error(ErrorCode::kMissing, "the " + kind + " does not exist", path.string(),
                 "check its name; a " + kind + " is kept in a file named *" + ending);
   if (fs::is_directory(status))
-    throw Error(ErrorCode::kBadInput, "it is a folder; a " + kind + " is a file", path.string(), "name the *" + ending + " file in it");
+    throw Error(ErrorCode::kBadInput, "it is a folder; a " + kind + " is a file", path.string(),
+                "name the *" + ending + " file in it");
   if (!fs::is_regular_file(status))
     throw Error(ErrorCode::kBadInput, "it is not a regular file", path.string(), "name a *" + ending + " file");
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(ErrorCode::kMissing, "the " + kind + " cannot be opened", path.string(), "check that you may read it");
+  if (!file)
+    throw Error(ErrorCode::kMissing, "the " + kind + " cannot be opened", path.string(), "check that you may read it");
   std::string header(100, '\0');
   file.read(header.data(), static_cast<std::streamsize>(header.size()));
   if (file.gcount() == 0) throw corrupt("it is empty; a " + kind + " is expected");
   if (file.gcount() < 100 || header.compare(0, 16, std::string("SQLite format 3\0", 16)) != 0)
     throw corrupt("it is no SQLite file; a " + kind + " (" + ending + ") is expected");
   const auto big_endian = [&](std::size_t at, std::size_t size) {
-    return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at), header.begin() + static_cast<std::ptrdiff_t>(at + size),
-                           std::uint64_t{0}, [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
+    return std::accumulate(header.begin() + static_cast<std::ptrdiff_t>(at),
+                           header.begin() + static_cast<std::ptrdiff_t>(at + size), std::uint64_t{0},
+                           [](std::uint64_t sum, char byte) { return sum << 8 | static_cast<std::uint8_t>(byte); });
   };
   const std::uint64_t page = big_endian(16, 2) == 1 ? 65536 : big_endian(16, 2), needed = page * big_endian(28, 4);
   const std::uint64_t there = fs::file_size(path);
   if (whole && there < needed)
-    throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) + " are there");
+    throw corrupt("it is cut short: it needs " + std::to_string(needed) + " bytes, " + std::to_string(there) +
+                  " are there");
 }
 
 bool is_locked(const fs::path& path) {

@@ -6,12 +6,15 @@
 
 namespace mapweave::mapdb {
 
-// `kind`: what it should be ("map store"); `ending`: how such files are named (".mwdb"). Throws Error: kMissing for what is not there or
-// cannot be read, kBadInput for a folder or another kind of file, kCorrupt for what is no SQLite file, or cut short.
-// whole: it is cut short where it lacks pages that its header counts; off for one with a write-ahead log beside it.
-void expect_sqlite_file(const std::filesystem::path& path, const std::string& kind, const std::string& ending, bool whole = true);
+// `kind`: what it should be ("map store"); `ending`: how such files are named (".mwdb"). Throws Error: kMissing for
+// what is not there or cannot be read, kBadInput for a folder or another kind of file, kCorrupt for what is no SQLite
+// file, or cut short. whole: it is cut short where it lacks pages that its header counts; off for one with a
+// write-ahead log beside it.
+void expect_sqlite_file(const std::filesystem::path& path, const std::string& kind, const std::string& ending,
+                        bool whole = true);
 
-// Whether a process has it open to write, this one too; that must not have it open afterwards: on Linux, looking at it undoes its lock.
+// Whether a process has it open to write, this one too; that must not have it open afterwards: on Linux, looking at it
+// undoes its lock.
 bool is_locked(const std::filesystem::path& path);
 
 }  // namespace mapweave::mapdb

@@ -10,28 +10,40 @@ namespace {
 constexpr std::int64_t kApplicationId = 0x4d574442;  // "MWDB"
 
 constexpr const char* kMapsOfSchema1 =
-    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
+    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT "
+    "NULL, submaps INTEGER "
     "NOT NULL, "
-    "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
+    "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m "
+    "REAL NOT NULL, "
     "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL) STRICT";
 
-// Schema 3; in schema 2 the last was not there, in schema 1 the first was without keyframes and landmarks. WITHOUT ROWID where rows are small and found by their key.
+// Schema 3; in schema 2 the last was not there, in schema 1 the first was without keyframes and landmarks. WITHOUT
+// ROWID where rows are small and found by their key.
 constexpr const char* kTables[] = {
-    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT NULL, submaps INTEGER "
+    "CREATE TABLE maps (place INTEGER PRIMARY KEY, id TEXT NOT NULL, nodes INTEGER NOT NULL, contents INTEGER NOT "
+    "NULL, submaps INTEGER "
     "NOT NULL, "
-    "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m REAL NOT NULL, "
-    "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL, keyframes INTEGER NOT NULL, landmarks INTEGER NOT NULL) STRICT",
-    "CREATE TABLE sessions (map INTEGER NOT NULL, robot TEXT NOT NULL, sensor TEXT NOT NULL, run_ns INTEGER NOT NULL, nodes INTEGER NOT "
+    "constraints INTEGER NOT NULL, first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL, min_x_m REAL NOT NULL, min_y_m "
+    "REAL NOT NULL, "
+    "max_x_m REAL NOT NULL, max_y_m REAL NOT NULL, content BLOB NOT NULL, keyframes INTEGER NOT NULL, landmarks "
+    "INTEGER NOT NULL) STRICT",
+    "CREATE TABLE sessions (map INTEGER NOT NULL, robot TEXT NOT NULL, sensor TEXT NOT NULL, run_ns INTEGER NOT NULL, "
+    "nodes INTEGER NOT "
     "NULL, "
     "PRIMARY KEY (map, robot, sensor, run_ns)) STRICT, WITHOUT ROWID",
-    "CREATE TABLE updates (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT "
+    "CREATE TABLE updates (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT "
+    "NULL, zstd BLOB NOT "
     "NULL, "
     "PRIMARY KEY (map, sequence)) STRICT",
-    "CREATE TABLE judgements (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
-    "CREATE TABLE verdicts (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT",
+    "CREATE TABLE judgements (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB "
+    "NOT NULL) STRICT",
+    "CREATE TABLE verdicts (sequence INTEGER PRIMARY KEY, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT "
+    "NULL) STRICT",
     "CREATE TABLE metadata (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT, WITHOUT ROWID",
-    "CREATE TABLE seal (identity BLOB NOT NULL, judgements INTEGER NOT NULL, verdicts INTEGER NOT NULL, sha256 BLOB NOT NULL) STRICT",
-    "CREATE TABLE members (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT NULL, zstd BLOB NOT "
+    "CREATE TABLE seal (identity BLOB NOT NULL, judgements INTEGER NOT NULL, verdicts INTEGER NOT NULL, sha256 BLOB "
+    "NOT NULL) STRICT",
+    "CREATE TABLE members (map INTEGER NOT NULL, sequence INTEGER NOT NULL, bytes INTEGER NOT NULL, sha256 BLOB NOT "
+    "NULL, zstd BLOB NOT "
     "NULL, "
     "PRIMARY KEY (map, sequence)) STRICT"};
 constexpr int kSchemaWithMembers = 3;
@@ -39,13 +51,16 @@ constexpr int kSchemaWithMembers = 3;
 // How many of the tables a schema has.
 std::size_t tables_of(int schema) { return std::size(kTables) - (schema < kSchemaWithMembers ? 1 : 0); }
 
-std::string_view bytes_of(const Hash& hash) { return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()}; }
+std::string_view bytes_of(const Hash& hash) {
+  return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()};
+}
 
 std::int64_t number(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
 Hash hash_from(std::string_view bytes, const Database& database) {
   Hash hash;
-  if (bytes.size() != hash.bytes.size()) database.corrupt("a hash of " + std::to_string(bytes.size()) + " bytes; 32 are expected");
+  if (bytes.size() != hash.bytes.size())
+    database.corrupt("a hash of " + std::to_string(bytes.size()) + " bytes; 32 are expected");
   std::copy(bytes.begin(), bytes.end(), hash.bytes.begin());
   return hash;
 }
@@ -93,15 +108,32 @@ void add(Hasher& hasher, const std::vector<BlobEntry>& blobs) {
 Hash seal_of(const StoreIndex& index) {
   const StoreSummary& summary = index.summary;
   Hasher hasher;
-  hasher.add("store").add(std::int64_t{summary.schema}).add(summary.identity).add(number(summary.judgements)).add(number(summary.verdicts));
+  hasher.add("store")
+      .add(std::int64_t{summary.schema})
+      .add(summary.identity)
+      .add(number(summary.judgements))
+      .add(number(summary.verdicts));
   hasher.add(number(summary.maps.size()));
   for (const StoredMapSummary& map : summary.maps) {
-    hasher.add(map.id.str()).add(number(map.nodes)).add(number(map.contents)).add(number(map.submaps)).add(number(map.constraints));
+    hasher.add(map.id.str())
+        .add(number(map.nodes))
+        .add(number(map.contents))
+        .add(number(map.submaps))
+        .add(number(map.constraints));
     if (summary.schema > 1) hasher.add(number(map.keyframes)).add(number(map.landmarks));
-    hasher.add(map.first.ns).add(map.last.ns).add(map.min_x_m).add(map.min_y_m).add(map.max_x_m).add(map.max_y_m).add(map.content);
+    hasher.add(map.first.ns)
+        .add(map.last.ns)
+        .add(map.min_x_m)
+        .add(map.min_y_m)
+        .add(map.max_x_m)
+        .add(map.max_y_m)
+        .add(map.content);
     hasher.add(number(map.sessions.size()));
     for (const SessionSummary& session : map.sessions)
-      hasher.add(session.id.client.robot.str()).add(session.id.client.sensor.str()).add(session.id.run).add(number(session.nodes));
+      hasher.add(session.id.client.robot.str())
+          .add(session.id.client.sensor.str())
+          .add(session.id.run)
+          .add(number(session.nodes));
   }
   add(hasher, index.updates);
   add(hasher, index.judgements);
@@ -125,7 +157,8 @@ std::vector<BlobEntry> read_entries(Database& database, const char* sql) {
   std::vector<BlobEntry> entries;
   Statement rows(database, sql);
   while (rows.step()) {
-    BlobEntry entry{rows.integer(0), rows.integer(1), rows.integer(2), rows.integer(3), hash_from(rows.bytes(4), database)};
+    BlobEntry entry{rows.integer(0), rows.integer(1), rows.integer(2), rows.integer(3),
+                    hash_from(rows.bytes(4), database)};
     const bool follows = !entries.empty() && entries.back().owner == entry.owner;
     if (entry.sequence != (follows ? entries.back().sequence + 1 : 1))
       database.corrupt("blob " + std::to_string(entry.sequence) + " does not follow the one before");
@@ -149,7 +182,8 @@ StoredMapSummary summary_of(const Map& map) {
   summary.min_x_m = summary.min_y_m = std::numeric_limits<double>::infinity();
   summary.max_x_m = summary.max_y_m = -std::numeric_limits<double>::infinity();
   for (const auto& [id, node] : map.nodes) {
-    if (summary.sessions.empty() || summary.sessions.back().id != id.session) summary.sessions.push_back({id.session, 0});
+    if (summary.sessions.empty() || summary.sessions.back().id != id.session)
+      summary.sessions.push_back({id.session, 0});
     ++summary.sessions.back().nodes;
     if (node.payload != nullptr) ++summary.contents;
     if (std::get_if<KeyframeFeatures>(node.payload.get()) != nullptr) ++summary.keyframes;
@@ -166,18 +200,20 @@ StoredMapSummary summary_of(const Map& map) {
 }
 
 void create_tables(Database& database, int schema) {
-  database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(schema));
+  database.run("PRAGMA application_id = " + std::to_string(kApplicationId) +
+               "; PRAGMA user_version = " + std::to_string(schema));
   for (std::size_t i = 0; i < tables_of(schema); ++i) database.run(kTables[i]);
 }
 
 int expect_tables(Database& database) {
-  if (database.number("PRAGMA application_id") != kApplicationId) database.corrupt("it is an SQLite file of another program");
+  if (database.number("PRAGMA application_id") != kApplicationId)
+    database.corrupt("it is an SQLite file of another program");
   const std::int64_t version = database.number("PRAGMA user_version");
   if (version > kSchemaVersion)
-    throw Error(
-        ErrorCode::kUnsupported,
-        "the map store has schema " + std::to_string(version) + "; this program knows schemas up to " + std::to_string(kSchemaVersion),
-        database.shown().string(), "read it with a newer mapweave, or make it again with this one");
+    throw Error(ErrorCode::kUnsupported,
+                "the map store has schema " + std::to_string(version) + "; this program knows schemas up to " +
+                    std::to_string(kSchemaVersion),
+                database.shown().string(), "read it with a newer mapweave, or make it again with this one");
   if (version < 1) database.corrupt("its schema is " + std::to_string(version));
   Statement rows(database, "SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY rowid");
   for (std::size_t i = 0; i < tables_of(static_cast<int>(version)); ++i)
@@ -191,14 +227,21 @@ void insert_blob(Database& database, StoreIndex& index, BlobKind kind, std::int6
   std::vector<BlobEntry>& entries = entries_of(index, kind);
   const bool follows = !entries.empty() && entries.back().owner == owner;
   const PackedBlob blob = pack(plain);
-  entries.push_back({owner, follows ? entries.back().sequence + 1 : 1, blob.bytes, number(blob.zstd.size()), blob.sha256});
+  entries.push_back(
+      {owner, follows ? entries.back().sequence + 1 : 1, blob.bytes, number(blob.zstd.size()), blob.sha256});
   const BlobEntry& entry = entries.back();
   if (kind == BlobKind::update || kind == BlobKind::member) {
-    Statement insert(database, kind == BlobKind::update ? "INSERT INTO updates VALUES (?, ?, ?, ?, ?)" : "INSERT INTO members VALUES (?, ?, ?, ?, ?)");
-    insert.bind(owner).bind(entry.sequence).bind(entry.bytes).bind_bytes(bytes_of(entry.sha256)).bind_bytes(blob.zstd).run();
+    Statement insert(database, kind == BlobKind::update ? "INSERT INTO updates VALUES (?, ?, ?, ?, ?)"
+                                                        : "INSERT INTO members VALUES (?, ?, ?, ?, ?)");
+    insert.bind(owner)
+        .bind(entry.sequence)
+        .bind(entry.bytes)
+        .bind_bytes(bytes_of(entry.sha256))
+        .bind_bytes(blob.zstd)
+        .run();
   } else {
-    Statement insert(
-        database, kind == BlobKind::judgements ? "INSERT INTO judgements VALUES (?, ?, ?, ?)" : "INSERT INTO verdicts VALUES (?, ?, ?, ?)");
+    Statement insert(database, kind == BlobKind::judgements ? "INSERT INTO judgements VALUES (?, ?, ?, ?)"
+                                                            : "INSERT INTO verdicts VALUES (?, ?, ?, ?)");
     insert.bind(entry.sequence).bind(entry.bytes).bind_bytes(bytes_of(entry.sha256)).bind_bytes(blob.zstd).run();
   }
 }
@@ -209,7 +252,11 @@ void write_index(Database& database, const StoreIndex& index) {
   Statement insert_session(database, "INSERT INTO sessions VALUES (?, ?, ?, ?, ?)");
   for (std::size_t place = 0; place < summary.maps.size(); ++place) {
     const StoredMapSummary& map = summary.maps[place];
-    insert_map.bind(number(place)).bind_text(map.id.str()).bind(number(map.nodes)).bind(number(map.contents)).bind(number(map.submaps));
+    insert_map.bind(number(place))
+        .bind_text(map.id.str())
+        .bind(number(map.nodes))
+        .bind(number(map.contents))
+        .bind(number(map.submaps));
     insert_map.bind(number(map.constraints))
         .bind(map.first.ns)
         .bind(map.last.ns)
@@ -219,7 +266,9 @@ void write_index(Database& database, const StoreIndex& index) {
         .bind(map.max_y_m);
     insert_map.bind_bytes(bytes_of(map.content)).bind(number(map.keyframes)).bind(number(map.landmarks)).run();
     for (const SessionSummary& session : map.sessions) {
-      insert_session.bind(number(place)).bind_text(session.id.client.robot.str()).bind_text(session.id.client.sensor.str());
+      insert_session.bind(number(place))
+          .bind_text(session.id.client.robot.str())
+          .bind_text(session.id.client.sensor.str());
       insert_session.bind(session.id.run).bind(number(session.nodes)).run();
     }
   }
@@ -271,15 +320,20 @@ StoreIndex read_index(Database& database, int schema) {
   };
   Statement sessions(database, "SELECT * FROM sessions ORDER BY map, robot, sensor, run_ns");
   while (sessions.step()) {
-    const SessionId id{{RobotId(name_from(sessions.text(1), database)), SensorId(name_from(sessions.text(2), database))},
-                       sessions.integer(3)};
+    const SessionId id{
+        {RobotId(name_from(sessions.text(1), database)), SensorId(name_from(sessions.text(2), database))},
+        sessions.integer(3)};
     map_of(sessions.integer(0)).sessions.push_back({id, count_from(sessions.integer(4), database)});
   }
-  index.updates = read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM updates ORDER BY map, sequence");
-  index.judgements = read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM judgements ORDER BY sequence");
-  index.verdicts = read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM verdicts ORDER BY sequence");
+  index.updates =
+      read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM updates ORDER BY map, sequence");
+  index.judgements =
+      read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM judgements ORDER BY sequence");
+  index.verdicts =
+      read_entries(database, "SELECT 0, sequence, bytes, length(zstd), sha256 FROM verdicts ORDER BY sequence");
   if (schema >= kSchemaWithMembers)
-    index.members = read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM members ORDER BY map, sequence");
+    index.members =
+        read_entries(database, "SELECT map, sequence, bytes, length(zstd), sha256 FROM members ORDER BY map, sequence");
   summary.members = index.members.size();
   for (const BlobEntry& entry : index.members) map_of(entry.owner);
   for (const BlobEntry& entry : index.updates) {
@@ -305,8 +359,8 @@ StoreIndex read_index(Database& database, int schema) {
 std::string read_blob(Database& database, BlobKind kind, const BlobEntry& entry) {
   const char* sql = kind == BlobKind::update       ? "SELECT zstd FROM updates WHERE sequence = ? AND map = ?"
                     : kind == BlobKind::member     ? "SELECT zstd FROM members WHERE sequence = ? AND map = ?"
-                   : kind == BlobKind::judgements ? "SELECT zstd FROM judgements WHERE sequence = ?"
-                                                  : "SELECT zstd FROM verdicts WHERE sequence = ?";
+                    : kind == BlobKind::judgements ? "SELECT zstd FROM judgements WHERE sequence = ?"
+                                                   : "SELECT zstd FROM verdicts WHERE sequence = ?";
   Statement row(database, sql);
   row.bind(entry.sequence);
   if (kind == BlobKind::update || kind == BlobKind::member) row.bind(entry.owner);

@@ -18,12 +18,16 @@ constexpr std::int64_t kApplicationId = 0x4d57444a;  // "MWDJ"
 constexpr std::int64_t kSchema = 2;
 constexpr const char* kKind = "journal";
 constexpr const char* kTable =
-    "CREATE TABLE updates (number INTEGER PRIMARY KEY, robot TEXT NOT NULL, sensor TEXT NOT NULL, run INTEGER NOT NULL, bytes INTEGER NOT "
+    "CREATE TABLE updates (number INTEGER PRIMARY KEY, robot TEXT NOT NULL, sensor TEXT NOT NULL, run INTEGER NOT "
+    "NULL, bytes INTEGER NOT "
     "NULL, sha256 BLOB NOT NULL, zstd BLOB NOT NULL) STRICT";
 
-constexpr const char* kVetoTable = "CREATE TABLE vetoes (judgement BLOB PRIMARY KEY) STRICT, WITHOUT ROWID";  // from schema 2 on
+constexpr const char* kVetoTable =
+    "CREATE TABLE vetoes (judgement BLOB PRIMARY KEY) STRICT, WITHOUT ROWID";  // from schema 2 on
 
-std::string_view view_of(const Hash& hash) { return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()}; }
+std::string_view view_of(const Hash& hash) {
+  return {reinterpret_cast<const char*>(hash.bytes.data()), hash.bytes.size()};
+}
 
 std::optional<Hash> hash_of(std::string_view bytes) {
   Hash hash;
@@ -62,8 +66,8 @@ class Copy {
         if (!error) std::filesystem::copy_file(journal.string() + suffix, path().string() + suffix, error);
     if (!error) return;
     remove();
-    throw Error(ErrorCode::kCannotWrite, "the journal of a server that was killed cannot be copied: " + error.message(), folder_,
-                "free some space, or name another folder in TMPDIR");
+    throw Error(ErrorCode::kCannotWrite, "the journal of a server that was killed cannot be copied: " + error.message(),
+                folder_, "free some space, or name another folder in TMPDIR");
   }
   ~Copy() { remove(); }
   Copy(const Copy&) = delete;
@@ -86,7 +90,9 @@ struct UpdateJournal::State {
   std::filesystem::path path;
   std::uint64_t bytes = 0;
 
-  explicit State(const std::filesystem::path& file) : database(file, Database::Use::append, file, kKind), path(file) { begin(); }
+  explicit State(const std::filesystem::path& file) : database(file, Database::Use::append, file, kKind), path(file) {
+    begin();
+  }
   // To read it alone.
   State(const std::filesystem::path& file, bool has_log)
       : copy(has_log ? std::make_optional<Copy>(file) : std::nullopt),
@@ -100,7 +106,8 @@ struct UpdateJournal::State {
     database.run("PRAGMA locking_mode = EXCLUSIVE; PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL");
     Transaction beginning(database);
     if (database.number("SELECT count(*) FROM sqlite_schema") == 0 && database.number("PRAGMA application_id") == 0) {
-      database.run("PRAGMA application_id = " + std::to_string(kApplicationId) + "; PRAGMA user_version = " + std::to_string(kSchema));
+      database.run("PRAGMA application_id = " + std::to_string(kApplicationId) +
+                   "; PRAGMA user_version = " + std::to_string(kSchema));
       database.run(kTable), database.run(kVetoTable);
     } else if (database.number("PRAGMA application_id") == kApplicationId && !has_vetoes()) {
       database.run(std::string(kVetoTable) + "; PRAGMA user_version = " + std::to_string(kSchema));
@@ -110,10 +117,12 @@ struct UpdateJournal::State {
   }
 
   void expect_journal() {
-    if (database.number("PRAGMA application_id") != kApplicationId) database.corrupt("it is an SQLite file of another program");
+    if (database.number("PRAGMA application_id") != kApplicationId)
+      database.corrupt("it is an SQLite file of another program");
     if (const std::int64_t schema = database.number("PRAGMA user_version"); schema > kSchema)
       throw Error(ErrorCode::kUnsupported,
-                  "the journal has schema " + std::to_string(schema) + "; this program knows schemas up to " + std::to_string(kSchema),
+                  "the journal has schema " + std::to_string(schema) + "; this program knows schemas up to " +
+                      std::to_string(kSchema),
                   path.string(), "go on with a newer mapweave, or begin another journal");
     std::vector<std::string> tables, expected{kTable};
     if (has_vetoes()) expected.push_back(kVetoTable);
@@ -127,7 +136,8 @@ struct UpdateJournal::State {
 
   std::uint64_t insert(const std::vector<JournalEntry>& entries) {
     std::uint64_t inserted = 0;
-    Statement statement(database, "INSERT INTO updates (robot, sensor, run, bytes, sha256, zstd) VALUES (?, ?, ?, ?, ?, ?)");
+    Statement statement(database,
+                        "INSERT INTO updates (robot, sensor, run, bytes, sha256, zstd) VALUES (?, ?, ?, ?, ?, ?)");
     for (const JournalEntry& entry : entries) {
       if (entry.vetoed) {
         Statement(database, "INSERT OR IGNORE INTO vetoes VALUES (?)").bind_bytes(view_of(*entry.vetoed)).run();
@@ -150,7 +160,8 @@ UpdateJournal& UpdateJournal::operator=(UpdateJournal&&) noexcept = default;
 
 UpdateJournal UpdateJournal::left_behind(const std::filesystem::path& path) {
   if (is_locked(path))
-    throw Error(ErrorCode::kBadInput, "a server has it open", path.string(), "end that one first, or take a copy that it left behind");
+    throw Error(ErrorCode::kBadInput, "a server has it open", path.string(),
+                "end that one first, or take a copy that it left behind");
   const auto files = files_of(path);
   expect_sqlite_file(path, kKind, ".mwj", files.size() == 1);
   return UpdateJournal(std::make_unique<State>(path, files.size() > 1));
@@ -178,14 +189,16 @@ void UpdateJournal::replay(const std::function<void(const JournalEntry&)>& visit
       if (!judgement) state_->database.corrupt("a veto of it names no judgement");
       visit({{}, {}, judgement});
     }
-  Statement rows(state_->database, "SELECT number, robot, sensor, run, bytes, sha256, zstd FROM updates ORDER BY number");
+  Statement rows(state_->database,
+                 "SELECT number, robot, sensor, run, bytes, sha256, zstd FROM updates ORDER BY number");
   while (rows.step()) {
     const std::string where = state_->path.string() + ", update " + std::to_string(rows.integer(0));
     const std::string robot = rows.text(1), sensor = rows.text(2);
     const std::optional<Hash> hash = hash_of(rows.bytes(5));
     if (!is_valid_name(robot) || !is_valid_name(sensor) || !hash)
       state_->database.corrupt("update " + std::to_string(rows.integer(0)) + " has no valid name or hash");
-    visit({{{RobotId(robot), SensorId(sensor)}, rows.integer(3)}, unpack(rows.bytes(6), rows.integer(4), *hash, where)});
+    visit(
+        {{{RobotId(robot), SensorId(sensor)}, rows.integer(3)}, unpack(rows.bytes(6), rows.integer(4), *hash, where)});
   }
 }
 

@@ -38,13 +38,14 @@ void for_each_node(const Landmark& landmark, const Action& action) {
 }
 
 bool hangs_on(const Landmark& landmark, const NodeId& node) {
-  const auto place = std::lower_bound(landmark.seen.begin(), landmark.seen.end(), node,
-                                      [](const LandmarkSighting& sighting, const NodeId& wanted) { return sighting.node < wanted; });
+  const auto place =
+      std::lower_bound(landmark.seen.begin(), landmark.seen.end(), node,
+                       [](const LandmarkSighting& sighting, const NodeId& wanted) { return sighting.node < wanted; });
   return landmark.anchor == node || (place != landmark.seen.end() && place->node == node);
 }
 
-// What hangs on nodes, brought up to date in two steps: what comes, which takes memory, and, once the map has changed, what went. Where
-// memory fails in between, more is named than hangs there, which does no harm.
+// What hangs on nodes, brought up to date in two steps: what comes, which takes memory, and, once the map has changed,
+// what went. Where memory fails in between, more is named than hangs there, which does no harm.
 class Hanging {
  public:
   Hanging(LandmarksByNode& known, const Map& map, const MapUpdate& update) : known_(known) {
@@ -56,13 +57,15 @@ class Hanging {
     for (const Landmark& landmark : update.landmarks) may_leave(landmark.id);
     for (const NodeId& node : update.removed_nodes)
       for (const LandmarkId& id : known.at(node)) leaving_.emplace_back(node, id);
-    for (const Landmark& landmark : update.landmarks) for_each_node(landmark, [&](const NodeId& node) { known_.add(node, landmark.id); });
+    for (const Landmark& landmark : update.landmarks)
+      for_each_node(landmark, [&](const NodeId& node) { known_.add(node, landmark.id); });
     for (const LandmarkChange& change : update.changed_landmarks)
       for (const LandmarkSighting& sighting : change.seen) known_.add(sighting.node, change.id);
   }
   void follow(const Map& map) {
     for (const auto& [node, id] : leaving_)
-      if (const Landmark* landmark = map.landmarks.find(id); landmark == nullptr || !hangs_on(*landmark, node)) known_.remove(node, id);
+      if (const Landmark* landmark = map.landmarks.find(id); landmark == nullptr || !hangs_on(*landmark, node))
+        known_.remove(node, id);
   }
 
  private:

@@ -9,8 +9,9 @@ namespace {
 
 using google::protobuf::MessageLite;
 
-constexpr std::uint32_t kVersion = 5;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps
-constexpr std::uint32_t kJudgementVersion = 1;  // of lone judgements, and of verdicts
+constexpr std::uint32_t kVersion =
+    5;  // of updates: 1 knows no keyframes and landmarks, 2 none borrowed, 3 no dense points, 4 no sweeps
+constexpr std::uint32_t kJudgementVersion = 1;                 // of lone judgements, and of verdicts
 constexpr std::size_t kMostBytes = std::size_t{1} << 30;       // of a message
 constexpr std::size_t kMostFieldBytes = std::size_t{4} << 20;  // of the header and any element but a node
 
@@ -98,7 +99,8 @@ std::uint32_t version_of(const MapUpdate& update) {
       has_sweeps = has_sweeps || scan->geometry->has_sweep();
     else if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
       has_keyframes = true, has_dense = has_dense || can_be_dense(keyframe->points);
-  const bool has_landmarks = !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
+  const bool has_landmarks =
+      !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
   if (has_sweeps) return 5;
   if (has_dense) return 4;
   if (!update.borrowed.empty()) return 3;
@@ -125,15 +127,17 @@ void for_each_list(Update& update, const Action& action) {
 template <class Form>
 Form parsed(std::string_view bytes, const FormReader& reader) {
   Form form;
-  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) reader.corrupt("these bytes are not what they should be");
+  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    reader.corrupt("these bytes are not what they should be");
   return form;
 }
 
 void check_version(std::uint32_t version, std::uint32_t newest, const FormReader& reader, const std::string& where) {
   if (version > newest)
-    throw Error(ErrorCode::kUnsupported,
-                "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(newest), where,
-                "read it with a newer mapweave");
+    throw Error(
+        ErrorCode::kUnsupported,
+        "it is in form " + std::to_string(version) + "; this program knows forms up to " + std::to_string(newest),
+        where, "read it with a newer mapweave");
   if (version == 0) reader.corrupt("no version stands where it should");
 }
 
@@ -159,16 +163,22 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
     case kNodes: return append(update.nodes, reader.node(parsed<form::Node>(bytes, reader)), reader);
     case kMoved: return append(update.moved, reader.moved(parsed<form::MovedNode>(bytes, reader)), reader);
     case kSubmaps: return append(update.submaps, reader.submap(parsed<form::Submap>(bytes, reader)), reader);
-    case kConstraints: return append(update.constraints, reader.constraint(parsed<form::Constraint>(bytes, reader)), reader);
-    case kJudgements: return append(update.judgements, reader.judgement(parsed<form::Judgement>(bytes, reader)), reader);
+    case kConstraints:
+      return append(update.constraints, reader.constraint(parsed<form::Constraint>(bytes, reader)), reader);
+    case kJudgements:
+      return append(update.judgements, reader.judgement(parsed<form::Judgement>(bytes, reader)), reader);
     case kRemovedNodes: return append(update.removed_nodes, reader.node_id(parsed<form::Id>(bytes, reader)), reader);
-    case kRemovedSubmaps: return append(update.removed_submaps, reader.submap_id(parsed<form::Id>(bytes, reader)), reader);
+    case kRemovedSubmaps:
+      return append(update.removed_submaps, reader.submap_id(parsed<form::Id>(bytes, reader)), reader);
     case kRemovedConstraints:
-      return append(update.removed_constraints, reader.constraint_id(parsed<form::ConstraintId>(bytes, reader)), reader);
+      return append(update.removed_constraints, reader.constraint_id(parsed<form::ConstraintId>(bytes, reader)),
+                    reader);
     case kLandmarks: return append(update.landmarks, reader.landmark(parsed<form::Landmark>(bytes, reader)), reader);
     case kChangedLandmarks:
-      return append(update.changed_landmarks, reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader)), reader);
-    case kRemovedLandmarks: return append(update.removed_landmarks, reader.landmark_id(parsed<form::Id>(bytes, reader)), reader);
+      return append(update.changed_landmarks, reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader)),
+                    reader);
+    case kRemovedLandmarks:
+      return append(update.removed_landmarks, reader.landmark_id(parsed<form::Id>(bytes, reader)), reader);
     case kBorrowed: {
       const LandmarkChange borrowed = reader.landmark_change(parsed<form::LandmarkChange>(bytes, reader));
       if (borrowed.point_units) reader.corrupt("a borrowed landmark moves");
@@ -182,7 +192,8 @@ void take_element(int field, std::string_view bytes, const FormReader& reader, M
 
 std::string encode(const MapUpdate& update) {
   expect_sound(update.origin);
-  for (const LandmarkChange& borrowed : update.borrowed) MAPWEAVE_EXPECT(!borrowed.point_units, "borrowed landmarks do not move");
+  for (const LandmarkChange& borrowed : update.borrowed)
+    MAPWEAVE_EXPECT(!borrowed.point_units, "borrowed landmarks do not move");
   SessionTable sessions;
   Geometries geometries;
   form::Header header;
@@ -191,7 +202,8 @@ std::string encode(const MapUpdate& update) {
     elements += list.size();
     for (std::size_t i = 0; i < list.size(); ++i) {
       expect_sound(list[i]);
-      MAPWEAVE_EXPECT(i == 0 || id_of(list[i - 1]) < id_of(list[i]), "the lists of an update are in ascending order of ids");
+      MAPWEAVE_EXPECT(i == 0 || id_of(list[i - 1]) < id_of(list[i]),
+                      "the lists of an update are in ascending order of ids");
       collect(sessions, list[i]);
     }
   });
@@ -202,7 +214,8 @@ std::string encode(const MapUpdate& update) {
   }
   for (const Node& node : update.nodes) {
     if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) geometries.lasers.add(scan->geometry);
-    if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) geometries.cameras.add(keyframe->geometry);
+    if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
+      geometries.cameras.add(keyframe->geometry);
   }
   for (const auto& laser : geometries.lasers.geometries()) {
     expect_sound(*laser);
@@ -236,8 +249,10 @@ MapUpdate decode_map_update(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   if (bytes.empty()) reader.corrupt("it is empty");
   if (bytes.size() > kMostBytes)
-    reader.corrupt("it has " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) + " are expected");
-  google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
+    reader.corrupt("it has " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) +
+                   " are expected");
+  google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(bytes.data()),
+                                                static_cast<int>(bytes.size()));
   MapUpdate update;
   int last_field = 0;
   std::uint64_t elements = 0, expected_elements = 0;
@@ -249,7 +264,8 @@ MapUpdate decode_map_update(std::string_view bytes, const std::string& where) {
     const auto begin = static_cast<std::size_t>(stream.CurrentPosition());
     const int field = static_cast<int>(tag >> 3);
     if (size > bytes.size() - begin)
-      reader.corrupt("a field needs " + std::to_string(size) + " bytes, " + std::to_string(bytes.size() - begin) + " remain");
+      reader.corrupt("a field needs " + std::to_string(size) + " bytes, " + std::to_string(bytes.size() - begin) +
+                     " remain");
     if (field != kNodes && size > kMostFieldBytes)
       reader.corrupt("field " + std::to_string(field) + " has " + std::to_string(size) + " bytes; at most " +
                      std::to_string(kMostFieldBytes) + " are expected");
@@ -269,7 +285,8 @@ MapUpdate decode_map_update(std::string_view bytes, const std::string& where) {
   }
   reader.locate("byte " + std::to_string(bytes.size()));
   if (elements != expected_elements)
-    reader.corrupt("it holds " + std::to_string(elements) + " elements; its header says " + std::to_string(expected_elements));
+    reader.corrupt("it holds " + std::to_string(elements) + " elements; its header says " +
+                   std::to_string(expected_elements));
   return update;
 }
 
@@ -291,8 +308,8 @@ std::string encode(const Judgement& judgement) {
 Judgement decode_judgement(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   if (bytes.size() > kMostFieldBytes)
-    reader.corrupt("a judgement of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) +
-                   " are expected");
+    reader.corrupt("a judgement of " + std::to_string(bytes.size()) + " bytes; at most " +
+                   std::to_string(kMostFieldBytes) + " are expected");
   const auto form = parsed<form::LoneJudgement>(bytes, reader);
   check_version(form.version(), kJudgementVersion, reader, where);
   for (const auto& session : form.sessions()) reader.take_session(session);
@@ -309,7 +326,8 @@ std::string encode(const Verdict& verdict) {
 Verdict decode_verdict(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   if (bytes.size() > kMostFieldBytes)
-    reader.corrupt("a verdict of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostFieldBytes) + " are expected");
+    reader.corrupt("a verdict of " + std::to_string(bytes.size()) + " bytes; at most " +
+                   std::to_string(kMostFieldBytes) + " are expected");
   const auto form = parsed<form::Verdict>(bytes, reader);
   check_version(form.version(), kJudgementVersion, reader, where);
   return reader.verdict(form);

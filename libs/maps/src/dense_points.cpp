@@ -35,7 +35,8 @@ class BitReader {
   explicit BitReader(std::string_view bytes) : bytes_(bytes) {}
   std::uint32_t take(int width) {
     while (count_ < width) {
-      held_ |= std::uint64_t{next_ < bytes_.size() ? static_cast<std::uint8_t>(bytes_[next_]) : std::uint8_t{0}} << count_;
+      held_ |= std::uint64_t{next_ < bytes_.size() ? static_cast<std::uint8_t>(bytes_[next_]) : std::uint8_t{0}}
+               << count_;
       ++next_, count_ += 8;
     }
     const auto value = static_cast<std::uint32_t>(held_ & ((std::uint64_t{1} << width) - 1));
@@ -91,7 +92,8 @@ int rice_bits(const std::vector<KeyframePoint>& points, int shift) {
 
 bool can_be_dense(const std::vector<KeyframePoint>& points) {
   return points.size() >= kFewest &&
-         std::is_sorted(points.begin(), points.end(), [](const KeyframePoint& a, const KeyframePoint& b) { return a.v < b.v; });
+         std::is_sorted(points.begin(), points.end(),
+                        [](const KeyframePoint& a, const KeyframePoint& b) { return a.v < b.v; });
 }
 
 std::string dense(const std::vector<KeyframePoint>& points) {

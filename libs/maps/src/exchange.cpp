@@ -10,8 +10,9 @@ namespace {
 // 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units.
 constexpr std::uint32_t kVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
-constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4, kGrowth = 1.06;  // of distances and deviations from one number to the next
-constexpr double kHalf = 127.0;                                            // of the 8 bits of an octahedron's side
+constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4,
+                 kGrowth = 1.06;  // of distances and deviations from one number to the next
+constexpr double kHalf = 127.0;   // of the 8 bits of an octahedron's side
 
 double sign(double x) { return x < 0.0 ? -1.0 : 1.0; }
 
@@ -27,17 +28,22 @@ std::uint32_t packed_direction(const Eigen::Vector3d& direction) {
 
 Eigen::Vector3d unpacked_direction(std::uint32_t packed) {
   if (packed == 0) return Eigen::Vector3d::Zero();
-  const auto side = [](std::uint32_t bits) { return std::clamp((static_cast<double>(bits) - 1.0 - kHalf) / kHalf, -1.0, 1.0); };
+  const auto side = [](std::uint32_t bits) {
+    return std::clamp((static_cast<double>(bits) - 1.0 - kHalf) / kHalf, -1.0, 1.0);
+  };
   const double u = side(packed >> 8 & 0xff), v = side(packed & 0xff), z = 1.0 - std::abs(u) - std::abs(v);
   if (z >= 0.0) return Eigen::Vector3d(u, v, z).normalized();
   return Eigen::Vector3d((1.0 - std::abs(v)) * sign(u), (1.0 - std::abs(u)) * sign(v), z).normalized();
 }
 
 std::uint32_t steps_of(double length_m, double unit_m) {
-  return static_cast<std::uint32_t>(std::lround(std::clamp(std::log(length_m / unit_m) / std::log(kGrowth), 0.0, 254.0)));
+  return static_cast<std::uint32_t>(
+      std::lround(std::clamp(std::log(length_m / unit_m) / std::log(kGrowth), 0.0, 254.0)));
 }
 std::uint32_t packed_distance(double distance_m) { return distance_m > 0.0 ? steps_of(distance_m, kNearest_m) + 1 : 0; }
-double unpacked_distance(std::uint32_t packed) { return packed == 0 ? 0.0 : kNearest_m * std::pow(kGrowth, packed - 1); }
+double unpacked_distance(std::uint32_t packed) {
+  return packed == 0 ? 0.0 : kNearest_m * std::pow(kGrowth, packed - 1);
+}
 
 void expect_sound_name(const MapId& map) { MAPWEAVE_EXPECT(is_valid_name(map.str()), "a message speaks of a map"); }
 template <class Value>
@@ -63,24 +69,31 @@ std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
   return form.SerializeAsString();
 }
 
-SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks, const std::vector<MovedNode>& corrected = {}) {
+SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks,
+                         const std::vector<MovedNode>& corrected = {}) {
   SessionTable sessions;
-  for (const DescribedLandmark& landmark : landmarks) expect_sound(landmark.id.session), sessions.add(landmark.id.session);
+  for (const DescribedLandmark& landmark : landmarks)
+    expect_sound(landmark.id.session), sessions.add(landmark.id.session);
   for (const MovedNode& moved : corrected) expect_sound(moved), sessions.add(moved.id.session);
   sessions.sort();
   return sessions;
 }
 
-form::Exchange read(std::string_view bytes, FormReader& reader, const std::string& where, form::Exchange::ContentCase content) {
+form::Exchange read(std::string_view bytes, FormReader& reader, const std::string& where,
+                    form::Exchange::ContentCase content) {
   if (bytes.size() > kMostBytes)
-    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) + " are expected");
+    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) +
+                   " are expected");
   form::Exchange form;
-  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) reader.corrupt("these bytes are not what they should be");
+  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    reader.corrupt("these bytes are not what they should be");
   if (form.version() > kVersion)
     throw Error(ErrorCode::kUnsupported,
-                "it is in form " + std::to_string(form.version()) + "; this program knows forms up to " + std::to_string(kVersion), where,
-                "read it with a newer mapweave");
-  if (form.version() == 0 || form.content_case() != content) reader.corrupt("it is another message than the one expected");
+                "it is in form " + std::to_string(form.version()) + "; this program knows forms up to " +
+                    std::to_string(kVersion),
+                where, "read it with a newer mapweave");
+  if (form.version() == 0 || form.content_case() != content)
+    reader.corrupt("it is another message than the one expected");
   for (const auto& session : form.sessions()) reader.take_session(session);
   return form;
 }
@@ -103,7 +116,8 @@ std::vector<DescribedLandmark> landmarks_of(const Repeated& forms, const FormRea
 form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable& sessions) {
   form::LentLandmark form;
   *form.mutable_id() = form_of(landmark.id, sessions);
-  const Eigen::Vector3i point = landmark_units(landmark.point_in_map), feature = landmark_units(landmark.feature_from_point);
+  const Eigen::Vector3i point = landmark_units(landmark.point_in_map),
+                        feature = landmark_units(landmark.feature_from_point);
   for (int axis = 0; axis < 3; ++axis) form.add_point(point(axis));
   form.set_descriptor(packed(std::vector<BinaryDescriptor>{landmark.descriptor}));
   for (int axis = 0; axis < 3; ++axis) form.add_feature(feature(axis));
@@ -115,9 +129,10 @@ form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable
 
 DescribedLandmark FormReader::shared_landmark(const form::LentLandmark& form) const {
   if (form.point_size() != 3 || form.feature_size() != 3 || form.descriptor().size() != kDescriptorBytes)
-    corrupt("a shared landmark has " + std::to_string(form.point_size()) + " and " + std::to_string(form.feature_size()) +
-            " coordinates and a descriptor of " + std::to_string(form.descriptor().size()) + " bytes; 3, 3 and " +
-            std::to_string(kDescriptorBytes) + " are expected");
+    corrupt("a shared landmark has " + std::to_string(form.point_size()) + " and " +
+            std::to_string(form.feature_size()) + " coordinates and a descriptor of " +
+            std::to_string(form.descriptor().size()) + " bytes; 3, 3 and " + std::to_string(kDescriptorBytes) +
+            " are expected");
   DescribedLandmark landmark;
   landmark.id = landmark_id(form.id());
   for (int axis = 0; axis < 3; ++axis)
@@ -125,7 +140,8 @@ DescribedLandmark FormReader::shared_landmark(const form::LentLandmark& form) co
     landmark.feature_from_point(axis) = kLandmarkUnit_m * form.feature(axis);
   landmark.descriptor = unpacked_descriptors(form.descriptor()).front();
   landmark.direction = unpacked_direction(form.look() >> 16);
-  landmark.nearest_m = unpacked_distance(form.look() >> 8 & 0xff), landmark.farthest_m = unpacked_distance(form.look() & 0xff);
+  landmark.nearest_m = unpacked_distance(form.look() >> 8 & 0xff),
+  landmark.farthest_m = unpacked_distance(form.look() & 0xff);
   landmark.sigma_m = kLeastSigma_m * std::pow(kGrowth, std::min<std::uint32_t>(form.sigma(), 255));
   return landmark;
 }
@@ -217,19 +233,22 @@ std::string encode(const Sensed& sensed) {
 std::string encode(const MapReport& report) {
   const MapSummary& summary = report.summary;
   MAPWEAVE_EXPECT(is_valid_name(report.robot.str()), "a map is a robot's");
-  MAPWEAVE_EXPECT(summary.columns >= 0 && summary.rows >= 0 && summary.looks.size() <= MapSummary::kMostLooks &&
-                      summary.cells.size() == static_cast<std::size_t>(summary.columns) * static_cast<std::size_t>(summary.rows) &&
-                      summary.cells.size() <= static_cast<std::size_t>(MapSummary::kMostCells),
-                  "a summary has as many cells as it says");
+  MAPWEAVE_EXPECT(
+      summary.columns >= 0 && summary.rows >= 0 && summary.looks.size() <= MapSummary::kMostLooks &&
+          summary.cells.size() == static_cast<std::size_t>(summary.columns) * static_cast<std::size_t>(summary.rows) &&
+          summary.cells.size() <= static_cast<std::size_t>(MapSummary::kMostCells),
+      "a summary has as many cells as it says");
   form::Exchange form;
   auto& content = *form.mutable_map_report();
   content.set_robot(report.robot.str());
   content.set_scans(report.scans);
   content.set_left(summary.left), content.set_bottom(summary.bottom);
-  content.set_columns(static_cast<std::uint32_t>(summary.columns)), content.set_rows(static_cast<std::uint32_t>(summary.rows));
+  content.set_columns(static_cast<std::uint32_t>(summary.columns)),
+      content.set_rows(static_cast<std::uint32_t>(summary.rows));
   std::string cells((summary.cells.size() + 3) / 4, '\0');
   for (std::size_t i = 0; i < summary.cells.size(); ++i)
-    cells[i / 4] = static_cast<char>(static_cast<unsigned char>(cells[i / 4]) | static_cast<unsigned>(summary.cells[i]) << 2 * (i % 4));
+    cells[i / 4] = static_cast<char>(static_cast<unsigned char>(cells[i / 4]) | static_cast<unsigned>(summary.cells[i])
+                                                                                    << 2 * (i % 4));
   content.set_cells(std::move(cells));
   for (const MapSummary::Look& look : summary.looks) {
     auto& line = *content.add_looks();
@@ -250,8 +269,10 @@ Hello decode_hello(std::string_view bytes, const std::string& where) {
 ClientView decode_client_view(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
   const auto form = read(bytes, reader, where, form::Exchange::kView);
-  return {
-      map_name(form.view().map(), reader), {form.view().stamp_ns()}, reader.pose(form.view().map_from_robot()), form.view().forgotten()};
+  return {map_name(form.view().map(), reader),
+          {form.view().stamp_ns()},
+          reader.pose(form.view().map_from_robot()),
+          form.view().forgotten()};
 }
 
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where) {
@@ -259,7 +280,8 @@ PlaceRequest decode_place_request(std::string_view bytes, const std::string& whe
   const auto form = read(bytes, reader, where, form::Exchange::kPlaceRequest);
   reader.take_camera(form.place_request().camera());
   PlaceRequest request{{form.place_request().stamp_ns()}, reader.keyframe(form.place_request().features())};
-  if (const std::string problem = flaw(Node{{}, {}, {}, std::make_shared<const Payload>(request.features)}); !problem.empty())
+  if (const std::string problem = flaw(Node{{}, {}, {}, std::make_shared<const Payload>(request.features)});
+      !problem.empty())
     reader.corrupt(problem);
   return request;
 }
@@ -291,19 +313,23 @@ Sensed decode_sensed(std::string_view bytes, const std::string& where) {
   const auto form = read(bytes, reader, where, form::Exchange::kSensed);
   const auto& content = form.sensed();
   if (content.robot().empty() || content.sequence() == 0) reader.corrupt("it says neither whose it is nor which");
-  Sensed sensed{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};
+  Sensed sensed{
+      RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};
   switch (content.body_case()) {
-    case form::Sensed::kScan: reader.take_geometry(content.geometry()), sensed.body = reader.scan(content.scan()); break;
+    case form::Sensed::kScan:
+      reader.take_geometry(content.geometry()), sensed.body = reader.scan(content.scan());
+      break;
     case form::Sensed::kOdometry: sensed.body = reader.pose(content.odometry()); break;
     case form::Sensed::kInertialYawRad:
       if (!std::isfinite(content.inertial_yaw_rad())) reader.corrupt("a heading that is not finite");
       sensed.body = InertialYaw{content.inertial_yaw_rad()};
       break;
     case form::Sensed::kEnd:
-      if (content.end().code() > 1 + static_cast<std::uint32_t>(ErrorCode::kInternal)) reader.corrupt("an error of no known kind");
+      if (content.end().code() > 1 + static_cast<std::uint32_t>(ErrorCode::kInternal))
+        reader.corrupt("an error of no known kind");
       if (content.end().code() > 0)
-        sensed.body = StreamEnd{Error(static_cast<ErrorCode>(content.end().code() - 1), content.end().problem(), content.end().where(),
-                                      content.end().remedy())};
+        sensed.body = StreamEnd{Error(static_cast<ErrorCode>(content.end().code() - 1), content.end().problem(),
+                                      content.end().where(), content.end().remedy())};
       break;
     case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
   }
@@ -317,26 +343,30 @@ MapReport decode_map_report(std::string_view bytes, const std::string& where) {
   if (content.robot().empty()) reader.corrupt("it does not say whose map it is of");
   const std::uint64_t cells = std::uint64_t{content.columns()} * content.rows();
   constexpr std::int32_t kFarthest = 1 << 24;  // cells from the origin
-  if (content.columns() > kFarthest || content.rows() > kFarthest || cells > static_cast<std::uint64_t>(MapSummary::kMostCells) ||
-      content.cells().size() != (cells + 3) / 4)
+  if (content.columns() > kFarthest || content.rows() > kFarthest ||
+      cells > static_cast<std::uint64_t>(MapSummary::kMostCells) || content.cells().size() != (cells + 3) / 4)
     reader.corrupt(std::to_string(content.columns()) + " x " + std::to_string(content.rows()) + " cells in " +
                    std::to_string(content.cells().size()) + " bytes");
   if (std::abs(std::int64_t{content.left()}) > kFarthest || std::abs(std::int64_t{content.bottom()}) > kFarthest)
     reader.corrupt("a map that lies thousands of kilometres from its origin");
-  if (static_cast<std::size_t>(content.looks_size()) > MapSummary::kMostLooks) reader.corrupt("more viewpoints than a summary has");
+  if (static_cast<std::size_t>(content.looks_size()) > MapSummary::kMostLooks)
+    reader.corrupt("more viewpoints than a summary has");
   MapReport report{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.scans(), {}};
   MapSummary& summary = report.summary;
   summary.left = content.left(), summary.bottom = content.bottom();
-  summary.columns = static_cast<std::int32_t>(content.columns()), summary.rows = static_cast<std::int32_t>(content.rows());
+  summary.columns = static_cast<std::int32_t>(content.columns()),
+  summary.rows = static_cast<std::int32_t>(content.rows());
   summary.cells.reserve(cells);
   for (std::size_t i = 0; i < cells; ++i) {
     const unsigned cell = static_cast<unsigned char>(content.cells()[i / 4]) >> 2 * (i % 4) & 3U;
-    if (cell > static_cast<unsigned>(MapSummary::Cell::wall)) reader.corrupt("a cell that is neither unknown, free nor a wall");
+    if (cell > static_cast<unsigned>(MapSummary::Cell::wall))
+      reader.corrupt("a cell that is neither unknown, free nor a wall");
     summary.cells.push_back(static_cast<MapSummary::Cell>(cell));
   }
   for (const auto& line : content.looks()) {
     MapSummary::Look look{line.x_cm(), line.y_cm(), {}};
-    if (line.walls().size() != look.walls.size()) reader.corrupt("a viewpoint with " + std::to_string(line.walls().size()) + " rings");
+    if (line.walls().size() != look.walls.size())
+      reader.corrupt("a viewpoint with " + std::to_string(line.walls().size()) + " rings");
     std::copy(line.walls().begin(), line.walls().end(), look.walls.begin());
     summary.looks.push_back(look);
   }

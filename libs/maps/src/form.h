@@ -1,5 +1,6 @@
 #pragma once
-// Our values to and from the messages of proto/mapweave.proto, one at a time. The framing of a whole update is codec.cpp's.
+// Our values to and from the messages of proto/mapweave.proto, one at a time. The framing of a whole update is
+// codec.cpp's.
 
 #include <mapweave.pb.h>
 #include <mapweave/core/error.h>
@@ -28,7 +29,8 @@ form::ScanGeometry form_of(const ScanGeometry&);
 void fill_measured(form::Scan&, const PackedScan&);  // all but the place of its geometry
 form::CameraGeometry form_of(const CameraGeometry&);
 
-// The geometries that the scans, or the keyframes, of a message share, in order of first use; alike ones (bit for bit) are one.
+// The geometries that the scans, or the keyframes, of a message share, in order of first use; alike ones (bit for bit)
+// are one.
 template <class Geometry>
 class GeometryTable {
  public:

@@ -25,7 +25,9 @@ void add_payload(Hasher& hasher, const PackedScan& scan) {
   // What has no sweep has the hash that it had before sweeps were known.
   if (geometry.has_sweep()) {
     hasher.add("sweep").add(geometry.first_ray_s).add(geometry.ray_step_s);
-    hasher.add(std::int64_t{scan.motion.x_mm_s}).add(std::int64_t{scan.motion.y_mm_s}).add(std::int64_t{scan.motion.yaw_mrad_s});
+    hasher.add(std::int64_t{scan.motion.x_mm_s})
+        .add(std::int64_t{scan.motion.y_mm_s})
+        .add(std::int64_t{scan.motion.yaw_mrad_s});
   }
 }
 
@@ -53,7 +55,8 @@ void add_payload(Hasher& hasher, const std::shared_ptr<const Payload>& payload) 
 
 bool operator==(const CameraGeometry& a, const CameraGeometry& b) {
   return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx && a.cy == b.cy &&
-         a.baseline_m == b.baseline_m && a.level_scale == b.level_scale && a.robot_from_camera.t == b.robot_from_camera.t &&
+         a.baseline_m == b.baseline_m && a.level_scale == b.level_scale &&
+         a.robot_from_camera.t == b.robot_from_camera.t &&
          a.robot_from_camera.q.coeffs() == b.robot_from_camera.q.coeffs();
 }
 
@@ -108,7 +111,8 @@ Hash content_hash(const Submap& submap, const NodeLookup& find) {
   hasher.add("submap").add(static_cast<std::int64_t>(submap.submap_from_node.size()));
   for (const auto& [id, submap_from_node] : submap.submap_from_node) {
     const Node* node = find(id);
-    MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr, "a submap holds nodes with payloads: " + to_string(id));
+    MAPWEAVE_EXPECT(node != nullptr && node->payload != nullptr,
+                    "a submap holds nodes with payloads: " + to_string(id));
     add_session(hasher, id.session);
     hasher.add(std::int64_t{id.index});
     add_pose(hasher, submap_from_node);

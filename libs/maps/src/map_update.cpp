@@ -14,9 +14,10 @@ std::vector<Key> keys_missing_from(const Table<Key, Value>& newer, const Table<K
   return missing;
 }
 
-// What leads from one state of a landmark to the next once `gone` nodes (ascending) took their sightings along; nothing where only the
-// whole landmark does.
-std::optional<LandmarkChange> change_between(const Landmark& before, const Landmark& after, const std::vector<NodeId>& gone) {
+// What leads from one state of a landmark to the next once `gone` nodes (ascending) took their sightings along; nothing
+// where only the whole landmark does.
+std::optional<LandmarkChange> change_between(const Landmark& before, const Landmark& after,
+                                             const std::vector<NodeId>& gone) {
   if (before.anchor != after.anchor || before.colour != after.colour) return std::nullopt;
   LandmarkChange change;
   change.id = after.id;
@@ -49,7 +50,8 @@ MapUpdate difference(const Map& older, const Map& newer) {
       update.nodes.push_back(node);
       continue;
     }
-    MAPWEAVE_EXPECT(before->stamp == node.stamp && same(before->payload, node.payload), "content never changes: " + to_string(id));
+    MAPWEAVE_EXPECT(before->stamp == node.stamp && same(before->payload, node.payload),
+                    "content never changes: " + to_string(id));
     if (!same(before->map_from_node, node.map_from_node)) update.moved.push_back({id, node.map_from_node});
   }
   for (const auto& [id, submap] : newer.submaps) {

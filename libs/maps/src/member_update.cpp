@@ -11,18 +11,22 @@ bool is_among(const std::vector<SessionId>& sorted, const SessionId& session) {
   return std::binary_search(sorted.begin(), sorted.end(), session);
 }
 
-// What a team map holds of some sessions, but for the nodes that are excluded. Landmarks of a team are merged ones, and left out.
-Map part_of(const Map& team, const MapId& id, const std::vector<SessionId>& sessions, const std::vector<NodeId>& excluded) {
+// What a team map holds of some sessions, but for the nodes that are excluded. Landmarks of a team are merged ones, and
+// left out.
+Map part_of(const Map& team, const MapId& id, const std::vector<SessionId>& sessions,
+            const std::vector<NodeId>& excluded) {
   Map part;
   part.id = id;
   for (const auto& [node_id, node] : team.nodes)
-    if (is_among(sessions, node_id.session) && !std::binary_search(excluded.begin(), excluded.end(), node_id)) part.nodes.set(node_id, node);
+    if (is_among(sessions, node_id.session) && !std::binary_search(excluded.begin(), excluded.end(), node_id))
+      part.nodes.set(node_id, node);
   for (const auto& [submap_id, submap] : team.submaps)
     if (std::all_of(submap.submap_from_node.begin(), submap.submap_from_node.end(),
                     [&](const auto& member) { return part.nodes.contains(member.first); }))
       part.submaps.set(submap_id, submap);
   for (const auto& [constraint_id, constraint] : team.constraints)
-    if (part.nodes.contains(constraint_id.from) && part.nodes.contains(constraint_id.to)) part.constraints.set(constraint_id, constraint);
+    if (part.nodes.contains(constraint_id.from) && part.nodes.contains(constraint_id.to))
+      part.constraints.set(constraint_id, constraint);
   return part;
 }
 

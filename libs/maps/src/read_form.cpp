@@ -73,13 +73,15 @@ void FormReader::take_camera(const form::CameraGeometry& form) {
 }
 
 SessionId FormReader::session(std::uint32_t place) const {
-  if (place >= sessions_.size()) corrupt("session " + std::to_string(place) + " of a table of " + std::to_string(sessions_.size()));
+  if (place >= sessions_.size())
+    corrupt("session " + std::to_string(place) + " of a table of " + std::to_string(sessions_.size()));
   return sessions_[place];
 }
 
 Hash FormReader::hash(const std::string& bytes) const {
   Hash hash;
-  if (bytes.size() != hash.bytes.size()) corrupt("a hash of " + std::to_string(bytes.size()) + " bytes; 32 are expected");
+  if (bytes.size() != hash.bytes.size())
+    corrupt("a hash of " + std::to_string(bytes.size()) + " bytes; 32 are expected");
   std::copy(bytes.begin(), bytes.end(), hash.bytes.begin());
   return hash;
 }
@@ -93,7 +95,9 @@ Pose3 FormReader::pose(const form::Pose& form) const {
   return pose;
 }
 
-Sim3 FormReader::similarity(const form::Similarity& form) const { return {pose(form.pose()), form.scale() == 0.0 ? 1.0 : form.scale()}; }
+Sim3 FormReader::similarity(const form::Similarity& form) const {
+  return {pose(form.pose()), form.scale() == 0.0 ? 1.0 : form.scale()};
+}
 
 Eigen::Matrix<double, 6, 6> FormReader::matrix(const form::Matrix6& form) const {
   Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
@@ -116,7 +120,9 @@ Eigen::Matrix<double, 6, 6> FormReader::matrix(const form::Matrix6& form) const 
   return matrix;
 }
 
-Alignment FormReader::alignment(const form::Alignment& form) const { return {similarity(form.a_from_b()), matrix(form.covariance())}; }
+Alignment FormReader::alignment(const form::Alignment& form) const {
+  return {similarity(form.a_from_b()), matrix(form.covariance())};
+}
 
 NodeId FormReader::node_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
 
@@ -125,7 +131,8 @@ SubmapId FormReader::submap_id(const form::Id& form) const { return {session(for
 LandmarkId FormReader::landmark_id(const form::Id& form) const { return {session(form.session()), form.index()}; }
 
 ConstraintId FormReader::constraint_id(const form::ConstraintId& form) const {
-  const ConstraintId id{enumerated<ConstraintKind>(form.kind()), node_id(form.from()), node_id(form.to()), form.index()};
+  const ConstraintId id{enumerated<ConstraintKind>(form.kind()), node_id(form.from()), node_id(form.to()),
+                        form.index()};
   require_sound(id);
   return id;
 }
@@ -147,10 +154,12 @@ PackedScan FormReader::scan(const form::Scan& form) const {
 }
 
 OccupancyGrid FormReader::grid(const form::Grid& form) const {
-  if (form.columns() > static_cast<std::uint32_t>(kMostGridSide) || form.rows() > static_cast<std::uint32_t>(kMostGridSide) ||
+  if (form.columns() > static_cast<std::uint32_t>(kMostGridSide) ||
+      form.rows() > static_cast<std::uint32_t>(kMostGridSide) ||
       form.log_odds().size() != std::uint64_t{2} * form.columns() * form.rows())
-    corrupt("a grid of " + std::to_string(form.log_odds().size()) + " bytes for " + std::to_string(form.columns()) + " x " +
-            std::to_string(form.rows()) + " cells; twice as many are expected, and at most " + std::to_string(kMostGridSide) + " a side");
+    corrupt("a grid of " + std::to_string(form.log_odds().size()) + " bytes for " + std::to_string(form.columns()) +
+            " x " + std::to_string(form.rows()) + " cells; twice as many are expected, and at most " +
+            std::to_string(kMostGridSide) + " a side");
   OccupancyGrid grid;
   grid.resolution_m = form.resolution_m();
   grid.origin_x_m = form.origin_x_m();
@@ -166,16 +175,19 @@ KeyframeFeatures FormReader::keyframe(const form::Keyframe& form) const {
     corrupt("camera " + std::to_string(form.geometry()) + " of a table of " + std::to_string(cameras_.size()));
   const std::size_t count = form.descriptors().size() / kDescriptorBytes;
   if (!form.dense().empty()) {
-    auto points = form.points().empty() && count <= kMostFeatures && form.descriptors().size() == count * kDescriptorBytes
-                      ? from_dense(form.dense(), count)
-                      : std::nullopt;
+    auto points =
+        form.points().empty() && count <= kMostFeatures && form.descriptors().size() == count * kDescriptorBytes
+            ? from_dense(form.dense(), count)
+            : std::nullopt;
     if (!points) corrupt("a keyframe's dense points are not those of its descriptors");
     return {cameras_[form.geometry()], std::move(*points), unpacked_descriptors(form.descriptors())};
   }
-  if (count > kMostFeatures || form.points().size() != count * kPointBytes || form.descriptors().size() != count * kDescriptorBytes)
-    corrupt("a keyframe of " + std::to_string(form.points().size()) + " bytes of points and " + std::to_string(form.descriptors().size()) +
-            " of descriptors; " + std::to_string(kPointBytes) + " and " + std::to_string(kDescriptorBytes) +
-            " for each feature are expected, of at most " + std::to_string(kMostFeatures));
+  if (count > kMostFeatures || form.points().size() != count * kPointBytes ||
+      form.descriptors().size() != count * kDescriptorBytes)
+    corrupt("a keyframe of " + std::to_string(form.points().size()) + " bytes of points and " +
+            std::to_string(form.descriptors().size()) + " of descriptors; " + std::to_string(kPointBytes) + " and " +
+            std::to_string(kDescriptorBytes) + " for each feature are expected, of at most " +
+            std::to_string(kMostFeatures));
   return {cameras_[form.geometry()], unpacked_points(form.points()), unpacked_descriptors(form.descriptors())};
 }
 
@@ -189,20 +201,23 @@ std::shared_ptr<const Payload> FormReader::payload(const form::Node& form) const
 Node FormReader::node(const form::Node& form) const {
   Node node;
   node.id = node_id(form.id());
-  node.stamp.ns =
-      static_cast<std::int64_t>(static_cast<std::uint64_t>(node.id.session.run) + static_cast<std::uint64_t>(form.stamp_after_run_ns()));
+  node.stamp.ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(node.id.session.run) +
+                                            static_cast<std::uint64_t>(form.stamp_after_run_ns()));
   node.map_from_node = pose(form.map_from_node());
   node.payload = payload(form);
   require_sound(node);
   return node;
 }
 
-MovedNode FormReader::moved(const form::MovedNode& form) const { return {node_id(form.id()), pose(form.map_from_node())}; }
+MovedNode FormReader::moved(const form::MovedNode& form) const {
+  return {node_id(form.id()), pose(form.map_from_node())};
+}
 
 Submap FormReader::submap(const form::Submap& form) const {
   Submap submap;
   submap.id = submap_id(form.id());
-  for (const auto& member : form.members()) submap.submap_from_node.emplace_back(node_id(member.node()), pose(member.submap_from_node()));
+  for (const auto& member : form.members())
+    submap.submap_from_node.emplace_back(node_id(member.node()), pose(member.submap_from_node()));
   submap.frozen = form.frozen();
   if (!form.content().empty()) submap.content = hash(form.content());
   require_sound(submap);
@@ -268,7 +283,8 @@ Verdict FormReader::verdict(const form::Verdict& form) const {
 
 template <class Form>
 Eigen::Vector3i FormReader::point(const Form& form) const {
-  if (form.point_size() != 3) corrupt("a landmark's point of " + std::to_string(form.point_size()) + " numbers; 3 are expected");
+  if (form.point_size() != 3)
+    corrupt("a landmark's point of " + std::to_string(form.point_size()) + " numbers; 3 are expected");
   return {form.point(0), form.point(1), form.point(2)};
 }
 
@@ -278,8 +294,8 @@ std::vector<LandmarkSighting> FormReader::sightings(const Form& form, const Sess
   const bool all_own = form.sessions_size() == 0;
   if (form.places().size() != kPictureBytes * count || !(all_own || form.sessions_size() == form.nodes_size()))
     corrupt("a landmark seen by " + std::to_string(count) + " nodes of " + std::to_string(form.sessions_size()) +
-            " sessions, at places of " + std::to_string(form.places().size()) + " bytes; " + std::to_string(kPictureBytes) +
-            " for each node are expected");
+            " sessions, at places of " + std::to_string(form.places().size()) + " bytes; " +
+            std::to_string(kPictureBytes) + " for each node are expected");
   const std::string_view places = form.places();
   std::vector<LandmarkSighting> seen(count);
   for (std::size_t i = 0; i < count; ++i) {
@@ -295,8 +311,10 @@ Landmark FormReader::landmark(const form::Landmark& form) const {
   landmark.id = landmark_id(form.id());
   landmark.anchor = {landmark.id.session, form.anchor()};
   landmark.point_units = point(form);
-  if (form.colour() > 0xffffff) corrupt("a landmark's colour is " + std::to_string(form.colour()) + "; at most 16777215 is expected");
-  landmark.colour = {static_cast<std::uint8_t>(form.colour() >> 16), static_cast<std::uint8_t>(form.colour() >> 8 & 0xff),
+  if (form.colour() > 0xffffff)
+    corrupt("a landmark's colour is " + std::to_string(form.colour()) + "; at most 16777215 is expected");
+  landmark.colour = {static_cast<std::uint8_t>(form.colour() >> 16),
+                     static_cast<std::uint8_t>(form.colour() >> 8 & 0xff),
                      static_cast<std::uint8_t>(form.colour() & 0xff)};
   landmark.seen = sightings(form, landmark.id.session);
   require_sound(landmark);

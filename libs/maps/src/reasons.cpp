@@ -32,10 +32,12 @@ std::string_view what_helps(Reason reason) {
   switch (reason) {
     case Reason::none: break;
     case Reason::little_overlap: return "drive where the other robot was, or give a prior (--anchor)";
-    case Reason::contradiction: return "most likely they are different places; if not, drive there again: something moved, or a map is bent";
+    case Reason::contradiction:
+      return "most likely they are different places; if not, drive there again: something moved, or a map is bent";
     case Reason::ambiguous: return "drive where it looks different, add a third robot, or give a prior (--anchor)";
     case Reason::unobservable: return "drive around a corner, or give a prior (--anchor)";
-    case Reason::inconsistent: return "look at the other alignments (mapweave explain); leave out a robot whose map is wrong (--without)";
+    case Reason::inconsistent:
+      return "look at the other alignments (mapweave explain); leave out a robot whose map is wrong (--without)";
     case Reason::vetoed: return "take the veto back";
     case Reason::too_few_witnesses: return "drive more of what the other robot saw, or give a prior (--anchor)";
     case Reason::excluded: return "merge without --refuse";

@@ -8,8 +8,10 @@ namespace mapweave {
 
 bool operator==(const ScanGeometry& a, const ScanGeometry& b) {
   return a.first_angle_rad == b.first_angle_rad && a.angle_step_rad == b.angle_step_rad && a.ray_count == b.ray_count &&
-         a.max_range_m == b.max_range_m && a.range_unit_m == b.range_unit_m && a.robot_from_laser.t == b.robot_from_laser.t &&
-         a.robot_from_laser.q.coeffs() == b.robot_from_laser.q.coeffs() && a.first_ray_s == b.first_ray_s && a.ray_step_s == b.ray_step_s;
+         a.max_range_m == b.max_range_m && a.range_unit_m == b.range_unit_m &&
+         a.robot_from_laser.t == b.robot_from_laser.t &&
+         a.robot_from_laser.q.coeffs() == b.robot_from_laser.q.coeffs() && a.first_ray_s == b.first_ray_s &&
+         a.ray_step_s == b.ray_step_s;
 }
 
 bool operator==(const SweepMotion& a, const SweepMotion& b) {
@@ -18,12 +20,15 @@ bool operator==(const SweepMotion& a, const SweepMotion& b) {
 
 SweepMotion sweep_motion(const Pose2& velocity) {
   MAPWEAVE_EXPECT(is_finite(velocity), "a velocity is finite");
-  const auto thousandths = [](double value) { return static_cast<std::int16_t>(std::lround(std::clamp(1e3 * value, -32000.0, 32000.0))); };
+  const auto thousandths = [](double value) {
+    return static_cast<std::int16_t>(std::lround(std::clamp(1e3 * value, -32000.0, 32000.0)));
+  };
   return {thousandths(velocity.x), thousandths(velocity.y), thousandths(velocity.phi)};
 }
 
 Pose2 moved(const SweepMotion& motion, double seconds) {
-  const double step = 1e-3 * seconds, turn = step * motion.yaw_mrad_s, x = step * motion.x_mm_s, y = step * motion.y_mm_s;
+  const double step = 1e-3 * seconds, turn = step * motion.yaw_mrad_s, x = step * motion.x_mm_s,
+               y = step * motion.y_mm_s;
   // Along an arc, whose chord leaves at half of the turn.
   const double c = std::cos(0.5 * turn), s = std::sin(0.5 * turn);
   return {c * x - s * y, s * x + c * y, turn};

@@ -1,6 +1,6 @@
 #pragma once
-// What a value must be to have a byte form. One list of rules for both directions: what is written can be read again, and
-// what was read can be trusted.
+// What a value must be to have a byte form. One list of rules for both directions: what is written can be read again,
+// and what was read can be trusted.
 
 #include <mapweave/maps/map_update.h>
 

@@ -9,12 +9,14 @@
 namespace mapweave {
 namespace {
 
-std::string named(const ConstraintId& id) { return "constraint from " + to_string(id.from) + " to " + to_string(id.to); }
+std::string named(const ConstraintId& id) {
+  return "constraint from " + to_string(id.from) + " to " + to_string(id.to);
+}
 
 // What the map will hold, of what it holds and what the update brings; null for what will not be there.
 template <class Key, class Value>
-const Value* found_after(const Table<Key, Value>& table, const std::vector<Key>& removed, const std::vector<Value>& brought,
-                         const Key& key) {
+const Value* found_after(const Table<Key, Value>& table, const std::vector<Key>& removed,
+                         const std::vector<Value>& brought, const Key& key) {
   if (const Value* value = found(brought, key)) return value;
   return is_among(removed, key) ? nullptr : table.find(key);
 }
@@ -22,12 +24,14 @@ const Value* found_after(const Table<Key, Value>& table, const std::vector<Key>&
 void expect_ascending(const MapUpdate& update) {
   const auto rise = [](const auto& list, const auto& id_of) {
     MAPWEAVE_EXPECT(
-        std::adjacent_find(list.begin(), list.end(), [&](const auto& a, const auto& b) { return !(id_of(a) < id_of(b)); }) == list.end(),
+        std::adjacent_find(list.begin(), list.end(),
+                           [&](const auto& a, const auto& b) { return !(id_of(a) < id_of(b)); }) == list.end(),
         "the lists of an update are in ascending order of ids");
   };
   const auto itself = [](const auto& id) -> const auto& { return id; };
   const auto its_id = [](const auto& value) -> const auto& { return value.id; };
-  rise(update.nodes, its_id), rise(update.moved, its_id), rise(update.submaps, its_id), rise(update.constraints, its_id);
+  rise(update.nodes, its_id), rise(update.moved, its_id), rise(update.submaps, its_id),
+      rise(update.constraints, its_id);
   rise(update.landmarks, its_id), rise(update.changed_landmarks, its_id);
   rise(update.removed_nodes, itself), rise(update.removed_submaps, itself), rise(update.removed_constraints, itself);
   rise(update.removed_landmarks, itself);
@@ -37,7 +41,8 @@ void expect_ascending(const MapUpdate& update) {
 class Check {
  public:
   // known: null, or of the map.
-  Check(const Map& map, const LandmarksByNode* known, const MapUpdate& update) : map_(map), known_(known), update_(update) {}
+  Check(const Map& map, const LandmarksByNode* known, const MapUpdate& update)
+      : map_(map), known_(known), update_(update) {}
 
   // Landmarks that stay as they are, but for sightings that the removed nodes take along. One may come more than once.
   std::vector<LandmarkId> run() const {
@@ -85,7 +90,8 @@ class Check {
     for (const auto& member : submap.submap_from_node) {
       const Node* held = node(member.first);
       if (held == nullptr) does_not_fit(to_string(submap.id) + " holds an unknown node, " + to_string(member.first));
-      if (held->payload == nullptr) does_not_fit(to_string(submap.id) + " holds a node without content, " + to_string(member.first));
+      if (held->payload == nullptr)
+        does_not_fit(to_string(submap.id) + " holds a node without content, " + to_string(member.first));
     }
   }
 
@@ -98,7 +104,8 @@ class Check {
     if (submap.submap_from_node.empty()) does_not_fit(to_string(submap.id) + " holds no nodes");
     expect_nodes_of(submap);
     const Submap* before = is_among(update_.removed_submaps, submap.id) ? nullptr : map_.submaps.find(submap.id);
-    if (before != nullptr && before->frozen && !same(*before, submap)) does_not_fit(to_string(submap.id) + " is frozen and would change");
+    if (before != nullptr && before->frozen && !same(*before, submap))
+      does_not_fit(to_string(submap.id) + " is frozen and would change");
     if (submap.frozen && submap.content != content_hash(submap, [this](const NodeId& id) { return node(id); }))
       does_not_fit(to_string(submap.id) + " is frozen with other content than its hash says");
   }
@@ -114,7 +121,8 @@ class Check {
   // Of a Landmark or LandmarkChange.
   template <class AnyLandmark>
   void expect_seen_in_pictures(const AnyLandmark& landmark) const {
-    if (const std::string problem = flaw(landmark); !problem.empty()) does_not_fit(to_string(landmark.id) + ": " + problem);
+    if (const std::string problem = flaw(landmark); !problem.empty())
+      does_not_fit(to_string(landmark.id) + ": " + problem);
     for (const LandmarkSighting& sighting : landmark.seen)
       if (!is_inside(sighting, camera_at(sighting.node, landmark.id)))
         does_not_fit(to_string(landmark.id) + " is seen outside of the picture of " + to_string(sighting.node));
@@ -155,7 +163,8 @@ class Check {
     const auto& seen = landmark.seen;
     const auto& removed = update_.removed_nodes;
     return !seen.empty() && !(seen.back().node < removed.front()) && !(removed.back() < seen.front().node) &&
-           std::any_of(seen.begin(), seen.end(), [this](const LandmarkSighting& sighting) { return goes(sighting.node); });
+           std::any_of(seen.begin(), seen.end(),
+                       [this](const LandmarkSighting& sighting) { return goes(sighting.node); });
   }
 
   std::vector<LandmarkId> landmarks_seen_less() const {

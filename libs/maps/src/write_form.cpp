@@ -102,8 +102,10 @@ void fill_point(Form& form, const Eigen::Vector3i& point_units) {
 }
 
 template <class Form>
-void fill_sightings(Form& form, const std::vector<LandmarkSighting>& seen, const SessionId& own, const SessionTable& sessions) {
-  const bool all_own = std::all_of(seen.begin(), seen.end(), [&](const LandmarkSighting& s) { return s.node.session == own; });
+void fill_sightings(Form& form, const std::vector<LandmarkSighting>& seen, const SessionId& own,
+                    const SessionTable& sessions) {
+  const bool all_own =
+      std::all_of(seen.begin(), seen.end(), [&](const LandmarkSighting& s) { return s.node.session == own; });
   std::string places;
   places.reserve(kPictureBytes * seen.size());
   for (const LandmarkSighting& sighting : seen) {
@@ -196,7 +198,8 @@ form::Node form_of(const Node& node, const SessionTable& sessions, const Geometr
   if (node.payload == nullptr) return form;
   if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) fill(*form.mutable_scan(), *scan, geometries);
   if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) fill(*form.mutable_grid(), *grid);
-  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) fill(*form.mutable_keyframe(), *keyframe, geometries);
+  if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
+    fill(*form.mutable_keyframe(), *keyframe, geometries);
   return form;
 }
 

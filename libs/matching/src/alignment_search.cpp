@@ -43,10 +43,10 @@ std::vector<CameraInSide> prepared(const std::vector<CameraPlace>& places) {
   return cameras;
 }
 
-// Squared error in sigmas of a point of one side in a picture of the other; infinite behind the camera. With `slope`, the derivative of the
-// error by the point in the frame of the picture's side.
-double sighting_error(const CameraInSide& camera, const Vector3d& point_in_side, const Vector2d& pixel, double sigma_px, Vector2d* error,
-                      Eigen::Matrix<double, 2, 3>* slope) {
+// Squared error in sigmas of a point of one side in a picture of the other; infinite behind the camera. With `slope`,
+// the derivative of the error by the point in the frame of the picture's side.
+double sighting_error(const CameraInSide& camera, const Vector3d& point_in_side, const Vector2d& pixel, double sigma_px,
+                      Vector2d* error, Eigen::Matrix<double, 2, 3>* slope) {
   const Vector3d p = camera.rotation * point_in_side + camera.translation;
   if (!(p.z() > kNearest)) return std::numeric_limits<double>::infinity();
   const Vector2d difference = (camera.pinhole.project(p) - pixel) / sigma_px;
@@ -63,9 +63,13 @@ double sighting_error(const CameraInSide& camera, const Vector3d& point_in_side,
 class Search {
  public:
   Search(const AlignmentProblem& problem, const AlignmentOptions& options)
-      : problem_(problem), options_(options), cameras_a_(prepared(problem.cameras_a)), cameras_b_(prepared(problem.cameras_b)) {
+      : problem_(problem),
+        options_(options),
+        cameras_a_(prepared(problem.cameras_a)),
+        cameras_b_(prepared(problem.cameras_b)) {
     for (const FeaturePair& pair : problem.pairs) {
-      MAPWEAVE_EXPECT(pair.camera_a < cameras_a_.size() && pair.camera_b < cameras_b_.size(), "a pair names cameras of the problem");
+      MAPWEAVE_EXPECT(pair.camera_a < cameras_a_.size() && pair.camera_b < cameras_b_.size(),
+                      "a pair names cameras of the problem");
       MAPWEAVE_EXPECT(pair.sigma_a_px > 0.0 && pair.sigma_b_px > 0.0, "a pixel has a deviation");
       MAPWEAVE_EXPECT(pair.point_in_a || pair.point_in_b, "a pair knows a point");
     }
@@ -83,11 +87,11 @@ class Search {
   double worst_error(const FeaturePair& pair, const Sim3& a_from_b, const Sim3& b_from_a) const {
     double worst = 0.0;
     if (pair.point_in_b)
-      worst = sighting_error(cameras_a_[pair.camera_a], transformed(*pair.point_in_b, a_from_b), pair.pixel_a, pair.sigma_a_px, nullptr,
-                             nullptr);
+      worst = sighting_error(cameras_a_[pair.camera_a], transformed(*pair.point_in_b, a_from_b), pair.pixel_a,
+                             pair.sigma_a_px, nullptr, nullptr);
     if (pair.point_in_a && worst < kGate)
-      worst = std::max(worst, sighting_error(cameras_b_[pair.camera_b], transformed(*pair.point_in_a, b_from_a), pair.pixel_b,
-                                             pair.sigma_b_px, nullptr, nullptr));
+      worst = std::max(worst, sighting_error(cameras_b_[pair.camera_b], transformed(*pair.point_in_a, b_from_a),
+                                             pair.pixel_b, pair.sigma_b_px, nullptr, nullptr));
     return worst;
   }
   Support support_of(const Sim3& a_from_b) const {
@@ -109,7 +113,8 @@ class Search {
     std::vector<std::uint32_t> from;
   };
   Sampling sampling() const;
-  void solve(const Sampling& sampling, const std::array<std::uint32_t, kSampleSize>& sample, std::vector<Sim3>& poses) const;
+  void solve(const Sampling& sampling, const std::array<std::uint32_t, kSampleSize>& sample,
+             std::vector<Sim3>& poses) const;
   void solve_rays(Solver solver, const std::array<std::uint32_t, kSampleSize>& sample, std::vector<Sim3>& poses) const;
 
   struct Normal {
@@ -156,7 +161,8 @@ Search::Sampling Search::sampling() const {
   return rays.from.size() > kSampleSize ? rays : both;
 }
 
-void Search::solve_rays(Solver solver, const std::array<std::uint32_t, kSampleSize>& sample, std::vector<Sim3>& poses) const {
+void Search::solve_rays(Solver solver, const std::array<std::uint32_t, kSampleSize>& sample,
+                        std::vector<Sim3>& poses) const {
   const bool seen_by_b = solver == Solver::rays_of_b;
   const CameraPlace& place = seen_by_b ? problem_.cameras_b[0] : problem_.cameras_a[0];
   std::array<Vector3d, 3> rays, points;
@@ -171,11 +177,13 @@ void Search::solve_rays(Solver solver, const std::array<std::uint32_t, kSampleSi
   }
 }
 
-void Search::solve(const Sampling& sampling, const std::array<std::uint32_t, kSampleSize>& sample, std::vector<Sim3>& poses) const {
+void Search::solve(const Sampling& sampling, const std::array<std::uint32_t, kSampleSize>& sample,
+                   std::vector<Sim3>& poses) const {
   poses.clear();
   if (sampling.solver != Solver::points) return solve_rays(sampling.solver, sample, poses);
   std::vector<PointPair> pairs;
-  for (const std::uint32_t i : sample) pairs.push_back({*problem_.pairs[i].point_in_a, *problem_.pairs[i].point_in_b, 1.0});
+  for (const std::uint32_t i : sample)
+    pairs.push_back({*problem_.pairs[i].point_in_a, *problem_.pairs[i].point_in_b, 1.0});
   if (const auto aligned = align_points(pairs, problem_.freedom)) poses.push_back(*aligned);
 }
 
@@ -199,7 +207,8 @@ std::optional<AlignmentFit> Search::by_sampling() const {
     for (const Sim3& pose : poses) {
       Support support = support_of(pose);
       if (support.score <= best.score) continue;
-      // Three noisy points make a crude pose: improved by those that agree with it (Chum, Matas, Kittler: Locally optimized RANSAC, 2003).
+      // Three noisy points make a crude pose: improved by those that agree with it (Chum, Matas, Kittler: Locally
+      // optimized RANSAC, 2003).
       best = std::move(support), best_pose = pose;
       if (best.inliers.size() >= 2 * kSampleSize) {
         const Sim3 better = descended(pose, best.inliers, 3);
@@ -211,8 +220,9 @@ std::optional<AlignmentFit> Search::by_sampling() const {
       if (clean >= 1.0) needed = std::min(needed, iteration + 1);
       if (clean > 0.0 && clean < 1.0)
         needed = std::min(
-            needed, std::max(iteration + 1,
-                             static_cast<int>(std::min(1e9, std::ceil(std::log(1.0 - options_.confidence) / std::log(1.0 - clean))))));
+            needed,
+            std::max(iteration + 1, static_cast<int>(std::min(
+                                        1e9, std::ceil(std::log(1.0 - options_.confidence) / std::log(1.0 - clean))))));
     }
   }
   if (best.inliers.size() < least) return std::nullopt;
@@ -242,14 +252,15 @@ Search::Normal Search::normal_at(const Sim3& a_from_b, const std::vector<std::ui
     if (pair.point_in_b) {
       const Vector3d& p = *pair.point_in_b;
       by_motion.middleCols<3>(3) = -cross_matrix(p), by_motion.col(6) = p;
-      const double square =
-          sighting_error(cameras_a_[pair.camera_a], transformed(p, a_from_b), pair.pixel_a, pair.sigma_a_px, &error, &by_point);
+      const double square = sighting_error(cameras_a_[pair.camera_a], transformed(p, a_from_b), pair.pixel_a,
+                                           pair.sigma_a_px, &error, &by_point);
       take(square, error, by_point * turn * by_motion);
     }
     if (pair.point_in_a) {
       const Vector3d p = transformed(*pair.point_in_a, b_from_a);
       by_motion.middleCols<3>(3) = -cross_matrix(p), by_motion.col(6) = p;
-      const double square = sighting_error(cameras_b_[pair.camera_b], p, pair.pixel_b, pair.sigma_b_px, &error, &by_point);
+      const double square =
+          sighting_error(cameras_b_[pair.camera_b], p, pair.pixel_b, pair.sigma_b_px, &error, &by_point);
       take(square, error, -by_point * by_motion);
     }
   }
@@ -262,11 +273,11 @@ double Search::cost_at(const Sim3& a_from_b, const std::vector<std::uint32_t>& c
   for (const std::uint32_t i : chosen) {
     const FeaturePair& pair = problem_.pairs[i];
     if (pair.point_in_b)
-      cost += robust_cost(sighting_error(cameras_a_[pair.camera_a], transformed(*pair.point_in_b, a_from_b), pair.pixel_a, pair.sigma_a_px,
-                                         nullptr, nullptr));
+      cost += robust_cost(sighting_error(cameras_a_[pair.camera_a], transformed(*pair.point_in_b, a_from_b),
+                                         pair.pixel_a, pair.sigma_a_px, nullptr, nullptr));
     if (pair.point_in_a)
-      cost += robust_cost(sighting_error(cameras_b_[pair.camera_b], transformed(*pair.point_in_a, b_from_a), pair.pixel_b, pair.sigma_b_px,
-                                         nullptr, nullptr));
+      cost += robust_cost(sighting_error(cameras_b_[pair.camera_b], transformed(*pair.point_in_a, b_from_a),
+                                         pair.pixel_b, pair.sigma_b_px, nullptr, nullptr));
   }
   return cost;
 }
@@ -283,7 +294,8 @@ Sim3 Search::descended(Sim3 a_from_b, const std::vector<std::uint32_t>& chosen, 
       Matrix7 damped = normal.information;
       damped.diagonal() += damping * (normal.information.diagonal() + Vector7::Constant(1e-9));
       Vector7 motion = Vector7::Zero();
-      motion.head(freedom()) = -damped.topLeftCorner(freedom(), freedom()).ldlt().solve(normal.gradient.head(freedom()));
+      motion.head(freedom()) =
+          -damped.topLeftCorner(freedom(), freedom()).ldlt().solve(normal.gradient.head(freedom()));
       if (!motion.allFinite() || std::abs(motion(6)) > 1.0) motion.setZero();
       const Sim3 next = moved(a_from_b, motion);
       cost = cost_at(next, chosen);
@@ -335,7 +347,8 @@ std::optional<AlignmentFit> search_alignment(const AlignmentProblem& problem, co
   return Search(problem, options).by_sampling();
 }
 
-std::optional<AlignmentFit> refine_alignment(const AlignmentProblem& problem, const Sim3& a_from_b, const AlignmentOptions& options) {
+std::optional<AlignmentFit> refine_alignment(const AlignmentProblem& problem, const Sim3& a_from_b,
+                                             const AlignmentOptions& options) {
   return Search(problem, options).refined(a_from_b);
 }
 

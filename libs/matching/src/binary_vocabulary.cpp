@@ -10,8 +10,9 @@ namespace mapweave::matching {
 namespace {
 
 // Leaf that the descriptor falls to; passed: the node at direct_level on the way, or the leaf.
-MAPWEAVE_POPCOUNT_CLONES std::uint32_t descend(const OrbDescriptor& query, const VocabularyNode* nodes, const OrbDescriptor* descriptors,
-                                               std::uint32_t root_children, int direct_level, std::uint32_t& passed) {
+MAPWEAVE_POPCOUNT_CLONES std::uint32_t descend(const OrbDescriptor& query, const VocabularyNode* nodes,
+                                               const OrbDescriptor* descriptors, std::uint32_t root_children,
+                                               int direct_level, std::uint32_t& passed) {
   std::uint32_t first = 0, count = root_children, at = 0;
   for (int level = 1; count > 0; ++level) {
     int least = 257;
@@ -86,7 +87,9 @@ double BinaryVocabulary::weight_of_word(std::uint32_t word) const { return tree_
 const OrbDescriptor& BinaryVocabulary::descriptor_of_word(std::uint32_t word) const {
   return tree_->descriptors[tree_->node_of_word.at(word)];
 }
-const OrbDescriptor& BinaryVocabulary::descriptor_of_node(std::uint32_t node) const { return tree_->descriptors.at(node); }
+const OrbDescriptor& BinaryVocabulary::descriptor_of_node(std::uint32_t node) const {
+  return tree_->descriptors.at(node);
+}
 const Hash& BinaryVocabulary::hash() const { return tree_->hash; }
 
 BinaryVocabulary::Place BinaryVocabulary::find(const OrbDescriptor& descriptor, int direct_level) const {
@@ -97,7 +100,8 @@ BinaryVocabulary::Place BinaryVocabulary::find(const OrbDescriptor& descriptor, 
   return {tree_->nodes[leaf].word, passed};
 }
 
-DescribedPicture BinaryVocabulary::describe_picture(const std::vector<OrbDescriptor>& features, int direct_level) const {
+DescribedPicture BinaryVocabulary::describe_picture(const std::vector<OrbDescriptor>& features,
+                                                    int direct_level) const {
   DescribedPicture picture;
   picture.node_of_feature.reserve(features.size());
   std::vector<std::uint32_t> words;

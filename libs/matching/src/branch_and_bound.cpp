@@ -30,15 +30,20 @@ struct Later {
   }
 };
 
-// A level of a's pyramid with so much nothing around it that every shift of every point lies in it. Four cells above each other stand
-// together, so that 4 x 4 of them are 16 bytes in a row.
+// A level of a's pyramid with so much nothing around it that every shift of every point lies in it. Four cells above
+// each other stand together, so that 4 x 4 of them are 16 bytes in a row.
 class Padded {
  public:
   // `reach`: cells of the level, from its cell (middle_x, middle_y), that are asked for.
   Padded(const Raster<std::uint8_t>& level, int middle_x, int middle_y, int reach)
-      : x0_(middle_x - reach), y0_(middle_y - reach), width_(2 * reach + 1), cells_(static_cast<std::size_t>(width_) * width_) {
-    const int first_x = std::max(x0_, level.first_x()), last_x = std::min(x0_ + width_, level.first_x() + level.width());
-    const int first_y = std::max(y0_, level.first_y() - 3), last_y = std::min(y0_ + width_, level.first_y() + level.height());
+      : x0_(middle_x - reach),
+        y0_(middle_y - reach),
+        width_(2 * reach + 1),
+        cells_(static_cast<std::size_t>(width_) * width_) {
+    const int first_x = std::max(x0_, level.first_x()),
+              last_x = std::min(x0_ + width_, level.first_x() + level.width());
+    const int first_y = std::max(y0_, level.first_y() - 3),
+              last_y = std::min(y0_ + width_, level.first_y() + level.height());
     for (int y = first_y; y < last_y && first_x < last_x; ++y) {
       Column* to = &cells_[static_cast<std::size_t>(offset(first_x, y) - offset(x0_, y0_))];
       for (int j = 0; j < 4; ++j) {
@@ -63,9 +68,10 @@ constexpr std::size_t kMostPoints = 257;     // of which the likelihoods' sum fi
 typedef std::uint8_t Bytes16 __attribute__((vector_size(16)));
 typedef std::uint16_t Shorts16 __attribute__((vector_size(32)));
 
-// For 4 x 4 shifts at once: sums of the likelihoods under the points. False as soon as none of them can reach the threshold.
-MAPWEAVE_WIDE_CLONES bool sum_up(const Padded::Column* corner, const std::int32_t* offsets, std::size_t count, std::uint32_t threshold,
-                                 Sums& sums) {
+// For 4 x 4 shifts at once: sums of the likelihoods under the points. False as soon as none of them can reach the
+// threshold.
+MAPWEAVE_WIDE_CLONES bool sum_up(const Padded::Column* corner, const std::int32_t* offsets, std::size_t count,
+                                 std::uint32_t threshold, Sums& sums) {
   Shorts16 all{};
   for (std::size_t k = 0; k < count;) {
     for (const std::size_t end = std::min(k + 20, count); k < end; ++k) {
@@ -83,7 +89,8 @@ MAPWEAVE_WIDE_CLONES bool sum_up(const Padded::Column* corner, const std::int32_
 
 }  // namespace
 
-std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow& window, const SearchOptions& options) {
+std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow& window,
+                               const SearchOptions& options) {
   std::vector<Peak> peaks;
   const auto& points = b.query();
   if (a.walls().empty() || points.empty()) return peaks;
@@ -95,7 +102,8 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   arm = std::max(2.0, arm);
   const double yaw_step = std::clamp(2.0 * kStep / arm, 0.01, 0.05);
   const bool around = window.yaw_rad >= M_PI - 1e-9;
-  const int turns = around ? static_cast<int>(std::ceil(M_PI / yaw_step)) : static_cast<int>(std::ceil(window.yaw_rad / yaw_step));
+  const int turns =
+      around ? static_cast<int>(std::ceil(M_PI / yaw_step)) : static_cast<int>(std::ceil(window.yaw_rad / yaw_step));
   const int first_turn = around ? -turns + 1 : -turns;
   const double turn_size = around ? M_PI / turns : yaw_step;
   const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m / kStep)));
@@ -108,8 +116,8 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   const auto turned = [&](int turn) { return middle.phi + turn * turn_size; };
   std::size_t stride = points.size() / 2 + 1;
   while (std::gcd(stride, points.size()) != 1) ++stride;
-  // Shifts begin at multiples of their block's size, so that a point's cell at any shift is that at shift zero, shifted by whole cells of
-  // the level.
+  // Shifts begin at multiples of their block's size, so that a point's cell at any shift is that at shift zero, shifted
+  // by whole cells of the level.
   const int middle_cell_x = cell_of(middle_x, 1.0 / kStep), middle_cell_y = cell_of(middle_y, 1.0 / kStep);
   double farthest = 0.0;
   for (const auto& p : points)
@@ -119,12 +127,13 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
   const auto level_of = [&](int level) -> const Padded& {
     auto& padded = levels[static_cast<std::size_t>(level)];
     if (!padded)
-      padded.emplace(a.pyramid()[static_cast<std::size_t>(level)], middle_cell_x >> (2 * level), middle_cell_y >> (2 * level),
-                     (extent >> (2 * level)) + 5);
+      padded.emplace(a.pyramid()[static_cast<std::size_t>(level)], middle_cell_x >> (2 * level),
+                     middle_cell_y >> (2 * level), (extent >> (2 * level)) + 5);
     return *padded;
   };
   // Where b's points lie in a level at shift zero, per turn.
-  std::vector<std::array<std::vector<std::int32_t>, SubmapModel::kLevels>> offsets(static_cast<std::size_t>(turns - first_turn + 1));
+  std::vector<std::array<std::vector<std::int32_t>, SubmapModel::kLevels>> offsets(
+      static_cast<std::size_t>(turns - first_turn + 1));
   const auto offsets_of = [&](int turn, int level) -> const std::vector<std::int32_t>& {
     auto& known = offsets[static_cast<std::size_t>(turn - first_turn)][static_cast<std::size_t>(level)];
     if (!known.empty()) return known;
@@ -163,8 +172,8 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
     Sums sums;
     looked += sums.size();
     const auto& places = offsets_of(turn, level);
-    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), places.data(), places.size(), threshold,
-                sums))
+    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), places.data(),
+                places.size(), threshold, sums))
       return;
     for (int k = 0; k < 16; ++k) {
       const int nx = x + (k / 4) * size, ny = y + (k % 4) * size;
@@ -194,7 +203,8 @@ std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const
     if (covered) continue;
     if (candidate.level == 0) {
       peaks.push_back({pose_of(candidate), candidate.bound / full});
-      if (peaks.size() == 1) threshold = std::max(threshold, static_cast<std::uint32_t>(options.rival_ratio * candidate.bound));
+      if (peaks.size() == 1)
+        threshold = std::max(threshold, static_cast<std::uint32_t>(options.rival_ratio * candidate.bound));
       continue;
     }
     open_blocks(candidate.turn, candidate.x, candidate.y, candidate.level - 1);

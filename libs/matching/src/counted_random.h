@@ -1,5 +1,6 @@
 #pragma once
-// Random numbers by counter: a pure function of the key, so that no draw depends on what else was drawn, nor on threads.
+// Random numbers by counter: a pure function of the key, so that no draw depends on what else was drawn, nor on
+// threads.
 
 #include <mapweave/core/mixed_bits.h>
 

@@ -14,12 +14,14 @@ struct Group {
 
 class Matcher {
  public:
-  Matcher(const FeaturesView& a, const FeaturesView& b, const MatchingOptions& options) : a_(a), b_(b), options_(options) {}
+  Matcher(const FeaturesView& a, const FeaturesView& b, const MatchingOptions& options)
+      : a_(a), b_(b), options_(options) {}
 
   // Of one node, or of all: every pair is compared from both sides, so that both can say who is nearest.
   void match(const Group& a, const Group& b) {
     for (std::size_t i = 0; i < a.count; ++i) {
-      const NearestDescriptors of_a = nearest_descriptors(a_.descriptors[a.features[i]], b_.descriptors, b.features, b.count);
+      const NearestDescriptors of_a =
+          nearest_descriptors(a_.descriptors[a.features[i]], b_.descriptors, b.features, b.count);
       if (!is_clear(of_a)) continue;
       const std::uint32_t partner = b.features[of_a.first];
       const NearestDescriptors of_b = nearest_descriptors(b_.descriptors[partner], a_.descriptors, a.features, a.count);
@@ -44,7 +46,8 @@ class Matcher {
 std::vector<std::uint32_t> order_by_node(const std::uint32_t* nodes, std::size_t count) {
   std::vector<std::uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0U);
-  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t left, std::uint32_t right) { return nodes[left] < nodes[right]; });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::uint32_t left, std::uint32_t right) { return nodes[left] < nodes[right]; });
   return order;
 }
 
@@ -85,7 +88,8 @@ std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesVie
   constexpr std::size_t kFew = 8, kBins = 36;
   if (matches.size() < kFew || window_deg >= 360.0 || a.points == nullptr || b.points == nullptr) return matches;
   const auto bin_of = [&](const FeatureMatch& match) {
-    const double turn = static_cast<double>(b.points[match.b].angle_deg) - static_cast<double>(a.points[match.a].angle_deg);
+    const double turn =
+        static_cast<double>(b.points[match.b].angle_deg) - static_cast<double>(a.points[match.a].angle_deg);
     const double whole = std::isfinite(turn) ? turn - 360.0 * std::floor(turn / 360.0) : 0.0;
     return std::min(kBins - 1, static_cast<std::size_t>(whole / 360.0 * kBins));
   };
@@ -98,9 +102,10 @@ std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesVie
     for (std::size_t i = 0; i < width; ++i) sum += count[(start + i) % kBins];
     if (sum > best) best = sum, first = start;
   }
-  matches.erase(std::remove_if(matches.begin(), matches.end(),
-                               [&](const FeatureMatch& match) { return (bin_of(match) + kBins - first) % kBins >= width; }),
-                matches.end());
+  matches.erase(
+      std::remove_if(matches.begin(), matches.end(),
+                     [&](const FeatureMatch& match) { return (bin_of(match) + kBins - first) % kBins >= width; }),
+      matches.end());
   return matches;
 }
 

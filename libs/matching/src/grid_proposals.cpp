@@ -10,10 +10,10 @@ namespace {
 
 constexpr double kCell_m = 0.4;
 constexpr int kMostCells = 1024;
-constexpr double kBlur_cells = 1.25;    // how far apart walls may lie and still speak for a shift
-constexpr double kShallow_m = 0.5;      // free space begins to contradict walls at this depth and does so fully
-constexpr double kDeep_m = 1.0;         // at this
-constexpr int kPeaks = 4;               // of each rotation and scale
+constexpr double kBlur_cells = 1.25;  // how far apart walls may lie and still speak for a shift
+constexpr double kShallow_m = 0.5;    // free space begins to contradict walls at this depth and does so fully
+constexpr double kDeep_m = 1.0;       // at this
+constexpr int kPeaks = 4;             // of each rotation and scale
 constexpr double kApart_m = 2.5, kApart_rad = 8.0 * M_PI / 180.0;
 constexpr int kDirections = 360, kDirectionsApart = 6;
 constexpr double kDirectionBlur = 2.5;
@@ -23,7 +23,9 @@ using Channels = std::array<cv::Mat, kChannels>;
 
 struct Extent {
   double x0 = 1e30, y0 = 1e30, x1 = -1e30, y1 = -1e30;
-  void add(double x, double y) { x0 = std::min(x0, x), y0 = std::min(y0, y), x1 = std::max(x1, x), y1 = std::max(y1, y); }
+  void add(double x, double y) {
+    x0 = std::min(x0, x), y0 = std::min(y0, y), x1 = std::max(x1, x), y1 = std::max(y1, y);
+  }
   double width() const { return x1 - x0; }
   double height() const { return y1 - y0; }
 };
@@ -48,13 +50,14 @@ std::vector<WeightedPoint> deep_points(const GridWalls& walls, double block_m) {
       double sum = 0.0;
       for (int y = row; y < std::min(row + step, walls.rows); ++y)
         for (int x = column; x < std::min(column + step, walls.columns); ++x)
-          sum += std::clamp(
-              (walls.depth_m[static_cast<std::size_t>(y) * static_cast<std::size_t>(walls.columns) + static_cast<std::size_t>(x)] -
-               kShallow_m) /
-                  (kDeep_m - kShallow_m),
-              0.0, 1.0);
+          sum += std::clamp((walls.depth_m[static_cast<std::size_t>(y) * static_cast<std::size_t>(walls.columns) +
+                                           static_cast<std::size_t>(x)] -
+                             kShallow_m) /
+                                (kDeep_m - kShallow_m),
+                            0.0, 1.0);
       if (sum > 0.0)
-        points.push_back({walls.origin_x_m + (column + 0.5 * step) * walls.cell_m, walls.origin_y_m + (row + 0.5 * step) * walls.cell_m,
+        points.push_back({walls.origin_x_m + (column + 0.5 * step) * walls.cell_m,
+                          walls.origin_y_m + (row + 0.5 * step) * walls.cell_m,
                           static_cast<float>(sum / (step * step))});
     }
   return points;
@@ -68,8 +71,8 @@ std::vector<double> direction_histogram(const GridWalls& walls) {
   }
   for (int i = 0; i < kDirections; ++i)
     for (int j = -9; j <= 9; ++j)
-      smooth[static_cast<std::size_t>(i)] +=
-          counts[static_cast<std::size_t>((i + j + kDirections) % kDirections)] * std::exp(-0.5 * std::pow(j / kDirectionBlur, 2.0));
+      smooth[static_cast<std::size_t>(i)] += counts[static_cast<std::size_t>((i + j + kDirections) % kDirections)] *
+                                             std::exp(-0.5 * std::pow(j / kDirectionBlur, 2.0));
   return smooth;
 }
 
@@ -108,10 +111,12 @@ class ShiftSearch {
     Channels channels = drawn(a.faces, deep_points(a, cell_m_ / 2.0), {Pose2(-extent_a_.x0, -extent_a_.y0, 0.0), 1.0});
     // Blurred but as high as before, so that a wall that lies exactly on the other counts one.
     for (const Channel channel : {kNormalX, kNormalY}) {
-      cv::GaussianBlur(channels[channel], channels[channel], cv::Size(0, 0), kBlur_cells, kBlur_cells, cv::BORDER_CONSTANT);
+      cv::GaussianBlur(channels[channel], channels[channel], cv::Size(0, 0), kBlur_cells, kBlur_cells,
+                       cv::BORDER_CONSTANT);
       channels[channel] *= std::sqrt(2.0 * M_PI) * kBlur_cells;
     }
-    for (int i = 0; i < kChannels; ++i) cv::dft(channels[static_cast<std::size_t>(i)], spectra_a_[static_cast<std::size_t>(i)]);
+    for (int i = 0; i < kChannels; ++i)
+      cv::dft(channels[static_cast<std::size_t>(i)], spectra_a_[static_cast<std::size_t>(i)]);
   }
 
   void search(double rotation_rad, double scale, double contradiction, std::vector<GridProposal>& found) const {
@@ -130,10 +135,11 @@ class ShiftSearch {
       cv::mulSpectrums(spectra_a_[in_a], spectra[in_b], result, 0, true);
       return result;
     };
-    cv::Mat score =
-        product(kNormalX, kNormalX) + product(kNormalY, kNormalY) - contradiction * (product(kFree, kFaces) + product(kFaces, kFree));
+    cv::Mat score = product(kNormalX, kNormalX) + product(kNormalY, kNormalY) -
+                    contradiction * (product(kFree, kFaces) + product(kFaces, kFree));
     cv::idft(score, score, cv::DFT_SCALE | cv::DFT_REAL_OUTPUT);
-    const int columns_b = static_cast<int>(extent.width() / cell_m_) + 3, rows_b = static_cast<int>(extent.height() / cell_m_) + 3;
+    const int columns_b = static_cast<int>(extent.width() / cell_m_) + 3,
+              rows_b = static_cast<int>(extent.height() / cell_m_) + 3;
     for (int peak = 0; peak < kPeaks; ++peak) {
       cv::Point at;
       double value = 0.0;
@@ -174,7 +180,8 @@ class ShiftSearch {
         y *= shrink;
         count = std::min(count, 2.0F);
       }
-    const float area = static_cast<float>(raster_from_walls.scale * raster_from_walls.scale / 4.0);  // of a block in cells
+    const float area =
+        static_cast<float>(raster_from_walls.scale * raster_from_walls.scale / 4.0);  // of a block in cells
     for (const auto& point : deep) channels[kFree].at<float>(cell(point.x, point.y)) += point.weight * area;
     return channels;
   }
@@ -182,7 +189,8 @@ class ShiftSearch {
   void blank(cv::Mat& score, cv::Point at) const {
     const int reach = std::max(3, static_cast<int>(3.0 / cell_m_));
     for (int y = -reach; y <= reach; ++y)
-      for (int x = -reach; x <= reach; ++x) score.at<float>((at.y + y + side_) % side_, (at.x + x + side_) % side_) = -1e9F;
+      for (int x = -reach; x <= reach; ++x)
+        score.at<float>((at.y + y + side_) % side_, (at.x + x + side_) % side_) = -1e9F;
   }
 
   const GridWalls& b_;
@@ -197,20 +205,25 @@ class ShiftSearch {
 
 Point2f transformed(const PlanarSimilarity& a_from_b, Point2f p) {
   const double c = a_from_b.scale * std::cos(a_from_b.pose.phi), s = a_from_b.scale * std::sin(a_from_b.pose.phi);
-  return {static_cast<float>(a_from_b.pose.x + c * p.x - s * p.y), static_cast<float>(a_from_b.pose.y + s * p.x + c * p.y)};
+  return {static_cast<float>(a_from_b.pose.x + c * p.x - s * p.y),
+          static_cast<float>(a_from_b.pose.y + s * p.x + c * p.y)};
 }
 
-std::vector<GridProposal> propose_alignments(const GridWalls& a, const GridWalls& b, const GridProposalOptions& options) {
+std::vector<GridProposal> propose_alignments(const GridWalls& a, const GridWalls& b,
+                                             const GridProposalOptions& options) {
   if (a.faces.empty() || b.faces.empty()) return {};
   const int steps = static_cast<int>(std::lround(options.scale_range / options.scale_step));
   const ShiftSearch shifts(a, b, 1.0 + options.scale_range);
   std::vector<GridProposal> found;
   for (const double rotation_rad : rotations_of(a, b, options.rotations))
-    for (int step = -steps; step <= steps; ++step) shifts.search(rotation_rad, 1.0 + step * options.scale_step, options.contradiction, found);
-  std::stable_sort(found.begin(), found.end(), [](const GridProposal& one, const GridProposal& other) { return one.score > other.score; });
+    for (int step = -steps; step <= steps; ++step)
+      shifts.search(rotation_rad, 1.0 + step * options.scale_step, options.contradiction, found);
+  std::stable_sort(found.begin(), found.end(),
+                   [](const GridProposal& one, const GridProposal& other) { return one.score > other.score; });
 
   const Extent extent = extent_of(b.faces);
-  const Point2f middle_in_b{static_cast<float>(0.5 * (extent.x0 + extent.x1)), static_cast<float>(0.5 * (extent.y0 + extent.y1))};
+  const Point2f middle_in_b{static_cast<float>(0.5 * (extent.x0 + extent.x1)),
+                            static_cast<float>(0.5 * (extent.y0 + extent.y1))};
   std::vector<GridProposal> distinct;
   std::vector<Point2f> middles;
   for (const auto& proposal : found) {

@@ -11,7 +11,8 @@ constexpr double kCell_m = 0.1;
 constexpr int kMostCells = 2048;
 constexpr double kWallShare = 0.125;   // of a reduced cell's pixels: enough to be wall, so that thin walls stay
 constexpr double kSmooth_cells = 1.5;  // free space is blurred by this before its gradient is taken
-constexpr double kOneSided = 0.3;  // sum of unit vectors to the free cells around a wall, over their number: less where both sides are free
+constexpr double kOneSided =
+    0.3;  // sum of unit vectors to the free cells around a wall, over their number: less where both sides are free
 
 struct Box {
   int x0, y0, x1, y1;  // cells, inclusive
@@ -27,7 +28,8 @@ Box known_part(const OccupancyGrid& grid) {
 }
 
 // The sides that a wall cell shows to free cells around it: none, one, or both of a thin wall.
-std::vector<cv::Vec2f> sides_of(const cv::Mat& free_cells, const cv::Mat& gradient_x, const cv::Mat& gradient_y, int row, int column) {
+std::vector<cv::Vec2f> sides_of(const cv::Mat& free_cells, const cv::Mat& gradient_x, const cv::Mat& gradient_y,
+                                int row, int column) {
   double sum_x = 0.0, sum_y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
   int count = 0;
   for (int y = std::max(0, row - 2); y <= std::min(free_cells.rows - 1, row + 2); ++y)
@@ -59,7 +61,8 @@ GridWalls walls_of(const OccupancyGrid& grid) {
   const Box box = known_part(grid);
   if (box.x1 < box.x0) return walls;
   const int side = std::max(box.x1 - box.x0, box.y1 - box.y0) + 1;
-  const int factor = std::max({1, static_cast<int>(std::lround(kCell_m / grid.resolution_m)), (side + kMostCells - 1) / kMostCells});
+  const int factor =
+      std::max({1, static_cast<int>(std::lround(kCell_m / grid.resolution_m)), (side + kMostCells - 1) / kMostCells});
   walls.cell_m = factor * grid.resolution_m;
   walls.origin_x_m = grid.origin_x_m + box.x0 * grid.resolution_m;
   walls.origin_y_m = grid.origin_y_m + box.y0 * grid.resolution_m;
@@ -98,7 +101,8 @@ GridWalls walls_of(const OccupancyGrid& grid) {
       if (!wall_cells.at<std::uint8_t>(row, column) || !beside_free.at<std::uint8_t>(row, column)) continue;
       for (const auto& normal : sides_of(free_cells, gradient_x, gradient_y, row, column))
         walls.faces.push_back({static_cast<float>(walls.origin_x_m + (column + 0.5) * walls.cell_m),
-                               static_cast<float>(walls.origin_y_m + (row + 0.5) * walls.cell_m), normal[0], normal[1]});
+                               static_cast<float>(walls.origin_y_m + (row + 0.5) * walls.cell_m), normal[0],
+                               normal[1]});
     }
   return walls;
 }

@@ -21,9 +21,9 @@ KeyframeFeatureGrid::KeyframeFeatureGrid(const KeyframeView& keyframe)
   for (std::size_t i = 0; i < order_.size(); ++i) order_[next[place_of(i)]++] = static_cast<std::uint32_t>(i);
 }
 
-GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side, const KeyframeView& keyframe,
-                              const KeyframeFeatureGrid& grid, const std::vector<double>& depth_of_feature, double radius_px,
-                              int max_distance) {
+GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side,
+                              const KeyframeView& keyframe, const KeyframeFeatureGrid& grid,
+                              const std::vector<double>& depth_of_feature, double radius_px, int max_distance) {
   GuidedSearch search;
   constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;

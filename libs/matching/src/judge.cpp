@@ -57,8 +57,8 @@ OneDirection look(const SubmapModel& to, const SubmapModel& from, const Pose2& t
     const double x = c * wall.x - s * wall.y + to_from_from.x, y = s * wall.x + c * wall.y + to_from_from.y;
     const int cx = cell_of(x, kInverseSight), cy = cell_of(y, kInverseSight);
     const Sight here = sight.get(cx, cy);
-    if (to.field().likelihood().get(cell_of(x, 1.0 / WallField::kResolution), cell_of(y, 1.0 / WallField::kResolution)) >
-        60) {  // within 0.12 m
+    if (to.field().likelihood().get(cell_of(x, 1.0 / WallField::kResolution),
+                                    cell_of(y, 1.0 / WallField::kResolution)) > 60) {  // within 0.12 m
       ++result.inliers;
       const double nx = rotate_normals ? c * wall.normal_x - s * wall.normal_y : wall.normal_x;
       const double ny = rotate_normals ? s * wall.normal_x + c * wall.normal_y : wall.normal_y;
@@ -66,7 +66,8 @@ OneDirection look(const SubmapModel& to, const SubmapModel& from, const Pose2& t
       continue;
     }
     if (here == Sight::unknown) continue;
-    // Clearly seen through only where the cells around are free too: grazing rays and half a cell of error prove nothing.
+    // Clearly seen through only where the cells around are free too: grazing rays and half a cell of error prove
+    // nothing.
     bool clear = here == Sight::free;
     for (int j = -2; j <= 2 && clear; ++j)
       for (int i = -2; i <= 2 && clear; ++i) clear = sight.get(cx + i, cy + j) == Sight::free;
@@ -82,7 +83,9 @@ OneDirection look(const SubmapModel& to, const SubmapModel& from, const Pose2& t
   return result;
 }
 
-double share(std::size_t part, std::size_t whole) { return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole); }
+double share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
 
 std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b) {
   const auto& from = b.sight();
@@ -92,8 +95,8 @@ std::size_t common_cells(const SubmapModel& a, const SubmapModel& b, const Pose2
     for (int x = from.first_x(); x < from.first_x() + from.width(); ++x) {
       if (from.at(x, y) == Sight::unknown) continue;
       const double px = (x + 0.5) * SubmapModel::kSightResolution, py = (y + 0.5) * SubmapModel::kSightResolution;
-      common += a.sight().get(cell_of(c * px - s * py + a_from_b.x, kInverseSight), cell_of(s * px + c * py + a_from_b.y, kInverseSight)) !=
-                Sight::unknown;
+      common += a.sight().get(cell_of(c * px - s * py + a_from_b.x, kInverseSight),
+                              cell_of(s * px + c * py + a_from_b.y, kInverseSight)) != Sight::unknown;
     }
   return common;
 }
@@ -111,8 +114,8 @@ std::vector<WallPoint> known_walls(const SubmapModel& a, const SubmapModel& b, c
   const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
   std::vector<WallPoint> walls;
   for (const WallPoint& wall : b.walls())
-    if (a.sight().get(cell_of(c * wall.x - s * wall.y + a_from_b.x, kInverseSight), cell_of(s * wall.x + c * wall.y + a_from_b.y, kInverseSight)) !=
-        Sight::unknown)
+    if (a.sight().get(cell_of(c * wall.x - s * wall.y + a_from_b.x, kInverseSight),
+                      cell_of(s * wall.x + c * wall.y + a_from_b.y, kInverseSight)) != Sight::unknown)
       walls.push_back(wall);
   return walls;
 }
@@ -123,7 +126,8 @@ double sigmoid(double v) { return 1.0 / (1.0 + std::exp(-v)); }
 double probability_of(const Evidence& e) {
   const double contradiction = std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]);
   const double logit = 2.0 + 14.0 * (e.inliers - 0.70) - 22.0 * (e.conflict - 0.04) - 1.4 * (contradiction - 0.8) +
-                       0.9 * std::log(std::max(e.overlap_m2, 0.1) / 15.0) - 10.0 * std::max(0.0, e.second_best_ratio - 0.85);
+                       0.9 * std::log(std::max(e.overlap_m2, 0.1) / 15.0) -
+                       10.0 * std::max(0.0, e.second_best_ratio - 0.85);
   return sigmoid(logit);
 }
 
@@ -133,16 +137,18 @@ Reason doubt_of(const Evidence& e, const JudgeOptions& options) {
       std::max(e.longest_contradiction_m[0], e.longest_contradiction_m[1]) > options.max_contradiction_m)
     return Reason::contradiction;
   if (e.inliers < options.min_inliers) return Reason::contradiction;
-  if (options.second_verifier &&
-      (e.verifier_inliers < options.min_verifier_inliers || e.verifier_disagreement_m > options.max_verifier_disagreement_m))
+  if (options.second_verifier && (e.verifier_inliers < options.min_verifier_inliers ||
+                                  e.verifier_disagreement_m > options.max_verifier_disagreement_m))
     return Reason::inconsistent;
   if (e.second_best_ratio > options.max_second_best) return Reason::ambiguous;
   if (e.observability(1) < options.min_observability) return Reason::unobservable;
   return Reason::none;
 }
 
-// All walls of one side are laid into the other: those of a raster's tiles where the other side is of scans, which see far beyond them.
-std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const WideWindow& window, const SearchOptions& options) {
+// All walls of one side are laid into the other: those of a raster's tiles where the other side is of scans, which see
+// far beyond them.
+std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const WideWindow& window,
+                           const SearchOptions& options) {
   if (!a.is_raster() || b.is_raster()) return search_peaks(a, b, window, options);
   WideWindow turned = window;
   turned.a_from_b = inverse(window.a_from_b);
@@ -152,10 +158,12 @@ std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const Wid
 }
 
 // The best place of some walls of b in a narrow window.
-std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window, const JudgeOptions& options) {
+std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window,
+                          const JudgeOptions& options) {
   constexpr std::size_t kFewest = 40;
   if (walls.size() < kFewest) return {};
-  const auto best = correlate(a.field(), some_of(walls, 150), window.a_from_b, {window.radius_m, window.yaw_rad, 0.0175}, {10.0, 10.0});
+  const auto best = correlate(a.field(), some_of(walls, 150), window.a_from_b,
+                              {window.radius_m, window.yaw_rad, 0.0175}, {10.0, 10.0});
   if (!best || best->score < options.min_score) return {};
   return {{best->field_from_scan, best->score}};
 }
@@ -169,15 +177,20 @@ Evidence weigh(const SubmapModel& a, const SubmapModel& b, const Pose2& a_from_b
   constexpr double kCell = SubmapModel::kSightResolution * SubmapModel::kSightResolution;
   evidence.overlap_m2 = static_cast<double>(common) * kCell;
   evidence.overlap = std::min(1.0, share(common, std::max<std::size_t>(1, std::min(a.known_cells(), b.known_cells()))));
-  const auto inliers = [](const OneDirection& one) { return share(one.inliers, one.inliers + one.contradicted + one.unclear); };
-  const auto conflict = [](const OneDirection& one) { return share(one.contradicted, one.inliers + one.contradicted + one.unclear); };
+  const auto inliers = [](const OneDirection& one) {
+    return share(one.inliers, one.inliers + one.contradicted + one.unclear);
+  };
+  const auto conflict = [](const OneDirection& one) {
+    return share(one.contradicted, one.inliers + one.contradicted + one.unclear);
+  };
   evidence.inliers = std::min(inliers(b_in_a), inliers(a_in_b));
   evidence.conflict = std::max(conflict(b_in_a), conflict(a_in_b));
   evidence.longest_contradiction_m[0] = a_in_b.longest_m;
   evidence.longest_contradiction_m[1] = b_in_a.longest_m;
   const Eigen::Matrix2d normals = b_in_a.normals + a_in_b.normals;
   if (normals.trace() > 0) {
-    const Eigen::Vector2d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(normals / normals.trace()).eigenvalues();
+    const Eigen::Vector2d values =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(normals / normals.trace()).eigenvalues();
     evidence.observability = {values(1), std::max(0.0, values(0)), 1.0};
   }
   return evidence;
@@ -187,9 +200,10 @@ Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow
                   Field field) {
   Hasher hasher;
   hasher.add("submap judge 1").add(content_a).add(content_b);
-  for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad, options.min_score,
-                   options.rival_ratio, options.min_overlap_m2, options.min_inliers, options.max_conflict, options.max_contradiction_m,
-                   options.max_second_best, options.min_observability, options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers,
+  for (double v : {window.a_from_b.x, window.a_from_b.y, window.a_from_b.phi, window.radius_m, window.yaw_rad,
+                   options.min_score, options.rival_ratio, options.min_overlap_m2, options.min_inliers,
+                   options.max_conflict, options.max_contradiction_m, options.max_second_best,
+                   options.min_observability, options.second_verifier ? 1.0 : 0.0, options.min_verifier_inliers,
                    options.max_verifier_disagreement_m, static_cast<double>(options.search_budget)})
     hasher.add(v);
   if (field == Field::b) hasher.add("field b");
@@ -199,7 +213,8 @@ Hash judgement_id(const Hash& content_a, const Hash& content_b, const WideWindow
 
 namespace {
 
-Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options) {
+Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const WideWindow& window,
+                              const JudgeOptions& options) {
   Judgement judgement;
   judgement.a = a.id, judgement.b = b.id;
   judgement.content_a = a.content, judgement.content_b = b.content;
@@ -209,8 +224,10 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   search.min_score = options.min_score;
   search.rival_ratio = options.rival_ratio;
   search.budget = static_cast<std::size_t>(options.search_budget);
-  const std::vector<WallPoint> walls = window.known_part ? known_walls(*a.model, *b.model, window.a_from_b) : b.model->walls();
-  const auto peaks = window.known_part ? peak_of(*a.model, walls, window, options) : peaks_of(*a.model, *b.model, window, search);
+  const std::vector<WallPoint> walls =
+      window.known_part ? known_walls(*a.model, *b.model, window.a_from_b) : b.model->walls();
+  const auto peaks =
+      window.known_part ? peak_of(*a.model, walls, window, options) : peaks_of(*a.model, *b.model, window, search);
   if (peaks.empty()) return judgement;
 
   struct Hypothesis {
@@ -228,7 +245,8 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
     hypothesis.value = hypothesis.evidence.inliers - 2.0 * hypothesis.evidence.conflict;
     hypotheses.push_back(hypothesis);
   }
-  std::stable_sort(hypotheses.begin(), hypotheses.end(), [](const Hypothesis& l, const Hypothesis& r) { return l.value > r.value; });
+  std::stable_sort(hypotheses.begin(), hypotheses.end(),
+                   [](const Hypothesis& l, const Hypothesis& r) { return l.value > r.value; });
   // Refinement may lead two peaks to one place.
   std::vector<Hypothesis> distinct;
   for (const auto& hypothesis : hypotheses) {
@@ -239,7 +257,8 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
     if (!known) distinct.push_back(hypothesis);
   }
   Evidence& best = distinct.front().evidence;
-  if (distinct.size() > 1 && best.inliers > 0) best.second_best_ratio = std::clamp(distinct[1].value / distinct[0].value, 0.0, 1.0);
+  if (distinct.size() > 1 && best.inliers > 0)
+    best.second_best_ratio = std::clamp(distinct[1].value / distinct[0].value, 0.0, 1.0);
   if (options.second_verifier) {
     if (const auto verification = verify(*a.model, *b.model, distinct.front().match.field_from_scan)) {
       best.verifier_inliers = verification->inliers;
@@ -249,11 +268,12 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   for (const auto& hypothesis : distinct) {
     Alignment alignment;
     alignment.a_from_b.pose = spatial(hypothesis.match.field_from_scan);
-    // Points share the errors of the submaps they come from: fifty of them tell no more than one does. The floor of 1 cm and 0.1 degrees
-    // is that of the submaps' own drift.
+    // Points share the errors of the submaps they come from: fifty of them tell no more than one does. The floor of 1
+    // cm and 0.1 degrees is that of the submaps' own drift.
     Eigen::Matrix3d information = hypothesis.match.information / 50.0;
     information.diagonal() += Eigen::Vector3d(1e-2, 1e-2, 1e-1);
-    const Eigen::Matrix3d covariance = information.inverse() + Eigen::Vector3d(1e-4, 1e-4, 3e-6).asDiagonal().toDenseMatrix();
+    const Eigen::Matrix3d covariance =
+        information.inverse() + Eigen::Vector3d(1e-4, 1e-4, 3e-6).asDiagonal().toDenseMatrix();
     alignment.covariance = spatial(Eigen::Matrix3d(0.5 * (covariance + covariance.transpose())));
     judgement.hypotheses.push_back(alignment);
     judgement.scores.push_back(hypothesis.match.score);
@@ -276,12 +296,13 @@ Judgement inverse(Judgement judgement) {
 
 }  // namespace
 
-Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options, Field field) {
+Judgement judge(const SubmapView& a, const SubmapView& b, const WideWindow& window, const JudgeOptions& options,
+                Field field) {
   MAPWEAVE_EXPECT(a.id < b.id, "a judgement names the lower submap first");
   WideWindow turned = window;
   turned.a_from_b = mapweave::inverse(window.a_from_b);
-  Judgement judgement =
-      field == Field::a ? judge_in_field_of_a(a, b, window, options) : inverse(judge_in_field_of_a(b, a, turned, options));
+  Judgement judgement = field == Field::a ? judge_in_field_of_a(a, b, window, options)
+                                          : inverse(judge_in_field_of_a(b, a, turned, options));
   judgement.id = judgement_id(a.content, b.content, window, options, field);
   return judgement;
 }

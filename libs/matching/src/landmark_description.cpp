@@ -36,7 +36,8 @@ void LandmarkDescriber::sort_by_row(Known& known) const {
   const auto& points = known.keyframe->points;
   std::size_t rows = 1;
   int level = 0;
-  for (const KeyframePoint& point : points) rows = std::max(rows, row_of(point.v) + 1), level = std::max<int>(level, point.level);
+  for (const KeyframePoint& point : points)
+    rows = std::max(rows, row_of(point.v) + 1), level = std::max<int>(level, point.level);
   const double reach_px = options_.reach_px * std::pow(std::max(1.0, known.keyframe->geometry->level_scale), level);
   for (int l = 0; l <= level; ++l) known.per_px2.push_back(std::pow(known.keyframe->geometry->level_scale, -2.0 * l));
   known.far = static_cast<int>(std::min(std::ceil(reach_px / kPixelUnit_px), 65536.0));
@@ -48,8 +49,10 @@ void LandmarkDescriber::sort_by_row(Known& known) const {
   for (std::uint32_t i = 0; i < points.size(); ++i) known.by_row[next[row_of(points[i].v)]++] = i;
 }
 
-// A feature beside the sighting, at the landmark's depth; of several the nearest in pixels of its level, then the first.
-LandmarkDescriber::Look LandmarkDescriber::look(const Known& known, const LandmarkSighting& sighting, double depth_m) const {
+// A feature beside the sighting, at the landmark's depth; of several the nearest in pixels of its level, then the
+// first.
+LandmarkDescriber::Look LandmarkDescriber::look(const Known& known, const LandmarkSighting& sighting,
+                                                double depth_m) const {
   const auto& points = known.keyframe->points;
   const CameraGeometry& camera = *known.keyframe->geometry;
   const int u = sighting.u, v = sighting.v, far = known.far;
@@ -66,7 +69,8 @@ LandmarkDescriber::Look LandmarkDescriber::look(const Known& known, const Landma
     const double apart = (du * du + dv * dv) * known.per_px2[point.level];
     if (!(apart < best || (look.has_feature && apart <= best && i < feature))) continue;
     best = apart, feature = i, look.has_feature = true, look.descriptor = known.keyframe->descriptors[i];
-    look.feature_from_point = known.map_from_camera.q * (depth_m * Eigen::Vector3d(du / camera.fx, dv / camera.fy, 0.0));
+    look.feature_from_point =
+        known.map_from_camera.q * (depth_m * Eigen::Vector3d(du / camera.fx, dv / camera.fy, 0.0));
   }
   return look;
 }
@@ -80,13 +84,15 @@ std::optional<DescribedLandmark> LandmarkDescriber::described(const Landmark& la
 
   std::vector<std::pair<const Known*, const LandmarkSighting*>> seen;
   for (const LandmarkSighting& sighting : landmark.seen)
-    if (const std::size_t number = numbers_.of(sighting.node); number != numbers_.size() && nodes_[number].keyframe != nullptr)
+    if (const std::size_t number = numbers_.of(sighting.node);
+        number != numbers_.size() && nodes_[number].keyframe != nullptr)
       seen.emplace_back(&nodes_[number], &sighting);
   std::sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
     const Node &one = *a.first->node, &other = *b.first->node;
     return one.stamp.ns != other.stamp.ns ? other.stamp < one.stamp : one.id < other.id;
   });
-  if (seen.size() > static_cast<std::size_t>(options_.most_views)) seen.resize(static_cast<std::size_t>(options_.most_views));
+  if (seen.size() > static_cast<std::size_t>(options_.most_views))
+    seen.resize(static_cast<std::size_t>(options_.most_views));
   if (seen.empty()) return std::nullopt;
   result.updated_by = seen.front().first->node->id.session.client;
 
@@ -97,7 +103,8 @@ std::optional<DescribedLandmark> LandmarkDescriber::described(const Landmark& la
     const double range = ray.norm(), depth = transformed(result.point_in_map, known->camera_from_map).z();
     if (!(depth > 0.0)) continue;
     result.direction += ray / range;
-    result.nearest_m = looks.empty() ? range : std::min(result.nearest_m, range), result.farthest_m = std::max(result.farthest_m, range);
+    result.nearest_m = looks.empty() ? range : std::min(result.nearest_m, range),
+    result.farthest_m = std::max(result.farthest_m, range);
     sum_sigma += options_.sigma_px * (1 << std::min<int>(sighting->level, 8)) * depth / known->keyframe->geometry->fx;
     looks.push_back(look(*known, *sighting, depth));
   }

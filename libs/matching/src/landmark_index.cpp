@@ -11,7 +11,9 @@ namespace {
 constexpr double kUnitTolerance = 1e-6;
 constexpr double kSlack_m = 1e-6;  // rounding loses no cell
 
-bool is_within(const Eigen::Vector3d& point, double most) { return point.allFinite() && point.cwiseAbs().maxCoeff() <= most; }
+bool is_within(const Eigen::Vector3d& point, double most) {
+  return point.allFinite() && point.cwiseAbs().maxCoeff() <= most;
+}
 
 std::size_t mixed(std::size_t hash, std::uint64_t value) {
   std::uint64_t h = hash ^ (value + 0x9E3779B97F4A7C15ULL + (hash << 6) + (hash >> 2));
@@ -23,12 +25,14 @@ std::string flaw(const Frustum& frustum) {
   const Pinhole& pinhole = frustum.pinhole;
   for (const double number : {pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy})
     if (!std::isfinite(number)) return "a camera's number is not finite";
-  if (!(pinhole.width > 0 && pinhole.height > 0 && pinhole.fx > 0.0 && pinhole.fy > 0.0)) return "a camera without picture or focal length";
+  if (!(pinhole.width > 0 && pinhole.height > 0 && pinhole.fx > 0.0 && pinhole.fy > 0.0))
+    return "a camera without picture or focal length";
   if (!is_within(frustum.map_from_camera.t, kMostCoordinate_m) || !frustum.map_from_camera.q.coeffs().allFinite() ||
       std::abs(frustum.map_from_camera.q.norm() - 1.0) > kUnitTolerance)
     return "a camera's pose is none, or out of reach";
   if (!(frustum.near_m > 0.0 && frustum.near_m < frustum.far_m && frustum.far_m <= kMostCoordinate_m))
-    return "distances from " + std::to_string(frustum.near_m) + " to " + std::to_string(frustum.far_m) + " m are no range";
+    return "distances from " + std::to_string(frustum.near_m) + " to " + std::to_string(frustum.far_m) +
+           " m are no range";
   return {};
 }
 
@@ -36,7 +40,8 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() 
 
 // Counter-clockwise (Andrew's monotone chain).
 std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
-  std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) { return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y(); });
+  std::sort(points.begin(), points.end(),
+            [](const auto& a, const auto& b) { return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y(); });
   std::vector<Eigen::Vector2d> hull(2 * points.size());
   std::size_t size = 0;
   const auto add = [&](const Eigen::Vector2d& point, std::size_t least) {
@@ -54,12 +59,15 @@ std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
 
 std::string flaw(const DescribedLandmark& landmark) {
   if (!is_within(landmark.point_in_map, kMostCoordinate_m)) return "its place is not finite, or out of reach";
-  if (!is_within(landmark.feature_from_point, kMostCoordinate_m)) return "its feature's place is not finite, or out of reach";
+  if (!is_within(landmark.feature_from_point, kMostCoordinate_m))
+    return "its feature's place is not finite, or out of reach";
   const double length = landmark.direction.norm();
   if (!(length == 0.0 || std::abs(length - 1.0) < kUnitTolerance)) return "its direction is no unit vector";
-  if (!(landmark.nearest_m >= 0.0 && landmark.nearest_m <= landmark.farthest_m && landmark.farthest_m <= 4.0 * kMostCoordinate_m))
+  if (!(landmark.nearest_m >= 0.0 && landmark.nearest_m <= landmark.farthest_m &&
+        landmark.farthest_m <= 4.0 * kMostCoordinate_m))
     return "the distances it was seen from are no range";
-  if (!(landmark.sigma_m > 0.0 && landmark.sigma_m <= kMostCoordinate_m)) return "its deviation is not a positive number";
+  if (!(landmark.sigma_m > 0.0 && landmark.sigma_m <= kMostCoordinate_m))
+    return "its deviation is not a positive number";
   return {};
 }
 
@@ -84,14 +92,17 @@ class LandmarkIndex::View {
     for (std::size_t i = 0; i < 8; ++i) {
       const Eigen::Vector2d pixel(i & 1 ? pinhole.width - 1.0 + options.margin_px : -options.margin_px,
                                   i & 2 ? pinhole.height - 1.0 + options.margin_px : -options.margin_px);
-      vertices[i] = frustum.map_from_camera.t + map_from_camera_ * (pinhole.ray(pixel) * (i & 4 ? frustum.far_m : frustum.near_m));
-      low_ = i == 0 ? vertices[i] : low_.cwiseMin(vertices[i]).eval(), high_ = i == 0 ? vertices[i] : high_.cwiseMax(vertices[i]).eval();
+      vertices[i] = frustum.map_from_camera.t +
+                    map_from_camera_ * (pinhole.ray(pixel) * (i & 4 ? frustum.far_m : frustum.near_m));
+      low_ = i == 0 ? vertices[i] : low_.cwiseMin(vertices[i]).eval(),
+      high_ = i == 0 ? vertices[i] : high_.cwiseMax(vertices[i]).eval();
     }
     std::vector<Eigen::Vector2d> flat;
     for (const Eigen::Vector3d& vertex : vertices) flat.emplace_back(vertex.head<2>());
     hull_ = convex_hull(std::move(flat));
     // Corners 0 1 / 2 3 of the picture, near and (+ 4) far: three corners of each side.
-    constexpr std::array<std::array<std::size_t, 3>, 6> kSides{{{0, 1, 2}, {4, 6, 5}, {0, 4, 1}, {2, 3, 6}, {0, 2, 4}, {1, 5, 3}}};
+    constexpr std::array<std::array<std::size_t, 3>, 6> kSides{
+        {{0, 1, 2}, {4, 6, 5}, {0, 4, 1}, {2, 3, 6}, {0, 2, 4}, {1, 5, 3}}};
     const Eigen::Vector3d middle = 0.5 * (vertices[0] + vertices[7]);
     for (std::size_t i = 0; i < 6; ++i) {
       const Eigen::Vector3d& corner = vertices[kSides[i][0]];
@@ -145,7 +156,8 @@ class LandmarkIndex::View {
     const double range = ray.norm(), cosine = ray.dot(direction) / range;
     const bool knows_direction = !direction.isZero(0.0), knows_range = farthest_m > 0.0;
     if (knows_direction && cosine < least_cosine_) return std::nullopt;
-    if (knows_range && (range * options_.most_range_ratio < nearest_m || range > farthest_m * options_.most_range_ratio))
+    if (knows_range &&
+        (range * options_.most_range_ratio < nearest_m || range > farthest_m * options_.most_range_ratio))
       return std::nullopt;
     constexpr double kUnknown = 0.5, kOfRange = 0.2;
     const double apart = knows_range ? std::max({1.0, nearest_m / range, range / farthest_m}) : 1.0;
@@ -167,12 +179,14 @@ class LandmarkIndex::View {
 };
 
 std::size_t LandmarkIndex::CellHash::operator()(const Cell& cell) const {
-  return mixed(mixed(static_cast<std::uint32_t>(cell.x), static_cast<std::uint32_t>(cell.y)), static_cast<std::uint32_t>(cell.z));
+  return mixed(mixed(static_cast<std::uint32_t>(cell.x), static_cast<std::uint32_t>(cell.y)),
+               static_cast<std::uint32_t>(cell.z));
 }
 
 std::size_t LandmarkIndex::IdHash::operator()(const LandmarkId& id) const {
   const ClientId& client = id.session.client;
-  std::size_t hash = mixed(std::hash<const void*>()(&client.robot.str()), std::hash<const void*>()(&client.sensor.str()));
+  std::size_t hash =
+      mixed(std::hash<const void*>()(&client.robot.str()), std::hash<const void*>()(&client.sensor.str()));
   hash = mixed(hash, static_cast<std::uint64_t>(id.session.run));
   return mixed(hash, id.index);
 }
@@ -182,7 +196,9 @@ LandmarkIndex::LandmarkIndex(LandmarkIndexOptions options) : options_(options) {
 }
 
 LandmarkIndex::Cell LandmarkIndex::cell_of(const Eigen::Vector3d& point) const {
-  const auto number = [&](double coordinate) { return static_cast<std::int32_t>(std::floor(coordinate / options_.cell_m)); };
+  const auto number = [&](double coordinate) {
+    return static_cast<std::int32_t>(std::floor(coordinate / options_.cell_m));
+  };
   return {number(point.x()), number(point.y()), options_.spatial ? number(point.z()) : 0};
 }
 
@@ -210,15 +226,17 @@ void LandmarkIndex::set(const DescribedLandmark& landmark) {
     landmarks_.emplace_back(), place_in_cell_.emplace_back();
   }
   const std::uint32_t slot = known->second;
-  const auto [session, is_first] = sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size()));
+  const auto [session, is_first] =
+      sessions_.try_emplace(landmark.id.session, static_cast<std::uint32_t>(sessions_.size()));
   if (is_first) session_of_number_.push_back(landmark.id.session);
-  const std::uint32_t client = clients_.try_emplace(landmark.updated_by, static_cast<std::uint32_t>(clients_.size())).first->second;
+  const std::uint32_t client =
+      clients_.try_emplace(landmark.updated_by, static_cast<std::uint32_t>(clients_.size())).first->second;
   landmarks_[slot] = landmark;
   auto& [points, members] = cells_[cell_of(landmark.point_in_map)];
   place_in_cell_[slot] = static_cast<std::uint32_t>(members.size());
   points.push_back(landmark.point_in_map);
-  members.push_back({landmark.direction.cast<float>(), static_cast<float>(landmark.nearest_m), static_cast<float>(landmark.farthest_m),
-                     client, slot, session->second, landmark.id.index});
+  members.push_back({landmark.direction.cast<float>(), static_cast<float>(landmark.nearest_m),
+                     static_cast<float>(landmark.farthest_m), client, slot, session->second, landmark.id.index});
 }
 
 bool LandmarkIndex::remove(const LandmarkId& id) {
@@ -248,7 +266,8 @@ std::vector<DescribedLandmark> LandmarkIndex::retrieve(const Frustum& frustum, c
 
 std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, const RetrievalOptions& options,
                                                      const std::optional<ClientId>& asking) const {
-  MAPWEAVE_EXPECT(options.most >= 1 && options.margin_px >= 0.0 && options.most_range_ratio >= 1.0, "bounds that hold something");
+  MAPWEAVE_EXPECT(options.most >= 1 && options.margin_px >= 0.0 && options.most_range_ratio >= 1.0,
+                  "bounds that hold something");
   std::string problem = flaw(frustum);
   if (!problem.empty()) throw Error(ErrorCode::kBadInput, "no landmarks can be retrieved: " + problem);
   const View view(frustum, options);
@@ -278,7 +297,9 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
     return view.touches(low.head<2>(), high.head<2>()) && (!options_.spatial || view.may_touch(low, high));
   };
   const Eigen::Vector3d slack = Eigen::Vector3d::Constant(kSlack_m);
-  const auto within = [](const Eigen::Vector3d& corner) { return corner.cwiseMin(2 * kMostCoordinate_m).cwiseMax(-2 * kMostCoordinate_m); };
+  const auto within = [](const Eigen::Vector3d& corner) {
+    return corner.cwiseMin(2 * kMostCoordinate_m).cwiseMax(-2 * kMostCoordinate_m);
+  };
   const Cell first = cell_of(within(view.low() - slack)), last = cell_of(within(view.high() + slack));
   const double count = (1.0 + last.x - first.x) * (1.0 + last.y - first.y) * (1.0 + last.z - first.z);
   if (count > static_cast<double>(cells_.size())) {  // more than there are
@@ -289,7 +310,8 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
       for (cell.y = first.y; cell.y <= last.y; ++cell.y)
         for (cell.z = first.z; cell.z <= last.z; ++cell.z)
           if (touches(cell))
-            if (const auto members = cells_.find(cell); members != cells_.end()) looked_into.push_back(&members->second);
+            if (const auto members = cells_.find(cell); members != cells_.end())
+              looked_into.push_back(&members->second);
   }
   constexpr std::size_t kAhead = 2, kLine = 64, kLines = 8;
   for (std::size_t i = 0; i < looked_into.size(); ++i) {
@@ -297,7 +319,8 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
       const Members& later = *looked_into[i + kAhead];
       const char* const points = reinterpret_cast<const char*>(later.points.data());
       const std::size_t bytes = later.points.size() * sizeof(later.points.front());
-      for (std::size_t line = 0; line < kLines && line * kLine < bytes; ++line) __builtin_prefetch(points + line * kLine);
+      for (std::size_t line = 0; line < kLines && line * kLine < bytes; ++line)
+        __builtin_prefetch(points + line * kLine);
     }
     look_into(*looked_into[i]);
   }
@@ -305,14 +328,16 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
   const auto by_id = [](const Found& a, const Found& b) { return a.order < b.order; };
   const auto most = static_cast<std::size_t>(options.most);
   if (found.size() > most) {
-    std::nth_element(found.begin(), found.begin() + options.most, found.end(),
-                     [&](const Found& a, const Found& b) { return a.merit != b.merit ? a.merit > b.merit : by_id(a, b); });
+    std::nth_element(found.begin(), found.begin() + options.most, found.end(), [&](const Found& a, const Found& b) {
+      return a.merit != b.merit ? a.merit > b.merit : by_id(a, b);
+    });
     found.resize(most);
   }
   std::sort(found.begin(), found.end(), by_id);
   std::vector<Seen> result;
   result.reserve(found.size());
-  for (const Found& one : found) result.push_back({one.point, one.member->session, one.member->index, one.member->slot});
+  for (const Found& one : found)
+    result.push_back({one.point, one.member->session, one.member->index, one.member->slot});
   return result;
 }
 

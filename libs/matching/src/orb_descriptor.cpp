@@ -14,7 +14,8 @@ inline void consider(NearestDescriptors& nearest, int distance, std::size_t inde
   }
 }
 
-MAPWEAVE_POPCOUNT_CLONES NearestDescriptors nearest_of_all(const OrbDescriptor& query, const OrbDescriptor* among, std::size_t count) {
+MAPWEAVE_POPCOUNT_CLONES NearestDescriptors nearest_of_all(const OrbDescriptor& query, const OrbDescriptor* among,
+                                                           std::size_t count) {
   NearestDescriptors nearest;
   for (std::size_t i = 0; i < count; ++i) consider(nearest, hamming(query, among[i]), i);
   return nearest;
@@ -32,8 +33,8 @@ MAPWEAVE_POPCOUNT_CLONES NearestDescriptors nearest_of_chosen(const OrbDescripto
 NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among, std::size_t count) {
   return nearest_of_all(query, among, count);
 }
-NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among, const std::uint32_t* chosen,
-                                       std::size_t count) {
+NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among,
+                                       const std::uint32_t* chosen, std::size_t count) {
   return nearest_of_chosen(query, among, chosen, count);
 }
 

@@ -9,12 +9,14 @@
 namespace mapweave::matching {
 
 OrbFeatures orb_features(const PictureView& picture, const OrbFeatureOptions& options) {
-  MAPWEAVE_EXPECT(picture.width > 0 && picture.height > 0 && picture.row_bytes >= static_cast<std::size_t>(picture.width),
-                  "a picture has pixels");
-  const cv::Mat grey(picture.height, picture.width, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels), picture.row_bytes);
+  MAPWEAVE_EXPECT(
+      picture.width > 0 && picture.height > 0 && picture.row_bytes >= static_cast<std::size_t>(picture.width),
+      "a picture has pixels");
+  const cv::Mat grey(picture.height, picture.width, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
+                     picture.row_bytes);
   constexpr int kEdge = 31, kFirstLevel = 0, kPointsOfTest = 2, kPatch = 31;
-  const auto orb = cv::ORB::create(options.features, static_cast<float>(options.scale), options.levels, kEdge, kFirstLevel, kPointsOfTest,
-                                   cv::ORB::HARRIS_SCORE, kPatch, options.fast_threshold);
+  const auto orb = cv::ORB::create(options.features, static_cast<float>(options.scale), options.levels, kEdge,
+                                   kFirstLevel, kPointsOfTest, cv::ORB::HARRIS_SCORE, kPatch, options.fast_threshold);
   std::vector<cv::KeyPoint> points;
   cv::Mat rows;
   orb->detectAndCompute(grey, cv::noArray(), points, rows);

@@ -19,7 +19,9 @@ void expect_bag(const BagOfWords& bag, std::size_t words) {
   MAPWEAVE_EXPECT(sum <= kWholeBag, "the shares of a bag are those of one whole");
 }
 
-bool better(const SimilarPlace& a, const SimilarPlace& b) { return a.score != b.score ? a.score > b.score : a.id < b.id; }
+bool better(const SimilarPlace& a, const SimilarPlace& b) {
+  return a.score != b.score ? a.score > b.score : a.id < b.id;
+}
 
 }  // namespace
 
@@ -28,7 +30,8 @@ PlaceIndex::PlaceIndex(std::size_t words) : words_(words) {}
 void PlaceIndex::append(std::uint32_t slot, const BagOfWords& bag) {
   if (slot / kBlock == blocks_.size()) blocks_.push_back({std::vector<std::vector<Posting>>(words_)});
   auto& postings = blocks_[slot / kBlock].postings;
-  for (const WordShare& entry : bag) postings[entry.word].push_back({static_cast<std::uint16_t>(slot % kBlock), entry.share});
+  for (const WordShare& entry : bag)
+    postings[entry.word].push_back({static_cast<std::uint16_t>(slot % kBlock), entry.share});
 }
 
 void PlaceIndex::add(const NodeId& id, const BagOfWords& bag) {
@@ -66,7 +69,8 @@ void PlaceIndex::compact() {
       for (const Posting& posting : blocks_[b].postings[word]) {
         const std::size_t slot = b * kBlock + posting.slot;
         if (alive_[slot])
-          blocks[moved[slot] / kBlock].postings[word].push_back({static_cast<std::uint16_t>(moved[slot] % kBlock), posting.share});
+          blocks[moved[slot] / kBlock].postings[word].push_back(
+              {static_cast<std::uint16_t>(moved[slot] % kBlock), posting.share});
       }
       std::vector<Posting>().swap(blocks_[b].postings[word]);
     }
@@ -89,7 +93,9 @@ void PlaceIndex::accumulate(const std::vector<Posting>& postings, std::uint16_t 
   // Four at a time: a keyframe stands in a list once, so that no score waits for another.
   const Posting* posting = postings.data();
   const Posting* const end = posting + postings.size();
-  const auto sum = [&](const Posting& p) { return static_cast<std::uint16_t>(scores[p.slot] + std::min(share, p.share)); };
+  const auto sum = [&](const Posting& p) {
+    return static_cast<std::uint16_t>(scores[p.slot] + std::min(share, p.share));
+  };
   for (; end - posting >= 4; posting += 4) {
     const std::uint16_t s0 = sum(posting[0]), s1 = sum(posting[1]), s2 = sum(posting[2]), s3 = sum(posting[3]);
     const Posting p0 = posting[0], p1 = posting[1], p2 = posting[2], p3 = posting[3];
@@ -98,10 +104,11 @@ void PlaceIndex::accumulate(const std::vector<Posting>& postings, std::uint16_t 
   for (; posting != end; ++posting) scores[posting->slot] = sum(*posting);
 }
 
-std::vector<SimilarPlace> PlaceIndex::query(const BagOfWords& bag, std::size_t most, const std::function<bool(const NodeId&)>& excluded,
-                                            int least_score) const {
+std::vector<SimilarPlace> PlaceIndex::query(const BagOfWords& bag, std::size_t most,
+                                            const std::function<bool(const NodeId&)>& excluded, int least_score) const {
   expect_bag(bag, words_);
-  std::vector<std::uint16_t> scores(id_of_slot_.size(), 0);  // the shares of a bag add up to kWholeBag, so nothing overflows
+  std::vector<std::uint16_t> scores(id_of_slot_.size(),
+                                    0);  // the shares of a bag add up to kWholeBag, so nothing overflows
   for (std::size_t b = 0; b < blocks_.size(); ++b) {
     std::uint16_t* of_block = scores.data() + b * kBlock;
     for (const WordShare& entry : bag) accumulate(blocks_[b].postings[entry.word], entry.share, of_block);
@@ -133,7 +140,8 @@ double normalised_score(int score, int score_of_neighbour) {
 }
 
 std::vector<SimilarPlace> best_of_groups(const std::vector<SimilarPlace>& places,
-                                         const std::function<std::vector<NodeId>(const NodeId&)>& covisible, double share_of_best) {
+                                         const std::function<std::vector<NodeId>(const NodeId&)>& covisible,
+                                         double share_of_best) {
   Table<NodeId, int> score_of;
   for (const SimilarPlace& place : places) score_of.set(place.id, place.score);
   Table<NodeId, int> groups;  // best member, best sum

@@ -21,7 +21,8 @@ WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
 }  // namespace
 
 std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, WorkerPool& pool,
-                                const std::function<bool(const NodeId&, const Submap&)>& is_left_out, ModelCache* models) {
+                                const std::function<bool(const NodeId&, const Submap&)>& is_left_out,
+                                ModelCache* models) {
   if (options.most_submaps == 0) return {};
   std::vector<const Submap*> submaps;
   for (const auto& [id, submap] : map.submaps)
@@ -31,7 +32,8 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
   for (std::size_t i = 0; i < submaps.size(); ++i)
     for (const auto& [id, pose] : submaps[i]->submap_from_node) {
       const Pose2 here = planar(map.nodes.find(id)->map_from_node);
-      if (paths[i].empty() || std::hypot(here.x - paths[i].back().x, here.y - paths[i].back().y) > 0.5) paths[i].push_back(here);
+      if (paths[i].empty() || std::hypot(here.x - paths[i].back().x, here.y - paths[i].back().y) > 0.5)
+        paths[i].push_back(here);
     }
   // A coarse raster of which submaps come near where.
   std::map<std::pair<int, int>, std::vector<std::uint32_t>> near;
@@ -90,7 +92,8 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
     };
     std::vector<Member> members;
     members.reserve(submap.submap_from_node.size());
-    for (const auto& [id, pose] : submap.submap_from_node) members.push_back({planar(map.nodes.find(id)->map_from_node), planar(pose)});
+    for (const auto& [id, pose] : submap.submap_from_node)
+      members.push_back({planar(map.nodes.find(id)->map_from_node), planar(pose)});
     const auto nearest_to = [&](const Pose2& pose, Pose2 Member::*frame) {
       std::size_t nearest = 0;
       double best = 1e300;
@@ -105,7 +108,8 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       const auto all = wall_points(scan, 0.0, kFarthestWall_m);
       const auto points = scan.geometry->has_sweep() ? thinned_evenly(all, 0.05, kPoints) : thinned(all, 0.05, kPoints);
       if (points.size() < 20) continue;
-      // From the submap's member nearest to the node, not from its anchor: belief may bend a submap that is frozen straight.
+      // From the submap's member nearest to the node, not from its anchor: belief may bend a submap that is frozen
+      // straight.
       const Pose2 here = planar(node->map_from_node);
       const Member& near_node = members[nearest_to(here, &Member::map_from_node)];
       const Pose2 expected = compose(near_node.submap_from_node, between(near_node.map_from_node, here));
@@ -123,9 +127,10 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       const Eigen::Matrix3d floor = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();  // 1 cm, 0.11 degrees
       information = (Eigen::Matrix3d::Identity() + information * floor).inverse() * information;
       const bool own = member_id.session == node->id.session;
-      constraints.push_back(planar_constraint(
-          {own ? ConstraintKind::scan_match : ConstraintKind::between_maps, member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
-          between(members[nearest].submap_from_node, match.field_from_scan), 0.5 * (information + information.transpose())));
+      constraints.push_back(planar_constraint({own ? ConstraintKind::scan_match : ConstraintKind::between_maps,
+                                               member_id, node->id, 1 + static_cast<std::uint32_t>(i)},
+                                              between(members[nearest].submap_from_node, match.field_from_scan),
+                                              0.5 * (information + information.transpose())));
     }
     return constraints;
   });

@@ -16,7 +16,8 @@ std::optional<double> real_root(double c3, double c2, double c1, double c0) {
   const double size = std::max({std::abs(c3), std::abs(c2), std::abs(c1), std::abs(c0)});
   if (!(size > 0.0) || !std::isfinite(size)) return std::nullopt;
   if (std::abs(c3) < 1e-14 * size) {
-    if (std::abs(c2) < 1e-14 * size) return std::abs(c1) < 1e-14 * size ? std::nullopt : std::optional<double>(-c0 / c1);
+    if (std::abs(c2) < 1e-14 * size)
+      return std::abs(c1) < 1e-14 * size ? std::nullopt : std::optional<double>(-c0 / c1);
     const double discriminant = c1 * c1 - 4.0 * c2 * c0;
     if (discriminant < 0.0) return std::nullopt;
     return (-c1 + (c1 < 0.0 ? 1.0 : -1.0) * std::sqrt(discriminant)) / (2.0 * c2);
@@ -97,7 +98,8 @@ std::optional<Sim3> align_points(const std::vector<PointPair>& pairs, Freedom fr
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(n);
   // Points in a line can turn about it: then the two largest eigenvalues are one.
   constexpr double kLeastGap = 1e-6;
-  if (solver.eigenvalues()(3) - solver.eigenvalues()(2) < kLeastGap * std::sqrt(square_a * square_b)) return std::nullopt;
+  if (solver.eigenvalues()(3) - solver.eigenvalues()(2) < kLeastGap * std::sqrt(square_a * square_b))
+    return std::nullopt;
   const Eigen::Vector4d q = solver.eigenvectors().col(3);
   Sim3 a_from_b;
   a_from_b.pose.q = Eigen::Quaterniond(q(0), q(1), q(2), q(3)).normalized();
@@ -123,7 +125,8 @@ std::vector<Pose3> poses_from_three_points(const std::array<Vector3d, 3>& rays, 
   const double size = side.maxCoeff();
   const Matrix3d d1 = (m01 * side(2) - m12 * side(0)) / size, d2 = (m02 * side(2) - m12 * side(1)) / size;
   // A combination of the two that is no full conic: two planes through the origin.
-  const auto gamma = real_root(d2.determinant(), (adjugate(d2) * d1).trace(), (adjugate(d1) * d2).trace(), d1.determinant());
+  const auto gamma =
+      real_root(d2.determinant(), (adjugate(d2) * d1).trace(), (adjugate(d1) * d2).trace(), d1.determinant());
   if (!gamma) return poses;
   const Eigen::SelfAdjointEigenSolver<Matrix3d> planes(Matrix3d(d1 + *gamma * d2));
   const double high = planes.eigenvalues()(2), low = planes.eigenvalues()(0);

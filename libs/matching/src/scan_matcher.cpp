@@ -15,7 +15,8 @@ typedef std::uint8_t Bytes16 __attribute__((vector_size(kLane)));
 typedef std::uint16_t Shorts16 __attribute__((vector_size(2 * kLane)));
 
 // Adds cells `offset` past each of the rows to the sums, a lane at a time.
-MAPWEAVE_WIDE_CLONES void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, int lanes, std::uint16_t* sums) {
+MAPWEAVE_WIDE_CLONES void add_rows(const std::uint8_t* const* rows, std::size_t count, std::ptrdiff_t offset, int lanes,
+                                   std::uint16_t* sums) {
   for (int lane = 0; lane < lanes; ++lane, offset += kLane, sums += kLane) {
     Shorts16 all;
     std::memcpy(&all, sums, sizeof all);
@@ -50,8 +51,10 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
 
   // The prior costs score: one sigma costs 0.02 of the mean likelihood, so it decides ties and near-ties only.
   const double full = 255.0 * static_cast<double>(points.size());
-  const double cost_m = 0.02 * full * WallField::kResolution * WallField::kResolution / (weight.sigma_m * weight.sigma_m);
-  const double cost_yaw = 0.02 * full * window.yaw_step_rad * window.yaw_step_rad / (weight.sigma_yaw_rad * weight.sigma_yaw_rad);
+  const double cost_m =
+      0.02 * full * WallField::kResolution * WallField::kResolution / (weight.sigma_m * weight.sigma_m);
+  const double cost_yaw =
+      0.02 * full * window.yaw_step_rad * window.yaw_step_rad / (weight.sigma_yaw_rad * weight.sigma_yaw_rad);
 
   double best_value = -1e300;
   int best_turn = 0, best_x = 0, best_y = 0;
@@ -110,8 +113,8 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
   return result;
 }
 
-ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, const Pose2& start, const Pose2& prior_pose,
-                 const PriorWeight* prior, int iterations) {
+ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, const Pose2& start,
+                 const Pose2& prior_pose, const PriorWeight* prior, int iterations) {
   ScanMatch match;
   match.field_from_scan = start;
   if (points.empty()) return match;
@@ -125,7 +128,8 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
     used = 0;
     for (const auto& p : points) {
       const double rx = c * p.x - s * p.y, ry = s * p.x + c * p.y;
-      const LocalNormal* normal = field.normal_at(rx + x, ry + y, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y);
+      const LocalNormal* normal =
+          field.normal_at(rx + x, ry + y, c * p.normal_x - s * p.normal_y, s * p.normal_x + c * p.normal_y);
       if (normal == nullptr) continue;
       const double dx = rx + x - normal->mean_x, dy = ry + y - normal->mean_y;
       const double r0 = normal->w00 * dx + normal->w10 * dy, r1 = normal->w11 * dy;
@@ -150,9 +154,11 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
     system.diagonal() += Eigen::Vector3d(1.0, 1.0, 0.1);
     if (prior != nullptr) {
       // Wheels slip and turns are missed: a prior that is far off holds nothing.
-      const double im0 = 1.0 / (prior->sigma_m * prior->sigma_m), iy0 = 1.0 / (prior->sigma_yaw_rad * prior->sigma_yaw_rad);
+      const double im0 = 1.0 / (prior->sigma_m * prior->sigma_m),
+                   iy0 = 1.0 / (prior->sigma_yaw_rad * prior->sigma_yaw_rad);
       const double off_x = x - prior_pose.x, off_y = y - prior_pose.y, off_yaw = wrap_angle(phi - prior_pose.phi);
-      const double far = 1.0 + (off_x * off_x + off_y * off_y) * im0 / prior->gate, turned = 1.0 + off_yaw * off_yaw * iy0 / prior->gate;
+      const double far = 1.0 + (off_x * off_x + off_y * off_y) * im0 / prior->gate,
+                   turned = 1.0 + off_yaw * off_yaw * iy0 / prior->gate;
       const double im = im0 / (far * far), iy = iy0 / (turned * turned);
       system(0, 0) += im, system(1, 1) += im, system(2, 2) += iy;
       gradient += Eigen::Vector3d(im * off_x, im * off_y, iy * off_yaw);

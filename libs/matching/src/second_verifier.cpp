@@ -39,8 +39,8 @@ std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, c
   const auto all = cloud_of(b, a_from_b);
   auto moving = std::make_shared<Cloud>();
   for (const auto& p : *all)
-    if (a.sight().get(cell_of(p.x, 1.0 / SubmapModel::kSightResolution), cell_of(p.y, 1.0 / SubmapModel::kSightResolution)) !=
-        Sight::unknown)
+    if (a.sight().get(cell_of(p.x, 1.0 / SubmapModel::kSightResolution),
+                      cell_of(p.y, 1.0 / SubmapModel::kSightResolution)) != Sight::unknown)
       moving->push_back(p);
   if (target->size() < kFewestPoints || moving->size() < kFewestPoints) return std::nullopt;
   if (moving->size() > kMostPoints) {

@@ -16,9 +16,10 @@ extern "C" const char mapweave_shipped_vocabulary_begin[], mapweave_shipped_voca
 namespace mapweave::matching {
 
 const BinaryVocabulary& shipped_vocabulary() {
-  static const BinaryVocabulary vocabulary = parse_vocabulary(
-      {mapweave_shipped_vocabulary_begin, static_cast<std::size_t>(mapweave_shipped_vocabulary_end - mapweave_shipped_vocabulary_begin)},
-      "the vocabulary that mapweave brings");
+  static const BinaryVocabulary vocabulary =
+      parse_vocabulary({mapweave_shipped_vocabulary_begin,
+                        static_cast<std::size_t>(mapweave_shipped_vocabulary_end - mapweave_shipped_vocabulary_begin)},
+                       "the vocabulary that mapweave brings");
   return vocabulary;
 }
 

@@ -46,8 +46,8 @@ bool is_free(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
   return is_within(grid, column, row) && grid.at(column, row) < OccupancyGrid::kUnknown;
 }
 
-// Where an occupied cell is seen from: across the line that the occupied cells around it lie along, on the sides that are free; where they
-// lie along none, from the free cells beside it. In the grid's axes.
+// Where an occupied cell is seen from: across the line that the occupied cells around it lie along, on the sides that
+// are free; where they lie along none, from the free cells beside it. In the grid's axes.
 std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
   constexpr double kAround_m = 0.16;
   const int around = std::clamp(static_cast<int>(std::lround(kAround_m / grid.resolution_m)), 1, 6);
@@ -80,7 +80,8 @@ std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::
 // Where rays ended, and what they crossed.
 void see_through(const Pose2& eye, const std::vector<WallPoint>& points, Raster<Counts>& counts) {
   const auto end_of = [&](const WallPoint& p) {
-    const double dx = p.x - eye.x, dy = p.y - eye.y, range = std::hypot(dx, dy), share = std::min(1.0, kSightRange_m / range);
+    const double dx = p.x - eye.x, dy = p.y - eye.y, range = std::hypot(dx, dy),
+                 share = std::min(1.0, kSightRange_m / range);
     return range > kSightRange_m ? Eigen::Vector2d(eye.x + dx * share, eye.y + dy * share) : Eigen::Vector2d(p.x, p.y);
   };
   Eigen::AlignedBox2d box(Eigen::Vector2d(eye.x, eye.y));
@@ -117,7 +118,8 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
   std::vector<WallPoint> points;
   const auto place = [&](double column, double row) {
     const double x = grid.origin_x_m + column * grid.resolution_m, y = grid.origin_y_m + row * grid.resolution_m;
-    return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x), static_cast<float>(s * x + c * y + submap_from_node.y)};
+    return Point2f{static_cast<float>(c * x - s * y + submap_from_node.x),
+                   static_cast<float>(s * x + c * y + submap_from_node.y)};
   };
   // Coarse cells are looked at in parts, so that no cell of ours is left out.
   const int parts = std::max(1, static_cast<int>(std::ceil(grid.resolution_m / kSightResolution)));
@@ -178,37 +180,45 @@ void SubmapModel::look(const Submap& submap, const Table<NodeId, Node>& nodes) {
     path_.push_back(submap_from_node);
     auto points = placed(submap_from_node, wall_points(scan, 0.0, kFarthestWall_m));
     const Pose2 eye = compose(submap_from_node, planar(scan.geometry->robot_from_laser));
-    const bool is_near_last = last && std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
+    const bool is_near_last = last &&
+                              std::hypot(last->x - submap_from_node.x, last->y - submap_from_node.y) < kSightStep_m &&
                               std::abs(wrap_angle(last->phi - submap_from_node.phi)) < kSightStep_rad;
     if (!is_near_last) last = submap_from_node;
     for (const WallPoint& p : points) walls_box.extend(Eigen::Vector2d(p.x, p.y));
     scans.push_back({eye, std::move(points), !is_near_last});
   }
-  if (!walls_box.isEmpty()) field_.reserve(walls_box.min().x(), walls_box.min().y(), walls_box.max().x(), walls_box.max().y());
+  if (!walls_box.isEmpty())
+    field_.reserve(walls_box.min().x(), walls_box.min().y(), walls_box.max().x(), walls_box.max().y());
   for (const Scan& scan : scans) {
     field_.add(scan.points);
     if (scan.shows_free_space) see_through(scan.eye, scan.points, counts);
   }
   if (counts.empty()) {
     for (int y = sight_.first_y(); y < sight_.first_y() + sight_.height(); ++y)
-      for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x) known_cells_ += sight_.at(x, y) != Sight::unknown;
+      for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x)
+        known_cells_ += sight_.at(x, y) != Sight::unknown;
     return;
   }
-  sight_.grow(counts.first_x(), counts.first_y(), counts.first_x() + counts.width() - 1, counts.first_y() + counts.height() - 1);
+  sight_.grow(counts.first_x(), counts.first_y(), counts.first_x() + counts.width() - 1,
+              counts.first_y() + counts.height() - 1);
   for (int y = counts.first_y(); y < counts.first_y() + counts.height(); ++y)
     for (int x = counts.first_x(); x < counts.first_x() + counts.width(); ++x) {
       const Counts& seen = counts.at(x, y);
       if (seen.hits + seen.passes == 0) continue;
       // A wall stops most rays, though those that graze it pass through its cells.
-      sight_.at(x, y) = seen.hits > 0 && seen.hits * 3 >= seen.passes ? Sight::wall : seen.passes >= 2 ? Sight::free : Sight::unknown;
+      sight_.at(x, y) = seen.hits > 0 && seen.hits * 3 >= seen.passes ? Sight::wall
+                        : seen.passes >= 2                            ? Sight::free
+                                                                      : Sight::unknown;
     }
   for (int y = sight_.first_y(); y < sight_.first_y() + sight_.height(); ++y)
-    for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x) known_cells_ += sight_.at(x, y) != Sight::unknown;
+    for (int x = sight_.first_x(); x < sight_.first_x() + sight_.width(); ++x)
+      known_cells_ += sight_.at(x, y) != Sight::unknown;
 }
 
 void SubmapModel::find_walls() {
   for (const auto& wall : field_.walls(2.0F))
-    if (sight_.get(cell_of(wall.x, kInverseSight), cell_of(wall.y, kInverseSight)) == Sight::wall) walls_.push_back(wall);
+    if (sight_.get(cell_of(wall.x, kInverseSight), cell_of(wall.y, kInverseSight)) == Sight::wall)
+      walls_.push_back(wall);
   const std::size_t count = std::min(kQueryPoints, walls_.size());
   for (std::size_t i = 0; i < count; ++i) {
     const auto& wall = walls_[i * walls_.size() / count];
@@ -223,8 +233,9 @@ void SubmapModel::build_pyramid() {
   const auto& fine = field_.likelihood();
   if (fine.empty()) return;
   const auto half = [](int v) { return v >= 0 ? v / 2 : (v - 1) / 2; };
-  Raster<std::uint8_t> base(half(fine.first_x()) - 1, half(fine.first_y()) - 1, half(fine.first_x() + fine.width() - 1) + 1,
-                            half(fine.first_y() + fine.height() - 1) + 1, 0);
+  Raster<std::uint8_t> base(half(fine.first_x()) - 1, half(fine.first_y()) - 1,
+                            half(fine.first_x() + fine.width() - 1) + 1, half(fine.first_y() + fine.height() - 1) + 1,
+                            0);
   // Only walls that the rays confirm draw searches: what moved is no landmark.
   for (const auto& wall : walls_) {
     const int x = cell_of(wall.x, 1.0 / kSearchResolution), y = cell_of(wall.y, 1.0 / kSearchResolution);
@@ -241,11 +252,13 @@ void SubmapModel::build_pyramid() {
     const int x0 = (below.first_x() >> 2) - 2, y0 = (below.first_y() >> 2) - 2;
     const int x1 = (below.first_x() + below.width() - 1) >> 2, y1 = (below.first_y() + below.height() - 1) >> 2;
     Raster<std::uint8_t> plain(x0, y0, x1, y1, 0);
-    // Cell i of level 1 bounds the cells 4i .. 4i + 7 of level 0; above that, of level k the cells 4i, 4i + 2 .. 4i + 6 of the level below,
-    // each of which bounds two blocks. Walls are few: each cell is told to the cells that bound it.
+    // Cell i of level 1 bounds the cells 4i .. 4i + 7 of level 0; above that, of level k the cells 4i, 4i + 2 .. 4i + 6
+    // of the level below, each of which bounds two blocks. Walls are few: each cell is told to the cells that bound it.
     const int stride = level == 1 ? 1 : 2;
-    for (int y = below.first_y() + (stride == 2 ? below.first_y() & 1 : 0); y < below.first_y() + below.height(); y += stride)
-      for (int x = below.first_x() + (stride == 2 ? below.first_x() & 1 : 0); x < below.first_x() + below.width(); x += stride) {
+    for (int y = below.first_y() + (stride == 2 ? below.first_y() & 1 : 0); y < below.first_y() + below.height();
+         y += stride)
+      for (int x = below.first_x() + (stride == 2 ? below.first_x() & 1 : 0); x < below.first_x() + below.width();
+           x += stride) {
         const std::uint8_t value = below.at(x, y);
         if (value == 0) continue;
         for (int j = (y >> 2) - 1; j <= y >> 2; ++j)
@@ -281,7 +294,8 @@ void SubmapModel::describe() {
 }
 
 std::size_t SubmapModel::bytes() const {
-  std::size_t sum = field_.bytes() + sight_.bytes() + walls_.capacity() * sizeof(WallPoint) + query_.capacity() * sizeof(Point2f) +
+  std::size_t sum = field_.bytes() + sight_.bytes() + walls_.capacity() * sizeof(WallPoint) +
+                    query_.capacity() * sizeof(Point2f) +
                     (ring_keys_.capacity() + far_keys_.capacity()) * sizeof(RingKey) + path_.capacity() * sizeof(Pose2);
   for (const auto& level : pyramid_) sum += level.bytes();
   return sum;

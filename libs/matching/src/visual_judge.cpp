@@ -29,7 +29,8 @@ struct Side {
     for (std::uint32_t k = 0; k < view.keyframes.size(); ++k)
       for (std::uint32_t f = 0; f < view.keyframes[k].features.count; ++f) {
         const int landmark = landmark_of({k, f});
-        if (landmark >= 0 && !shown[static_cast<std::size_t>(landmark)]) shown[static_cast<std::size_t>(landmark)] = FeatureId{k, f};
+        if (landmark >= 0 && !shown[static_cast<std::size_t>(landmark)])
+          shown[static_cast<std::size_t>(landmark)] = FeatureId{k, f};
       }
     const KeyframeView& first = view.keyframes.front();
     depth.assign(first.features.count, 0.0);
@@ -45,7 +46,8 @@ struct Side {
   }
   std::optional<Eigen::Vector3d> point_of(const FeatureId& id) const {
     const int landmark = landmark_of(id);
-    return landmark < 0 ? std::nullopt : std::optional(place.landmarks[static_cast<std::size_t>(landmark)].point_in_side);
+    return landmark < 0 ? std::nullopt
+                        : std::optional(place.landmarks[static_cast<std::size_t>(landmark)].point_in_side);
   }
   // The landmark, or the feature where it has none: what must not be matched twice.
   std::int64_t key_of(const FeatureId& id) const {
@@ -61,8 +63,10 @@ class Pairs {
     problem.freedom = a.place.metric && b.place.metric ? Freedom::rigid : Freedom::similarity;
     // A picture alone has no scale to differ by.
     if (a.place.landmarks.empty() || b.place.landmarks.empty()) problem.freedom = Freedom::rigid;
-    for (const KeyframeView& keyframe : a.place.keyframes) problem.cameras_a.push_back({keyframe.camera, keyframe.side_from_camera});
-    for (const KeyframeView& keyframe : b.place.keyframes) problem.cameras_b.push_back({keyframe.camera, keyframe.side_from_camera});
+    for (const KeyframeView& keyframe : a.place.keyframes)
+      problem.cameras_a.push_back({keyframe.camera, keyframe.side_from_camera});
+    for (const KeyframeView& keyframe : b.place.keyframes)
+      problem.cameras_b.push_back({keyframe.camera, keyframe.side_from_camera});
   }
   void add(const FeatureId& of_a, const FeatureId& of_b) {
     FeaturePair pair;
@@ -113,7 +117,8 @@ class Judge {
     judgement.content_a = a_.place.content, judgement.content_b = b_.place.content;
     judgement.doubt = Reason::little_overlap;
     auto best = aligned(0);
-    if ((!best || doubt_of(evidence_of(*best), static_cast<int>(best->matches.size())) != Reason::none) && options_.neighbours > 0)
+    if ((!best || doubt_of(evidence_of(*best), static_cast<int>(best->matches.size())) != Reason::none) &&
+        options_.neighbours > 0)
       if (auto wider = aligned(static_cast<std::uint32_t>(options_.neighbours))) best = std::move(wider);
     if (!best) return result;
     result.matches = best->matches;
@@ -156,14 +161,16 @@ class Judge {
     return pairs;
   }
 
-  // Landmarks of one side in the first picture of the other, both ways, then least squares; twice, the second time nearer.
+  // Landmarks of one side in the first picture of the other, both ways, then least squares; twice, the second time
+  // nearer.
   std::optional<Grown> grown(const AlignmentFit& start, const Pairs& candidates) const {
     AlignmentFit fit = start;
     std::optional<Grown> result;
     constexpr int kRounds = 2;
     for (int round = 0; round < kRounds; ++round) {
       const double radius = options_.guided_radius_px / (1 << round);
-      const GuidedSearch in_b = guided(a_, b_, inverse(fit.a_from_b), radius), in_a = guided(b_, a_, fit.a_from_b, radius);
+      const GuidedSearch in_b = guided(a_, b_, inverse(fit.a_from_b), radius),
+                         in_a = guided(b_, a_, fit.a_from_b, radius);
       Pairs pairs(a_, b_, options_.sigma_px);
       for (const auto& found : in_b.found)
         if (a_.shown[found.landmark]) pairs.add(*a_.shown[found.landmark], {0, found.feature});
@@ -186,9 +193,11 @@ class Judge {
         right_in_a += pair.point_in_b && pair.camera_a == 0;
       }
       const double found_in_b = share(right_in_b, in_b.expected), found_in_a = share(right_in_a, in_a.expected);
-      result->found = std::min(1.0, in_b.expected == 0 ? found_in_a : in_a.expected == 0 ? found_in_b : std::min(found_in_a, found_in_b));
-      result->conflict =
-          std::max(share(in_b.seen_through, in_b.seen_through + right_in_b), share(in_a.seen_through, in_a.seen_through + right_in_a));
+      result->found = std::min(1.0, in_b.expected == 0   ? found_in_a
+                                    : in_a.expected == 0 ? found_in_b
+                                                         : std::min(found_in_a, found_in_b));
+      result->conflict = std::max(share(in_b.seen_through, in_b.seen_through + right_in_b),
+                                  share(in_a.seen_through, in_a.seen_through + right_in_a));
     }
     return result;
   }
@@ -198,11 +207,12 @@ class Judge {
     const Pose3 camera_from_to = inverse(keyframe.side_from_camera);
     Sim3 camera_from_side = to_from_from;
     camera_from_side.pose = compose(camera_from_to, to_from_from.pose);
-    return search_landmarks(from.place.landmarks, camera_from_side, keyframe, to.grid, to.depth, radius, options_.guided_max_distance);
+    return search_landmarks(from.place.landmarks, camera_from_side, keyframe, to.grid, to.depth, radius,
+                            options_.guided_max_distance);
   }
 
-  // The best alignment of what the best one does not explain: features may look like several landmarks, so each is paired with the landmark
-  // that looks most like it elsewhere than where the best alignment has it.
+  // The best alignment of what the best one does not explain: features may look like several landmarks, so each is
+  // paired with the landmark that looks most like it elsewhere than where the best alignment has it.
   std::optional<Grown> rival_of(const Grown& best) const {
     const bool of_a = !a_.place.landmarks.empty();
     const Side& map = of_a ? a_ : b_;
@@ -213,12 +223,14 @@ class Judge {
     std::vector<OrbDescriptor> descriptors;
     std::vector<Vector2d> expected;
     std::vector<std::uint32_t> number;
-    const std::size_t step = 1 + map.place.landmarks.size() / kRivalLandmarks, feature_step = 1 + keyframe.features.count / kRivalFeatures;
+    const std::size_t step = 1 + map.place.landmarks.size() / kRivalLandmarks,
+                      feature_step = 1 + keyframe.features.count / kRivalFeatures;
     for (std::uint32_t i = 0; i < map.place.landmarks.size(); i += static_cast<std::uint32_t>(step)) {
       if (!map.shown[i]) continue;
       const LandmarkView& landmark = map.place.landmarks[i];
       number.push_back(i);
-      const Eigen::Vector3d point = transformed(transformed(landmark.point_in_side, picture_from_map), camera_from_picture);
+      const Eigen::Vector3d point =
+          transformed(transformed(landmark.point_in_side, picture_from_map), camera_from_picture);
       descriptors.push_back(landmark.descriptor);
       expected.push_back(point.z() > 0.0 ? keyframe.camera.project(point) : Vector2d::Constant(-1e6));
     }
@@ -260,8 +272,8 @@ class Judge {
     return apart > together;
   }
 
-  // Landmarks share the errors of the keyframes they come from, so that the spread of many matches claims too much: never better than half
-  // a degree, and half a percent of the distance.
+  // Landmarks share the errors of the keyframes they come from, so that the spread of many matches claims too much:
+  // never better than half a degree, and half a percent of the distance.
   static Alignment alignment_of(const Grown& grown) {
     constexpr double kTurn = 0.009, kShare = 0.005;  // radians; of the distance
     Alignment alignment;
@@ -278,7 +290,8 @@ class Judge {
     return alignment;
   }
 
-  // How wide the matches lie over the picture, along the wider and the narrower direction; 1: as if spread evenly over all of it.
+  // How wide the matches lie over the picture, along the wider and the narrower direction; 1: as if spread evenly over
+  // all of it.
   static Eigen::Vector2d spread_over(const std::vector<Vector2d>& pixels, const Pinhole& camera) {
     if (pixels.size() < 2) return Vector2d::Zero();
     Vector2d mean = Vector2d::Zero();
@@ -309,13 +322,14 @@ class Judge {
       if (pair.camera_a == 0) in_a.push_back(pair.pixel_a);
       if (pair.camera_b == 0) {
         in_b.push_back(pair.pixel_b);
-        cells.insert(
-            {static_cast<int>(pair.pixel_b.x() * kColumns / camera_b.width), static_cast<int>(pair.pixel_b.y() * kRows / camera_b.height)});
+        cells.insert({static_cast<int>(pair.pixel_b.x() * kColumns / camera_b.width),
+                      static_cast<int>(pair.pixel_b.y() * kRows / camera_b.height)});
       }
       if (!pair.point_in_a || !pair.point_in_b) continue;
       const Eigen::Vector3d there = transformed(*pair.point_in_b, best.fit.a_from_b);
       gaps.push_back((there - *pair.point_in_a).norm());
-      meeting += gaps.back() < kMeeting * transformed(there, inverse(a_.place.keyframes[pair.camera_a].side_from_camera)).norm();
+      meeting += gaps.back() <
+                 kMeeting * transformed(there, inverse(a_.place.keyframes[pair.camera_a].side_from_camera)).norm();
     }
     const Vector2d spread = spread_over(in_a, camera_a).cwiseMin(spread_over(in_b, camera_b));
     evidence.observability = {spread(0), spread(1), 1.0};
@@ -341,11 +355,13 @@ class Judge {
     return Reason::none;
   }
 
-  // Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds. What moves along
-  // with the camera (a car ahead) agrees well among itself, but little else that should be in view is found.
+  // Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds.
+  // What moves along with the camera (a car ahead) agrees well among itself, but little else that should be in view is
+  // found.
   static double probability_of(const Evidence& e, int inliers) {
-    const double logit = 1.5 * std::log(std::max(1, inliers) / 40.0) + 12.0 * (e.inliers - 0.12) + 3.0 * (e.observability(1) - 0.25) -
-                         3.0 * e.conflict - 4.0 * std::max(0.0, e.second_best_ratio - 0.3);
+    const double logit = 1.5 * std::log(std::max(1, inliers) / 40.0) + 12.0 * (e.inliers - 0.12) +
+                         3.0 * (e.observability(1) - 0.25) - 3.0 * e.conflict -
+                         4.0 * std::max(0.0, e.second_best_ratio - 0.3);
     return 1.0 / (1.0 + std::exp(-logit));
   }
 
@@ -364,7 +380,8 @@ VisualJudgement judge_places(const PlaceView& a, const PlaceView& b, const Visua
   MAPWEAVE_EXPECT(!a.keyframes.empty() && !b.keyframes.empty(), "a place has a keyframe");
   for (const PlaceView* place : {&a, &b})
     for (const KeyframeView& keyframe : place->keyframes)
-      MAPWEAVE_EXPECT(keyframe.camera.width > 0 && keyframe.camera.height > 0 && keyframe.camera.fx > 0.0 && keyframe.camera.fy > 0.0,
+      MAPWEAVE_EXPECT(keyframe.camera.width > 0 && keyframe.camera.height > 0 && keyframe.camera.fx > 0.0 &&
+                          keyframe.camera.fy > 0.0,
                       "a camera is calibrated");
   return Judge(a, b, options)();
 }

@@ -26,14 +26,16 @@ class LineReader {
     skip_blanks();
     Number value{};
     const auto [end, error] = std::from_chars(rest_.data(), rest_.data() + rest_.size(), value);
-    if (error != std::errc() || (end != rest_.data() + rest_.size() && *end != ' ')) fail(std::string("expected ") + what);
+    if (error != std::errc() || (end != rest_.data() + rest_.size() && *end != ' '))
+      fail(std::string("expected ") + what);
     rest_.remove_prefix(static_cast<std::size_t>(end - rest_.data()));
     return value;
   }
   int next_within(const char* what, int low, int high) {
     const int value = next<int>(what);
     if (value < low || value > high)
-      fail(std::string(what) + " is " + std::to_string(value) + ", not in " + std::to_string(low) + ".." + std::to_string(high));
+      fail(std::string(what) + " is " + std::to_string(value) + ", not in " + std::to_string(low) + ".." +
+           std::to_string(high));
     return value;
   }
   void expect_end() {
@@ -41,7 +43,8 @@ class LineReader {
     if (!rest_.empty()) fail("more on the line than there should be");
   }
   [[noreturn]] void fail(std::string what, ErrorCode code = ErrorCode::kCorrupt) const {
-    throw Error(code, std::move(what), place_, "a vocabulary is the text layout of DBoW2, 'mapweave vocabulary train' makes one");
+    throw Error(code, std::move(what), place_,
+                "a vocabulary is the text layout of DBoW2, 'mapweave vocabulary train' makes one");
   }
 
  private:
@@ -73,7 +76,8 @@ class TreeReader {
     if (nodes_.empty()) reader().fail("no nodes");
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       if (!nodes_[i].leaf && children_[i + 1] == 0)
-        throw Error(ErrorCode::kCorrupt, "node " + std::to_string(i + 1) + " is neither a leaf nor a parent", where_, "get the file again");
+        throw Error(ErrorCode::kCorrupt, "node " + std::to_string(i + 1) + " is neither a leaf nor a parent", where_,
+                    "get the file again");
     return plant(branching_, levels_, nodes_);
   }
 
@@ -95,7 +99,8 @@ class TreeReader {
     branching_ = line.next_within("the number of branches", 2, kMostBranching);
     levels_ = line.next_within("the number of levels", 1, kMostLevels);
     if (line.next<int>("the kind of score") != 0) line.fail("only the L1 score (0) is known", ErrorCode::kUnsupported);
-    if (line.next<int>("the kind of weights") != 0) line.fail("only weights by tf-idf (0) are known", ErrorCode::kUnsupported);
+    if (line.next<int>("the kind of weights") != 0)
+      line.fail("only weights by tf-idf (0) are known", ErrorCode::kUnsupported);
     children_.assign(1, 0);
     depth_.assign(1, 0);
   }
@@ -105,14 +110,18 @@ class TreeReader {
       line.fail("more than " + std::to_string(kMostVocabularyNodes) + " nodes", ErrorCode::kUnsupported);
     PlainNode node;
     node.parent = line.next<std::uint32_t>("the parent's number");
-    if (node.parent > nodes_.size()) line.fail("the parent " + std::to_string(node.parent) + " does not come before its child");
-    if (node.parent > 0 && nodes_[node.parent - 1].leaf) line.fail("the parent " + std::to_string(node.parent) + " is a leaf");
-    if (++children_[node.parent] > branching_) line.fail("node " + std::to_string(node.parent) + " has too many children");
+    if (node.parent > nodes_.size())
+      line.fail("the parent " + std::to_string(node.parent) + " does not come before its child");
+    if (node.parent > 0 && nodes_[node.parent - 1].leaf)
+      line.fail("the parent " + std::to_string(node.parent) + " is a leaf");
+    if (++children_[node.parent] > branching_)
+      line.fail("node " + std::to_string(node.parent) + " has too many children");
     const int depth = depth_[node.parent] + 1;
     if (depth > levels_) line.fail("deeper than " + std::to_string(levels_) + " levels");
     node.leaf = line.next_within("leaf", 0, 1) == 1;
     std::uint8_t bytes[32];
-    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(line.next_within("a byte of the descriptor", 0, 255));
+    for (std::uint8_t& byte : bytes)
+      byte = static_cast<std::uint8_t>(line.next_within("a byte of the descriptor", 0, 255));
     node.descriptor = descriptor_of_bytes(bytes);
     node.weight = line.next<double>("the weight");
     if (!(node.weight >= 0.0 && node.weight <= kMostWeight)) line.fail("a weight out of 0..1000");
@@ -153,7 +162,8 @@ void unpack(std::string_view packed, const std::string& where, TreeReader& reade
       throw Error(ErrorCode::kCorrupt, "the gz data is damaged or cut short", where, "get the file again");
     reader.take(std::string_view(piece).substr(0, count));
   }
-  if (inflater.stream.avail_in > 0) throw Error(ErrorCode::kCorrupt, "bytes follow the end of the gz data", where, "get the file again");
+  if (inflater.stream.avail_in > 0)
+    throw Error(ErrorCode::kCorrupt, "bytes follow the end of the gz data", where, "get the file again");
 }
 
 std::string packed(std::string_view text) {

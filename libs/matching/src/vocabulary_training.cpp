@@ -1,5 +1,5 @@
-// Hierarchical k-medians: a node's descriptors are parted among k centres, each the majority of its members bit by bit, and every part is
-// parted again one level below.
+// Hierarchical k-medians: a node's descriptors are parted among k centres, each the majority of its members bit by bit,
+// and every part is parted again one level below.
 
 #include "counted_random.h"
 #include "vocabulary_tree.h"
@@ -37,13 +37,14 @@ class Clustering {
     std::vector<Part> parts(centres.size());
     for (std::size_t c = 0; c < centres.size(); ++c) parts[c].centre = centres[c];
     for (std::size_t i = 0; i < members.size(); ++i) parts[nearest[i]].members.push_back(members[i]);
-    parts.erase(std::remove_if(parts.begin(), parts.end(), [](const Part& part) { return part.members.empty(); }), parts.end());
+    parts.erase(std::remove_if(parts.begin(), parts.end(), [](const Part& part) { return part.members.empty(); }),
+                parts.end());
     return parts;
   }
 
  private:
-  // Greedy k-means++ (Arthur, Vassilvitskii, SODA 2007): candidates for each next centre are drawn by the squared distance to those there
-  // are, and the one that leaves least is taken. Ends early where no other descriptor is left.
+  // Greedy k-means++ (Arthur, Vassilvitskii, SODA 2007): candidates for each next centre are drawn by the squared
+  // distance to those there are, and the one that leaves least is taken. Ends early where no other descriptor is left.
   std::vector<OrbDescriptor> first_centres(const Members& members, std::uint64_t node) const {
     constexpr int kCandidates = 4;
     CountedRandom random(options_.seed, node);
@@ -84,7 +85,8 @@ class Clustering {
   std::vector<std::uint32_t> assign(const Members& members, const std::vector<OrbDescriptor>& centres) const {
     std::vector<std::uint32_t> nearest;
     nearest.reserve(members.size());
-    for (const std::uint32_t member : members) nearest.push_back(nearest_descriptors(all_[member], centres.data(), centres.size()).first);
+    for (const std::uint32_t member : members)
+      nearest.push_back(nearest_descriptors(all_[member], centres.data(), centres.size()).first);
     return nearest;
   }
 
@@ -99,7 +101,8 @@ class Clustering {
       auto& bits = ones[nearest[i]];
       ++count[nearest[i]];
       for (std::size_t word = 0; word < 4; ++word)
-        for (std::size_t bit = 0; bit < 64; ++bit) bits[64 * word + bit] += static_cast<std::uint32_t>(descriptor[word] >> bit & 1);
+        for (std::size_t bit = 0; bit < 64; ++bit)
+          bits[64 * word + bit] += static_cast<std::uint32_t>(descriptor[word] >> bit & 1);
     }
     std::vector<OrbDescriptor> centres = old;
     for (std::size_t c = 0; c < old.size(); ++c)
@@ -116,10 +119,12 @@ class Clustering {
 };
 
 bool all_equal(const Members& members, const std::vector<OrbDescriptor>& all) {
-  return std::all_of(members.begin(), members.end(), [&](std::uint32_t member) { return all[member] == all[members.front()]; });
+  return std::all_of(members.begin(), members.end(),
+                     [&](std::uint32_t member) { return all[member] == all[members.front()]; });
 }
 
-// Pictures in which each leaf has members, as ln(pictures / pictures with it), in steps of 1/65536 so that no bit depends on the machine.
+// Pictures in which each leaf has members, as ln(pictures / pictures with it), in steps of 1/65536 so that no bit
+// depends on the machine.
 double idf(const Members& members, const std::vector<std::size_t>& ends) {
   std::size_t pictures_with = 0, picture = 0, counted_until = 0;
   for (const std::uint32_t member : members) {  // rising
@@ -128,19 +133,22 @@ double idf(const Members& members, const std::vector<std::size_t>& ends) {
     counted_until = ends[picture];
     ++pictures_with;
   }
-  return std::round(std::log(static_cast<double>(ends.size()) / static_cast<double>(pictures_with)) * 65536.0) / 65536.0;
+  return std::round(std::log(static_cast<double>(ends.size()) / static_cast<double>(pictures_with)) * 65536.0) /
+         65536.0;
 }
 
 }  // namespace
 
-BinaryVocabulary train_vocabulary(const VocabularyPictures& pictures, const VocabularyOptions& options, Progress& progress) {
+BinaryVocabulary train_vocabulary(const VocabularyPictures& pictures, const VocabularyOptions& options,
+                                  Progress& progress) {
   check(options);
   const auto& all = pictures.descriptors;
   if (all.empty())
-    throw Error(ErrorCode::kBadInput, "no features to make a vocabulary of", {}, "name logs with pictures that show something");
-  MAPWEAVE_EXPECT(
-      !pictures.ends.empty() && pictures.ends.back() == all.size() && std::is_sorted(pictures.ends.begin(), pictures.ends.end()),
-      "pictures follow each other");
+    throw Error(ErrorCode::kBadInput, "no features to make a vocabulary of", {},
+                "name logs with pictures that show something");
+  MAPWEAVE_EXPECT(!pictures.ends.empty() && pictures.ends.back() == all.size() &&
+                      std::is_sorted(pictures.ends.begin(), pictures.ends.end()),
+                  "pictures follow each other");
   const Clustering cluster(all, options);
   ProgressTask task(progress, "vocabulary", all.size(), "features");
 

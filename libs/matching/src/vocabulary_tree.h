@@ -1,5 +1,6 @@
 #pragma once
-// The tree inside a vocabulary: nodes level by level, the children of a node side by side, so that descending reads little memory.
+// The tree inside a vocabulary: nodes level by level, the children of a node side by side, so that descending reads
+// little memory.
 
 #include <mapweave/matching/binary_vocabulary.h>
 

@@ -31,7 +31,8 @@ struct Direction {
   float u, v;
 };
 
-// Axes turned by 22.5 degrees: most walls run along x or y, and none of those should lie on the border of two quadrants.
+// Axes turned by 22.5 degrees: most walls run along x or y, and none of those should lie on the border of two
+// quadrants.
 Direction turned(float x, float y) {
   constexpr float c = 0.92387953F, s = 0.38268343F;
   return {c * x + s * y, c * y - s * x};
@@ -44,7 +45,8 @@ LocalNormal local_normal(float n, float x, float y, float xx, float xy, float yy
   const float mx = x / n, my = y / n;
   const float cxx = xx / n - mx * mx, cxy = xy / n - mx * my, cyy = yy / n - my * my;
   // Eigenvalues of the 2 x 2 covariance, widened by the sensor's noise.
-  const float half_trace = 0.5F * (cxx + cyy), root = std::sqrt(std::max(0.0F, 0.25F * (cxx - cyy) * (cxx - cyy) + cxy * cxy));
+  const float half_trace = 0.5F * (cxx + cyy),
+              root = std::sqrt(std::max(0.0F, 0.25F * (cxx - cyy) * (cxx - cyy) + cxy * cxy));
   const float large = std::max(half_trace + root, 0.0F), small = std::max(half_trace - root, 0.0F);
   float ax = cxy, ay = large - cxx;  // along the wall
   if (std::abs(ax) + std::abs(ay) < 1e-9F) {
@@ -72,8 +74,9 @@ LocalNormal local_normal(float n, float x, float y, float xx, float xy, float yy
 }  // namespace
 
 void WallField::reserve(double low_x, double low_y, double high_x, double high_y) {
-  likelihood_.grow(cell_of(low_x, kInverseResolution) - 2 * kKernelRadius, cell_of(low_y, kInverseResolution) - 2 * kKernelRadius,
-                   cell_of(high_x, kInverseResolution) + 2 * kKernelRadius, cell_of(high_y, kInverseResolution) + 2 * kKernelRadius);
+  likelihood_.grow(
+      cell_of(low_x, kInverseResolution) - 2 * kKernelRadius, cell_of(low_y, kInverseResolution) - 2 * kKernelRadius,
+      cell_of(high_x, kInverseResolution) + 2 * kKernelRadius, cell_of(high_y, kInverseResolution) + 2 * kKernelRadius);
   const int cx0 = cell_of(low_x, kInverseCellSide) - 2, cy0 = cell_of(low_y, kInverseCellSide) - 2;
   const int cx1 = cell_of(high_x, kInverseCellSide) + 2, cy1 = cell_of(high_y, kInverseCellSide) + 2;
   if (cell_index_.empty()) {
@@ -120,7 +123,8 @@ void WallField::add(const std::vector<WallPoint>& points_in_field) {
       cell.touched = true;
       touched_.emplace_back(cx, cy);
     }
-    const float dx = p.x - static_cast<float>((cx + 0.5) * kCellSide), dy = p.y - static_cast<float>((cy + 0.5) * kCellSide);
+    const float dx = p.x - static_cast<float>((cx + 0.5) * kCellSide),
+                dy = p.y - static_cast<float>((cy + 0.5) * kCellSide);
     cell.quadrants[quadrant_of(turned(p.normal_x, p.normal_y))].add({1, dx, dy, dx * dx, dx * dy, dy * dy}, 0, 0);
   }
 }
@@ -183,7 +187,8 @@ void WallField::update(int cell_x, int cell_y, Sides& sides) {
     const float a = quadrants[kQuadrants[side][0]].n, b = quadrants[kQuadrants[side][1]].n, lean = (a - b) / (a + b);
     const Direction facing{side == 0 ? 1.0F : side == 2 ? -1.0F : lean, side == 1 ? 1.0F : side == 3 ? -1.0F : lean};
     const Direction here = turned(normal.normal_x, normal.normal_y);
-    if (facing.u * here.u + facing.v * here.v < 0) normal.normal_x = -normal.normal_x, normal.normal_y = -normal.normal_y;
+    if (facing.u * here.u + facing.v * here.v < 0)
+      normal.normal_x = -normal.normal_x, normal.normal_y = -normal.normal_y;
   }
 }
 
@@ -215,8 +220,8 @@ std::vector<WallPoint> WallField::walls(float min_count) const {
         const std::int32_t normal = sides_[static_cast<std::size_t>(around)].normals[side];
         if (s.n < min_count || normal < 0) continue;
         const LocalNormal& here = normals_[static_cast<std::size_t>(normal)];
-        walls.push_back({static_cast<float>((x + 0.5) * kCellSide) + s.x / s.n, static_cast<float>((y + 0.5) * kCellSide) + s.y / s.n,
-                         here.normal_x, here.normal_y});
+        walls.push_back({static_cast<float>((x + 0.5) * kCellSide) + s.x / s.n,
+                         static_cast<float>((y + 0.5) * kCellSide) + s.y / s.n, here.normal_x, here.normal_y});
       }
     }
   return walls;
@@ -224,7 +229,8 @@ std::vector<WallPoint> WallField::walls(float min_count) const {
 
 std::size_t WallField::bytes() const {
   return likelihood_.bytes() + cell_index_.bytes() + sides_index_.bytes() + cells_.capacity() * sizeof(Cell) +
-         sides_.capacity() * sizeof(Sides) + normals_.capacity() * sizeof(LocalNormal) + touched_.capacity() * sizeof(touched_.front());
+         sides_.capacity() * sizeof(Sides) + normals_.capacity() * sizeof(LocalNormal) +
+         touched_.capacity() * sizeof(touched_.front());
 }
 
 }  // namespace mapweave::matching

@@ -6,11 +6,14 @@
 namespace mapweave::matching {
 namespace {
 
-// The tangent of a wall is taken over neighbours this far to either side: enough to drown the noise of ranges, as only the side matters.
+// The tangent of a wall is taken over neighbours this far to either side: enough to drown the noise of ranges, as only
+// the side matters.
 constexpr float kReach_m = 0.08F;
 constexpr std::size_t kMostSteps = 10;
 
-float square_distance(const ScanPoint& a, const ScanPoint& b) { return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y); }
+float square_distance(const ScanPoint& a, const ScanPoint& b) {
+  return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
+}
 
 // Spread evenly over all.
 std::vector<WallPoint> at_most(std::vector<WallPoint> points, std::size_t most) {
@@ -25,7 +28,8 @@ std::vector<WallPoint> at_most(std::vector<WallPoint> points, std::size_t most) 
 
 std::vector<WallPoint> wall_points(const PackedScan& scan, double min_range_m, double max_range_m) {
   const auto ends = points_in_robot(scan, min_range_m, max_range_m);
-  const ScanPoint eye{static_cast<float>(scan.geometry->robot_from_laser.t.x()), static_cast<float>(scan.geometry->robot_from_laser.t.y())};
+  const ScanPoint eye{static_cast<float>(scan.geometry->robot_from_laser.t.x()),
+                      static_cast<float>(scan.geometry->robot_from_laser.t.y())};
   std::vector<WallPoint> points;
   points.reserve(ends.size());
   for (std::size_t i = 0; i < ends.size(); ++i) {

@@ -23,20 +23,23 @@ constexpr const char* kCopyAgain = "copy the log again, or record again";
 ByteSource::ByteSource(std::filesystem::path path) : path_(std::move(path)) {
   struct stat status {};
   if (::stat(path_.c_str(), &status) != 0) {
-    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check the path");
+    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(),
+                "check the path");
   }
   if (S_ISDIR(status.st_mode))
     throw Error(ErrorCode::kBadInput, "is a folder; a log file was expected", path_.string(), "name the file in it");
   file_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
   if (file_ < 0)
-    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(), "check its permissions");
+    throw Error(ErrorCode::kMissing, std::string("cannot be opened: ") + std::strerror(errno), path_.string(),
+                "check its permissions");
   file_bytes_ = static_cast<std::uint64_t>(status.st_size);
   const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(file_bytes_, kBufferBytes));
   packed_buffer_.resize(std::clamp(size, kLeastBytes, kPackedBytes));
   buffer_.resize(std::clamp(8 * size, kLeastBytes, kBufferBytes));
   try {
     packed_end_ = read_file(packed_buffer_.data(), packed_buffer_.size());
-    if (packed_end_ == 0) throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
+    if (packed_end_ == 0)
+      throw Error(ErrorCode::kBadInput, "is empty (0 bytes); a log was expected", path_.string(), "record again");
   } catch (...) {
     ::close(file_);
     throw;
@@ -56,7 +59,8 @@ void ByteSource::rewind() {
   file_bytes_read_ = position_ = 0;
   damage_ = nullptr;
   if (::lseek(file_, 0, SEEK_SET) != 0) {
-    throw Error(ErrorCode::kBadInput, "cannot be read twice (a pipe?); a file was expected", path_.string(), "save it to a file first");
+    throw Error(ErrorCode::kBadInput, "cannot be read twice (a pipe?); a file was expected", path_.string(),
+                "save it to a file first");
   }
 }
 
@@ -64,7 +68,9 @@ std::size_t ByteSource::read_file(char* to, std::size_t count) {
   for (;;) {
     const ssize_t got = ::read(file_, to, count);
     if (got < 0 && errno == EINTR) continue;
-    if (got < 0) throw Error(ErrorCode::kCorrupt, std::string("cannot be read: ") + std::strerror(errno), path_.string(), "check the disk");
+    if (got < 0)
+      throw Error(ErrorCode::kCorrupt, std::string("cannot be read: ") + std::strerror(errno), path_.string(),
+                  "check the disk");
     file_bytes_read_ += static_cast<std::uint64_t>(got);
     return static_cast<std::size_t>(got);
   }
@@ -72,8 +78,8 @@ std::size_t ByteSource::read_file(char* to, std::size_t count) {
 
 void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
   const auto fail = [&](const std::string& what) {
-    return Error(ErrorCode::kCorrupt, what, path_.string() + " at byte " + std::to_string(file_bytes_read()) + " of the gz file",
-                 kCopyAgain);
+    return Error(ErrorCode::kCorrupt, what,
+                 path_.string() + " at byte " + std::to_string(file_bytes_read()) + " of the gz file", kCopyAgain);
   };
   while (got == 0) {
     if (packed_begin_ == packed_end_) {
@@ -89,11 +95,13 @@ void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
     if (!member_open_) {
       // Members may follow each other; tapes and some copiers pad with zeros.
       const auto first = std::find_if(packed_buffer_.begin() + static_cast<std::ptrdiff_t>(packed_begin_),
-                                      packed_buffer_.begin() + static_cast<std::ptrdiff_t>(packed_end_), [](char c) { return c != 0; });
+                                      packed_buffer_.begin() + static_cast<std::ptrdiff_t>(packed_end_),
+                                      [](char c) { return c != 0; });
       packed_begin_ = static_cast<std::size_t>(first - packed_buffer_.begin());
       if (packed_begin_ == packed_end_) continue;
       inflater_ = {};
-      if (::inflateInit2(&inflater_, kGzOnly) != Z_OK) throw Error(ErrorCode::kInternal, "zlib cannot start", path_.string());
+      if (::inflateInit2(&inflater_, kGzOnly) != Z_OK)
+        throw Error(ErrorCode::kInternal, "zlib cannot start", path_.string());
       member_open_ = true;
     }
     inflater_.next_in = reinterpret_cast<Bytef*>(packed_buffer_.data() + packed_begin_);
@@ -107,7 +115,8 @@ void ByteSource::inflate_into(char* to, std::size_t count, std::size_t& got) {
       ::inflateEnd(&inflater_);
       member_open_ = false;
     } else if (answer != Z_OK && answer != Z_BUF_ERROR) {
-      throw fail(std::string("the gz is damaged (") + (inflater_.msg != nullptr ? inflater_.msg : "no reason given") + ")");
+      throw fail(std::string("the gz is damaged (") + (inflater_.msg != nullptr ? inflater_.msg : "no reason given") +
+                 ")");
     }
   }
 }
@@ -177,8 +186,9 @@ std::exception_ptr ByteSource::cause_of(std::exception_ptr seen) {
       std::rethrow_exception(seen);
     } catch (const Error& sign) {
       const std::string where = sign.where().empty() ? "" : " (" + sign.where() + ")";
-      return std::make_exception_ptr(
-          Error(damage.code(), damage.problem() + "; first seen as: " + sign.problem() + where, damage.where(), damage.remedy()));
+      return std::make_exception_ptr(Error(damage.code(),
+                                           damage.problem() + "; first seen as: " + sign.problem() + where,
+                                           damage.where(), damage.remedy()));
     }
   }
 }

@@ -12,7 +12,8 @@
 
 namespace mapweave::rawlog {
 
-// gz is checked to its end (checksums, length); damage is thrown, as Error kCorrupt, once all that precedes it has been taken.
+// gz is checked to its end (checksums, length); damage is thrown, as Error kCorrupt, once all that precedes it has been
+// taken.
 class ByteSource {
  public:
   explicit ByteSource(std::filesystem::path path);  // throws Error kMissing, kBadInput for an empty file
@@ -40,8 +41,8 @@ class ByteSource {
   void throw_damage() const {
     if (damage_) std::rethrow_exception(damage_);
   }
-  // Something in this stream made no sense: was it the gz? Unpacks the rest, which is dropped, and answers `seen`, or where the gz proves
-  // damaged an Error that says so first. Nothing is left afterwards. Throws where interrupted.
+  // Something in this stream made no sense: was it the gz? Unpacks the rest, which is dropped, and answers `seen`, or
+  // where the gz proves damaged an Error that says so first. Nothing is left afterwards. Throws where interrupted.
   std::exception_ptr cause_of(std::exception_ptr seen);
   void rewind();
 

@@ -31,11 +31,12 @@ CalibrationFile::CalibrationFile(std::filesystem::path path, std::string keys)
   try {
     tree_->root = YAML::Load(text);
   } catch (const YAML::Exception& problem) {
-    throw Error(ErrorCode::kBadInput, "is no YAML: " + problem.msg, path_.string() + ":" + std::to_string(problem.mark.line + 1),
-                "correct the line");
+    throw Error(ErrorCode::kBadInput, "is no YAML: " + problem.msg,
+                path_.string() + ":" + std::to_string(problem.mark.line + 1), "correct the line");
   }
   if (!tree_->root.IsMap())
-    throw Error(ErrorCode::kBadInput, "is no calibration; keys and values were expected", path_.string(), "write the keys " + keys_);
+    throw Error(ErrorCode::kBadInput, "is no calibration; keys and values were expected", path_.string(),
+                "write the keys " + keys_);
 }
 
 CalibrationFile::~CalibrationFile() = default;
@@ -52,7 +53,8 @@ namespace {
 
 std::optional<double> number_in(const YAML::Node& node) {
   double value = 0.0;
-  if (!node.IsDefined() || !node.IsScalar() || !YAML::convert<double>::decode(node, value) || !std::isfinite(value)) return std::nullopt;
+  if (!node.IsDefined() || !node.IsScalar() || !YAML::convert<double>::decode(node, value) || !std::isfinite(value))
+    return std::nullopt;
   return value;
 }
 
@@ -76,7 +78,8 @@ double CalibrationFile::number(const std::string& key) const {
 }
 
 std::vector<double> CalibrationFile::numbers(const std::string& key, std::size_t least, std::size_t most) const {
-  const std::string count = least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
+  const std::string count =
+      least == most ? std::to_string(least) : std::to_string(least) + " to " + std::to_string(most);
   if (!has(key)) throw wrong(key, "is missing; a list of " + count + " numbers was expected");
   const auto values = numbers_in(tree_->root[key]);
   if (!values || values->size() < least || values->size() > most)
@@ -84,8 +87,10 @@ std::vector<double> CalibrationFile::numbers(const std::string& key, std::size_t
   return *values;
 }
 
-std::vector<double> CalibrationFile::numbers(const std::string& key, const std::string& key_within, std::size_t count) const {
-  const std::string expected = "a list of " + std::to_string(count) + " numbers was expected in its '" + key_within + "'";
+std::vector<double> CalibrationFile::numbers(const std::string& key, const std::string& key_within,
+                                             std::size_t count) const {
+  const std::string expected =
+      "a list of " + std::to_string(count) + " numbers was expected in its '" + key_within + "'";
   if (!has(key)) throw wrong(key, "is missing; " + expected);
   const YAML::Node node = tree_->root[key];
   const auto values = node.IsMap() ? numbers_in(node[key_within]) : std::nullopt;
@@ -100,15 +105,19 @@ std::string CalibrationFile::text(const std::string& key) const {
 
 bool CalibrationFile::flag(const std::string& key) const {
   bool value = false;
-  if (!has(key) || !YAML::convert<bool>::decode(tree_->root[key], value)) throw wrong(key, "does not fit; true or false was expected");
+  if (!has(key) || !YAML::convert<bool>::decode(tree_->root[key], value))
+    throw wrong(key, "does not fit; true or false was expected");
   return value;
 }
 
-mrpt::img::TCamera make_camera(double width, double height, const std::vector<double>& fx_fy_cx_cy, const std::vector<double>& distortion,
-                               const std::string& where) {
-  const auto refuse = [&](const std::string& what) { return Error(ErrorCode::kBadInput, what, where, "correct the calibration"); };
+mrpt::img::TCamera make_camera(double width, double height, const std::vector<double>& fx_fy_cx_cy,
+                               const std::vector<double>& distortion, const std::string& where) {
+  const auto refuse = [&](const std::string& what) {
+    return Error(ErrorCode::kBadInput, what, where, "correct the calibration");
+  };
   const auto is_side = [](double side) { return side >= 1.0 && side <= kMostPixels && side == std::floor(side); };
-  if (!is_side(width) || !is_side(height)) throw refuse("the size of the pictures cannot be; 1 to 20000 whole pixels were expected");
+  if (!is_side(width) || !is_side(height))
+    throw refuse("the size of the pictures cannot be; 1 to 20000 whole pixels were expected");
   if (!(fx_fy_cx_cy[0] > 0.0 && fx_fy_cx_cy[1] > 0.0)) throw refuse("the focal lengths fx and fy must be above 0");
   mrpt::img::TCamera camera;
   camera.ncols = static_cast<std::uint32_t>(width);
@@ -133,7 +142,8 @@ mrpt::poses::CPose3D make_pose(const std::vector<double>& rows, const std::strin
   const Eigen::Matrix3d deviation = rotation * rotation.transpose() - Eigen::Matrix3d::Identity();
   const bool is_rotation = deviation.cwiseAbs().maxCoeff() < 1e-3 && rotation.determinant() > 0.0;
   if (!is_rotation || pose(3, 0) != 0.0 || pose(3, 1) != 0.0 || pose(3, 2) != 0.0 || pose(3, 3) != 1.0)
-    throw Error(ErrorCode::kBadInput, "the pose is no rotation and translation; 4 x 4 numbers, row by row, were expected", where,
+    throw Error(ErrorCode::kBadInput,
+                "the pose is no rotation and translation; 4 x 4 numbers, row by row, were expected", where,
                 "correct the calibration");
   return mrpt::poses::CPose3D(pose);
 }

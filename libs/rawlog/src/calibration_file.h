@@ -15,8 +15,8 @@ namespace mapweave::rawlog {
 
 class CalibrationFile {
  public:
-  // `keys`: what is expected in it, for messages. Throws Error: kMissing, kBadInput for what is no YAML, as do the others for a key that is
-  // missing or of another kind.
+  // `keys`: what is expected in it, for messages. Throws Error: kMissing, kBadInput for what is no YAML, as do the
+  // others for a key that is missing or of another kind.
   CalibrationFile(std::filesystem::path path, std::string keys);
   ~CalibrationFile();
   CalibrationFile(const CalibrationFile&) = delete;
@@ -38,10 +38,10 @@ class CalibrationFile {
   std::unique_ptr<Tree> tree_;
 };
 
-// A pinhole camera. `distortion`: k1 k2 p1 p2 [k3]; all zero: MRPT's "none". Throws Error kBadInput, naming `where`, for a camera that
-// cannot be.
-mrpt::img::TCamera make_camera(double width, double height, const std::vector<double>& fx_fy_cx_cy, const std::vector<double>& distortion,
-                               const std::string& where);
+// A pinhole camera. `distortion`: k1 k2 p1 p2 [k3]; all zero: MRPT's "none". Throws Error kBadInput, naming `where`,
+// for a camera that cannot be.
+mrpt::img::TCamera make_camera(double width, double height, const std::vector<double>& fx_fy_cx_cy,
+                               const std::vector<double>& distortion, const std::string& where);
 // 4 x 4 row by row. Throws Error kBadInput for what is no rotation and translation.
 mrpt::poses::CPose3D make_pose(const std::vector<double>& rows, const std::string& where);
 

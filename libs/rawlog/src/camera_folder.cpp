@@ -15,7 +15,8 @@ const FolderLayout& recognise_folder(const std::filesystem::path& folder) {
   for (const FolderLayout& layout : folder_layouts())
     if (layout.recognises(folder)) return layout;
   throw Error(ErrorCode::kUnsupported,
-              "is a folder of no layout that is read: TUM RGB-D (rgb.txt and depth.txt, or associations.txt), KITTI odometry (image_0, "
+              "is a folder of no layout that is read: TUM RGB-D (rgb.txt and depth.txt, or associations.txt), KITTI "
+              "odometry (image_0, "
               "calib.txt, times.txt), EuRoC (mav0/cam0/data.csv, or stereo.txt with cam0_sensor.yaml)",
               folder.string(), "name a log file, or a folder that holds these files");
 }

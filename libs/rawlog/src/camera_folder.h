@@ -1,6 +1,6 @@
 #pragma once
-// A folder of pictures and lists that some data set publishes, understood: one reader each for TUM RGB-D, KITTI odometry and EuRoC. What
-// they find is streamed (folder_source.cpp) and cut (folder_split.cpp) in the same way.
+// A folder of pictures and lists that some data set publishes, understood: one reader each for TUM RGB-D, KITTI
+// odometry and EuRoC. What they find is streamed (folder_source.cpp) and cut (folder_split.cpp) in the same way.
 
 #include "record_source.h"
 
@@ -33,7 +33,8 @@ struct ImuFile {
 enum class FolderKind { kMono, kStereo, kDepth };
 
 struct CameraFolder {
-  std::filesystem::path folder, calibration;  // `calibration`: the file that tells the size of the pictures, for messages
+  std::filesystem::path folder,
+      calibration;  // `calibration`: the file that tells the size of the pictures, for messages
   FolderKind kind = FolderKind::kMono;
   std::vector<FolderFrame> frames;  // stamps rise
   mrpt::img::TCamera first, second;
@@ -52,9 +53,11 @@ struct FolderPart {
 struct FolderLayout {
   const char* name;  // "TUM RGB-D folder"
   bool (*recognises)(const std::filesystem::path& folder);
-  // Throws Error for what leaves nothing to read: a calibration or list that is missing or empty, pictures that never pair.
+  // Throws Error for what leaves nothing to read: a calibration or list that is missing or empty, pictures that never
+  // pair.
   CameraFolder (*read)(const std::filesystem::path& folder, const ReadOptions& options);
-  // Makes the same layout of a part: pictures, lists, calibrations, truth. Inertial measurements are cut for all layouts alike.
+  // Makes the same layout of a part: pictures, lists, calibrations, truth. Inertial measurements are cut for all
+  // layouts alike.
   void (*write_part)(const CameraFolder& whole, const FolderPart& part, const std::filesystem::path& out);
 };
 

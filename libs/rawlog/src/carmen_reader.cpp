@@ -49,7 +49,8 @@ class CarmenReader final : public RecordSource {
       }
       if (*keyword == "ODOM") {
         const OdometryLine odometry = parse_odometry(*fields);
-        // Laser lines bring the odometry of their instant. ODOM lines may be of another frame (corrected logs), so both are never mixed.
+        // Laser lines bring the odometry of their instant. ODOM lines may be of another frame (corrected logs), so both
+        // are never mixed.
         if (survey_.poses_move()) continue;
         const Stamp stamp = stamp_of_line(survey_, odometry.ipc_stamp_s, odometry.logger_stamp_s, *fields);
         records.push_back(odometry_record(odometry.odometry_from_robot, stamp, lines_.line()));

@@ -67,7 +67,8 @@ Sensor& sensor_of(const mrpt::obs::CObservation& observation, std::vector<Sensor
 
 void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObservation2DRangeScan& scan) {
   const LaserGeometry geometry = geometry_of(scan);
-  auto known = std::find_if(geometries.begin(), geometries.end(), [&](const LaserGeometry& other) { return alike(geometry, other); });
+  auto known = std::find_if(geometries.begin(), geometries.end(),
+                            [&](const LaserGeometry& other) { return alike(geometry, other); });
   if (known == geometries.end()) {
     if (geometries.size() == kMostGeometries) return;
     known = geometries.insert(known, geometry);
@@ -75,7 +76,8 @@ void add_geometry(std::vector<LaserGeometry>& geometries, const mrpt::obs::CObse
   ++known->scans;
 }
 
-void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& calibration, RecordedCameraGeometry& camera) {
+void look_at_camera(const mrpt::img::CImage& image, const mrpt::img::TCamera& calibration,
+                    RecordedCameraGeometry& camera) {
   if (!image.isExternallyStored()) {
     camera.width = static_cast<std::uint32_t>(image.getWidth());
     camera.height = static_cast<std::uint32_t>(image.getHeight());
@@ -98,7 +100,8 @@ void add_depth(const mrpt::obs::CObservation3DRangeScan& scan, bool is_first, Re
   camera.least_depth_delay_s = is_first ? delay_s : std::min(camera.least_depth_delay_s, delay_s);
   camera.most_depth_delay_s = is_first ? delay_s : std::max(camera.most_depth_delay_s, delay_s);
   std::uint16_t nearest = 65535, farthest = 0;
-  for (const std::uint16_t* steps = scan.rangeImage.data(); steps != scan.rangeImage.data() + scan.rangeImage.size(); ++steps) {
+  for (const std::uint16_t* steps = scan.rangeImage.data(); steps != scan.rangeImage.data() + scan.rangeImage.size();
+       ++steps) {
     if (*steps == 0) continue;
     nearest = std::min(nearest, *steps);
     farthest = std::max(farthest, *steps);
@@ -152,7 +155,8 @@ LogContents summarize_log(const std::filesystem::path& log, const ReadOptions& o
       add_geometry(sensor.geometries, *scan);
     } else if (const auto* odometry = dynamic_cast<const mrpt::obs::CObservationOdometry*>(&observation)) {
       const Pose2 pose = odometry->odometry.asTPose();
-      if (sensor.count > 1) found.length_m += std::hypot(pose.x - found.last_odometry.x, pose.y - found.last_odometry.y);
+      if (sensor.count > 1)
+        found.length_m += std::hypot(pose.x - found.last_odometry.x, pose.y - found.last_odometry.y);
       found.last_odometry = pose;
     } else {
       add_camera(observation, sensor.camera);

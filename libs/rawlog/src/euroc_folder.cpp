@@ -1,5 +1,6 @@
-// EuRoC: as published (mav0/cam0/data.csv and sensor.yaml, mav0/imu0/...), or reduced to one level (stereo.txt or cam0/data.csv, with
-// cam0_sensor.yaml and imu0.csv). The robot's frame is the data set's body frame: T_BS is the pose of a sensor in it.
+// EuRoC: as published (mav0/cam0/data.csv and sensor.yaml, mav0/imu0/...), or reduced to one level (stereo.txt or
+// cam0/data.csv, with cam0_sensor.yaml and imu0.csv). The robot's frame is the data set's body frame: T_BS is the pose
+// of a sensor in it.
 
 #include "calibration_file.h"
 #include "folder_split.h"
@@ -37,8 +38,8 @@ Camera read_camera(const std::filesystem::path& file) {
   if (model != "radial-tangential" && model != "radtan" && model != "plumb_bob")
     throw sensor.wrong("distortion_model", "is '" + model + "'; radial-tangential is what is read");
   const auto resolution = sensor.numbers("resolution", 2, 2);
-  return {make_camera(resolution[0], resolution[1], sensor.numbers("intrinsics", 4, 4), sensor.numbers("distortion_coefficients", 4, 5),
-                      file.string()),
+  return {make_camera(resolution[0], resolution[1], sensor.numbers("intrinsics", 4, 4),
+                      sensor.numbers("distortion_coefficients", 4, 5), file.string()),
           pose_in(sensor)};
 }
 
@@ -70,7 +71,8 @@ void read_stereo_list(CameraFolder& found, const std::filesystem::path& list) {
 void read_camera_lists(CameraFolder& found, const Layout& layout) {
   const auto read = [&](const std::string& camera) {
     const auto list = layout.list(camera);
-    return read_picture_list(found.folder / list, kCommaSeparated, StampUnit::kNanoseconds, list.parent_path() / "data");
+    return read_picture_list(found.folder / list, kCommaSeparated, StampUnit::kNanoseconds,
+                             list.parent_path() / "data");
   };
   const PictureList left = read("cam0");
   found.trouble = left.trouble;
@@ -86,10 +88,11 @@ void read_camera_lists(CameraFolder& found, const Layout& layout) {
     found.frames.push_back({first.stamp, second.stamp, first.stamp_text, second.stamp_text, first.file, second.file});
   }
   if (found.frames.empty())
-    throw Error(ErrorCode::kBadInput, "no pictures of cam0 and cam1 were taken together (within 1 ms)", found.folder.string(),
-                "copy the lists of both cameras again");
+    throw Error(ErrorCode::kBadInput, "no pictures of cam0 and cam1 were taken together (within 1 ms)",
+                found.folder.string(), "copy the lists of both cameras again");
   if (const auto alone = left.pictures.size() - found.frames.size(); alone > 0)
-    log(LogLevel::warning, found.folder.string() + ": " + std::to_string(alone) + " left pictures without a right one are left out");
+    log(LogLevel::warning,
+        found.folder.string() + ": " + std::to_string(alone) + " left pictures without a right one are left out");
 }
 
 }  // namespace
@@ -121,7 +124,8 @@ CameraFolder read_euroc_folder(const std::filesystem::path& folder, const ReadOp
     if (!is_there(folder / file)) continue;
     found.imu = ImuFile{file, true, {}};  // the body frame is the IMU's where nothing else is said
     if (is_there(folder / layout.calibration("imu0")))
-      found.imu->robot_from_imu = pose_in(CalibrationFile(folder / layout.calibration("imu0"), "T_BS (with data: 16 numbers)"));
+      found.imu->robot_from_imu =
+          pose_in(CalibrationFile(folder / layout.calibration("imu0"), "T_BS (with data: 16 numbers)"));
     break;
   }
   return found;
@@ -146,8 +150,8 @@ void write_euroc_part(const CameraFolder& whole, const FolderPart& part, const s
     write_list(out / layout.list("cam0"), left);
   if (!has_pairs && whole.kind == FolderKind::kStereo) write_list(out / layout.list("cam1"), right);
   for (const char* sensor : {"cam0", "cam1", "imu0"}) copy_if_there(whole, layout.calibration(sensor), out);
-  for (const auto& name :
-       {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml", layout.base / "state_groundtruth_estimate0" / "data.csv"})
+  for (const auto& name : {std::filesystem::path("groundtruth.txt"), layout.base / "body.yaml",
+                           layout.base / "state_groundtruth_estimate0" / "data.csv"})
     copy_if_there(whole, name, out);
 }
 

@@ -36,7 +36,8 @@ struct DepthFiles : mrpt::obs::CObservation3DRangeScan {
 void require(const std::string& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) {
-    throw Error(ErrorCode::kMissing, "a picture of the log is missing", file, "put the log's folder of pictures (NAME_Images) beside it");
+    throw Error(ErrorCode::kMissing, "a picture of the log is missing", file,
+                "put the log's folder of pictures (NAME_Images) beside it");
   }
 }
 
@@ -51,13 +52,16 @@ void load(const mrpt::img::CImage& image, const mrpt::img::TCamera* calibration,
   try {
     image.forceLoad();
   } catch (const std::exception& problem) {
-    throw Error(ErrorCode::kCorrupt, "a picture of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")", where,
+    throw Error(ErrorCode::kCorrupt,
+                "a picture of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")", where,
                 "copy the pictures of the log again");
   }
   const auto columns = image.getWidth(), rows = image.getHeight();
   if (columns == 0 || rows == 0)
     throw Error(ErrorCode::kCorrupt, "a picture of the log has no pixels", where, "copy the pictures of the log again");
-  if (calibration == nullptr || calibration->fx() <= 0.0 || (calibration->ncols == columns && calibration->nrows == rows)) return;
+  if (calibration == nullptr || calibration->fx() <= 0.0 ||
+      (calibration->ncols == columns && calibration->nrows == rows))
+    return;
   throw Error(ErrorCode::kBadInput,
               "the picture has " + std::to_string(columns) + " x " + std::to_string(rows) + " pixels; " +
                   std::to_string(calibration->ncols) + " x " + std::to_string(calibration->nrows) +
@@ -80,7 +84,8 @@ std::filesystem::path images_folder(const std::filesystem::path& log) {
 }
 
 void make_image_paths_absolute(mrpt::obs::CObservation& observation, const std::filesystem::path& folder) {
-  if (IS_CLASS(observation, mrpt::obs::CObservation2DRangeScan) || IS_CLASS(observation, mrpt::obs::CObservationOdometry))
+  if (IS_CLASS(observation, mrpt::obs::CObservation2DRangeScan) ||
+      IS_CLASS(observation, mrpt::obs::CObservationOdometry))
     return;  // nearly all
   if (auto* image = dynamic_cast<mrpt::obs::CObservationImage*>(&observation)) {
     make_absolute(image->image, folder);
@@ -112,7 +117,8 @@ void load_pictures(const mrpt::obs::CObservation& observation) {
     try {
       depth->load();
     } catch (const std::exception& problem) {
-      throw Error(ErrorCode::kCorrupt, "depth of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")",
+      throw Error(ErrorCode::kCorrupt,
+                  "depth of the log cannot be read (" + std::string(problem.what()).substr(0, 200) + ")",
                   "observation '" + label + "'", "copy the pictures of the log again");
     }
   }

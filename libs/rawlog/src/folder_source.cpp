@@ -1,5 +1,6 @@
-// A folder's pictures and inertial measurements as observations, in the order of stamps. Pictures of light stay in their files and are
-// loaded by whoever looks at them, but each is looked at here: that it is there, whole, and of its calibration's size. Depth is decoded.
+// A folder's pictures and inertial measurements as observations, in the order of stamps. Pictures of light stay in
+// their files and are loaded by whoever looks at them, but each is looked at here: that it is there, whole, and of its
+// calibration's size. Depth is decoded.
 
 #include "camera_folder.h"
 #include "picture_file.h"
@@ -48,7 +49,8 @@ class ImuReader {
     imu->sensorLabel = "IMU";
     imu->sensorPose = imu_.robot_from_imu;
     if (imu_.is_csv)
-      for (const auto index : {mrpt::obs::IMU_WX, mrpt::obs::IMU_WY, mrpt::obs::IMU_WZ}) imu->set(index, fields->number("a turn rate"));
+      for (const auto index : {mrpt::obs::IMU_WX, mrpt::obs::IMU_WY, mrpt::obs::IMU_WZ})
+        imu->set(index, fields->number("a turn rate"));
     for (const auto index : {mrpt::obs::IMU_X_ACC, mrpt::obs::IMU_Y_ACC, mrpt::obs::IMU_Z_ACC})
       imu->set(index, fields->number("an acceleration"));
     waiting_ = PlacedRecord{{to_stamp(imu->timestamp), imu}, rows_.line()};
@@ -139,7 +141,8 @@ class FolderSource final : public RecordSource {
   std::shared_ptr<mrpt::obs::CObservation> depth_of(const FolderFrame& frame) {
     auto scan = std::make_shared<mrpt::obs::CObservation3DRangeScan>();
     scan->sensorLabel = "RGBD";
-    // Registered: both pictures are of one camera. Of the depth camera MRPT has x ahead and z up, of the other one optical axes.
+    // Registered: both pictures are of one camera. Of the depth camera MRPT has x ahead and z up, of the other one
+    // optical axes.
     scan->relativePoseIntensityWRTDepth = looking_ahead();
     scan->sensorPose = folder_.robot_from_first + (mrpt::poses::CPose3D() - looking_ahead());
     scan->cameraParams = scan->cameraParamsIntensity = folder_.first;
@@ -162,14 +165,18 @@ class FolderSource final : public RecordSource {
     const PictureFile found = look_at_picture(file);
     expect_size(file, found, camera);
     if (found.bits > 8)
-      throw Error(ErrorCode::kBadInput, "the picture has " + std::to_string(found.bits) + " bits a channel; 8 were expected", file.string(),
+      throw Error(ErrorCode::kBadInput,
+                  "the picture has " + std::to_string(found.bits) + " bits a channel; 8 were expected", file.string(),
                   "convert the pictures to 8 bits");
     return file.string();
   }
 
-  void expect_size(const std::filesystem::path& file, const PictureFile& found, const mrpt::img::TCamera& camera) const {
+  void expect_size(const std::filesystem::path& file, const PictureFile& found,
+                   const mrpt::img::TCamera& camera) const {
     if (found.width == camera.ncols && found.height == camera.nrows) return;
-    const auto text = [](std::uint32_t width, std::uint32_t height) { return std::to_string(width) + " x " + std::to_string(height); };
+    const auto text = [](std::uint32_t width, std::uint32_t height) {
+      return std::to_string(width) + " x " + std::to_string(height);
+    };
     throw Error(ErrorCode::kBadInput,
                 "the picture has " + text(found.width, found.height) + " pixels; " + text(camera.ncols, camera.nrows) +
                     " were expected, as " + folder_.calibration.string() + " says",
@@ -179,7 +186,8 @@ class FolderSource final : public RecordSource {
   // Of the first depth picture that has readings: a scale that is off by a thousand makes a map of nothing.
   void check_scale(const std::filesystem::path& file, const mrpt::math::CMatrix_u16& depth) {
     std::vector<std::uint16_t> readings;
-    std::copy_if(depth.data(), depth.data() + depth.size(), std::back_inserter(readings), [](std::uint16_t steps) { return steps != 0; });
+    std::copy_if(depth.data(), depth.data() + depth.size(), std::back_inserter(readings),
+                 [](std::uint16_t steps) { return steps != 0; });
     if (readings.empty()) return;
     scale_is_checked_ = true;
     const auto middle = readings.begin() + static_cast<std::ptrdiff_t>(readings.size() / 2);
@@ -187,8 +195,8 @@ class FolderSource final : public RecordSource {
     const double median_m = *middle / folder_.depth_scale;
     if (median_m >= kNearestDepth_m && median_m <= kFarthestDepth_m) return;
     throw Error(ErrorCode::kBadInput,
-                "the median depth is " + std::to_string(median_m) + " m with a depth_scale of " + std::to_string(folder_.depth_scale) +
-                    "; 0.05 to 100 m were expected",
+                "the median depth is " + std::to_string(median_m) + " m with a depth_scale of " +
+                    std::to_string(folder_.depth_scale) + "; 0.05 to 100 m were expected",
                 file.string(), "correct depth_scale in " + folder_.calibration.string() + " (steps to the metre)");
   }
 

@@ -45,13 +45,17 @@ void link_file(const std::filesystem::path& from, const std::filesystem::path& t
   make_folder(to.parent_path());
   std::error_code problem;
   const auto source = std::filesystem::canonical(from, problem);
-  if (problem) throw Error(ErrorCode::kMissing, "cannot be opened: " + problem.message(), from.string(), "copy the recording again");
+  if (problem)
+    throw Error(ErrorCode::kMissing, "cannot be opened: " + problem.message(), from.string(),
+                "copy the recording again");
   if (std::filesystem::exists(to, problem)) return;  // named twice
   std::filesystem::create_hard_link(source, to, problem);
   if (!problem) return;
   problem.clear();
   std::filesystem::copy_file(source, to, problem);
-  if (problem) throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), to.string(), "choose another folder");
+  if (problem)
+    throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), to.string(),
+                "choose another folder");
 }
 
 void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name, const std::filesystem::path& out) {
@@ -60,7 +64,8 @@ void copy_if_there(const CameraFolder& whole, const std::filesystem::path& name,
   make_folder((out / name).parent_path());
   std::filesystem::copy_file(whole.folder / name, out / name, problem);
   if (problem)
-    throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), (out / name).string(), "choose another folder");
+    throw Error(ErrorCode::kCannotWrite, "cannot be written: " + problem.message(), (out / name).string(),
+                "choose another folder");
 }
 
 void write_list(const std::filesystem::path& to, const std::string& text) {
@@ -82,7 +87,8 @@ void cut_imu(const CameraFolder& whole, const FolderPart& part, const std::files
                   (whole.folder / whole.imu->file).string() + ":" + std::to_string(++number), true, separators);
     const auto first = fields.next();
     if (first && first->front() != '#') {
-      const Stamp stamp = parse_stamp(std::string(*first), whole.imu->is_csv ? StampUnit::kNanoseconds : StampUnit::kSeconds, fields);
+      const Stamp stamp =
+          parse_stamp(std::string(*first), whole.imu->is_csv ? StampUnit::kNanoseconds : StampUnit::kSeconds, fields);
       if (stamp < part.from || !(stamp < part.to)) continue;
     }
     kept += line;

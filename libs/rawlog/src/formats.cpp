@@ -19,7 +19,8 @@ std::string extension_of(const std::filesystem::path& path) {
   auto name = path.filename();
   if (name.extension() == ".gz") name = name.stem();
   std::string extension = name.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension;
 }
 
@@ -41,11 +42,13 @@ const Format& recognise(ByteSource& bytes) {
   }
   const std::string extension = extension_of(bytes.path());
   for (const Format& format : formats()) {
-    if (std::find(format.extensions.begin(), format.extensions.end(), extension) != format.extensions.end()) return format;
+    if (std::find(format.extensions.begin(), format.extensions.end(), extension) != format.extensions.end())
+      return format;
   }
   std::string known;
   for (const Format& format : formats())
-    known += (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
+    known +=
+        (known.empty() ? "" : ", ") + std::string(format.name) + " (" + std::string(format.extensions.front()) + ")";
   const bool zip = start.substr(0, 4) == "PK\x03\x04";
   const Error unknown(ErrorCode::kUnsupported, "is of no format that is read: " + known + ", each as it is or as .gz",
                       bytes.path().string(), zip ? "unzip it first" : "convert it to one of them");

@@ -1,5 +1,5 @@
-// g2o pose graphs that carry scans: a VERTEX_SE2, then its ROBOTLASER1 lines. The chained edges from vertex i to i + 1 are the odometry;
-// the vertices' own poses are somebody's result and are not used, nor are the other edges.
+// g2o pose graphs that carry scans: a VERTEX_SE2, then its ROBOTLASER1 lines. The chained edges from vertex i to i + 1
+// are the odometry; the vertices' own poses are somebody's result and are not used, nor are the other edges.
 
 #include "formats.h"
 #include "laser_lines.h"
@@ -24,8 +24,8 @@ class G2oReader final : public RecordSource {
       std::rethrow_exception(bytes_->cause_of(std::current_exception()));
     }
     if (!survey_.has_usable_stamps() && scans_ > 0) {
-      log(LogLevel::warning,
-          bytes_->path().string() + ": its scans have no usable stamps; they get one every " + std::to_string(step_s_) + " s");
+      log(LogLevel::warning, bytes_->path().string() + ": its scans have no usable stamps; they get one every " +
+                                 std::to_string(step_s_) + " s");
     }
   }
 
@@ -73,7 +73,8 @@ class G2oReader final : public RecordSource {
         for (const char* name : {"x", "y", "the heading"}) fields->number(name);
         fields->expect_end("the vertex");
       } else if (*keyword == "EDGE_SE2") {
-        const std::size_t from = fields->count("the first vertex", kMostVertices), to = fields->count("the second vertex", kMostVertices);
+        const std::size_t from = fields->count("the first vertex", kMostVertices),
+                          to = fields->count("the second vertex", kMostVertices);
         Pose2 from_from_to;
         from_from_to.x = fields->number("x");
         from_from_to.y = fields->number("y");
@@ -88,13 +89,14 @@ class G2oReader final : public RecordSource {
 
   void move_to(std::size_t vertex, const Fields& fields) {
     if (at_ && vertex < *at_)
-      throw fields.error("vertex " + std::to_string(vertex) + " with a scan comes after vertex " + std::to_string(*at_) +
-                         "; rising numbers were expected");
+      throw fields.error("vertex " + std::to_string(vertex) + " with a scan comes after vertex " +
+                         std::to_string(*at_) + "; rising numbers were expected");
     for (std::size_t i = at_.value_or(vertex); i < vertex; ++i) {
       const auto step = steps_.find(i);
       if (step == steps_.end()) {
-        throw fields.error("no edge leads from vertex " + std::to_string(i) + " to " + std::to_string(i + 1) +
-                           "; the edges from each vertex to the next serve as odometry: take a pose graph that has them");
+        throw fields.error(
+            "no edge leads from vertex " + std::to_string(i) + " to " + std::to_string(i + 1) +
+            "; the edges from each vertex to the next serve as odometry: take a pose graph that has them");
       }
       odometry_from_robot_ = compose(odometry_from_robot_, step->second);
     }

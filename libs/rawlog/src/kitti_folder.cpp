@@ -1,5 +1,5 @@
-// KITTI odometry: image_0 and image_1 (grey) or image_2 and image_3 (colour), rectified, their files numbered by the lines of times.txt;
-// calib.txt holds a 3 x 4 projection of each camera.
+// KITTI odometry: image_0 and image_1 (grey) or image_2 and image_3 (colour), rectified, their files numbered by the
+// lines of times.txt; calib.txt holds a 3 x 4 projection of each camera.
 
 #include "calibration_file.h"
 #include "folder_split.h"
@@ -27,7 +27,8 @@ bool is_folder(const std::filesystem::path& path) {
 }
 
 // By their numbers: "000042.png" is 42.
-std::map<std::size_t, std::filesystem::path> pictures_in(const std::filesystem::path& folder, const std::string& camera) {
+std::map<std::size_t, std::filesystem::path> pictures_in(const std::filesystem::path& folder,
+                                                         const std::string& camera) {
   std::map<std::size_t, std::filesystem::path> found;
   std::error_code problem;
   for (const auto& entry : std::filesystem::directory_iterator(folder / camera, problem)) {
@@ -37,11 +38,12 @@ std::map<std::size_t, std::filesystem::path> pictures_in(const std::filesystem::
     if (bad != std::errc{} || end != stem.data() + stem.size()) continue;
     if (extension != ".png" && extension != ".jpg" && extension != ".jpeg") continue;
     auto& name = found[number];
-    name = std::max(name, std::filesystem::path(camera) / entry.path().filename());  // of a .jpg and a .png the latter, always
+    name = std::max(
+        name, std::filesystem::path(camera) / entry.path().filename());  // of a .jpg and a .png the latter, always
   }
   if (problem || found.empty())
-    throw Error(ErrorCode::kMissing, "holds no pictures; numbered ones (000000.png) were expected", (folder / camera).string(),
-                "copy the recording again");
+    throw Error(ErrorCode::kMissing, "holds no pictures; numbered ones (000000.png) were expected",
+                (folder / camera).string(), "copy the recording again");
   return found;
 }
 
@@ -70,7 +72,8 @@ const Projection& projection_of(const std::map<std::string, Projection>& project
 }
 
 // The size stands nowhere but in the pictures; the first one's holds for all.
-mrpt::img::TCamera camera_of(const Projection& projection, const std::filesystem::path& picture, const std::string& where) {
+mrpt::img::TCamera camera_of(const Projection& projection, const std::filesystem::path& picture,
+                             const std::string& where) {
   const PictureFile size = look_at_picture(picture);
   return make_camera(size.width, size.height, {projection[0], projection[5], projection[2], projection[6]}, {}, where);
 }
@@ -105,7 +108,8 @@ CameraFolder read_kitti_folder(const std::filesystem::path& folder, const ReadOp
     const double baseline_m = right_of_origin_m(other) - right_of_origin_m(projection);
     if (!(baseline_m > 0.0))
       throw Error(ErrorCode::kBadInput,
-                  right + " stands " + std::to_string(-baseline_m) + " m left of " + left + "; a place right of it was expected",
+                  right + " stands " + std::to_string(-baseline_m) + " m left of " + left +
+                      "; a place right of it was expected",
                   found.calibration.string(), "swap the folders of the two cameras, or their projections");
     found.first_from_second = mrpt::poses::CPose3D(baseline_m, 0.0, 0.0, 0.0, 0.0, 0.0);
   }
@@ -128,8 +132,8 @@ CameraFolder read_kitti_folder(const std::filesystem::path& folder, const ReadOp
   });
   const auto untimed = std::distance(firsts.lower_bound(found.frames.size()), firsts.end());
   if (untimed > 0 && !found.trouble)
-    log(LogLevel::warning,
-        folder.string() + ": " + std::to_string(untimed) + " pictures of " + left + " are left out; times.txt ends before");
+    log(LogLevel::warning, folder.string() + ": " + std::to_string(untimed) + " pictures of " + left +
+                               " are left out; times.txt ends before");
   return found;
 }
 
@@ -142,7 +146,8 @@ void write_kitti_part(const CameraFolder& whole, const FolderPart& part, const s
     std::string number = std::to_string(i - part.begin);
     number.insert(0, std::max<std::size_t>(6, number.size()) - number.size(), '0');
     for (const auto& name : {frame.first, frame.second})
-      if (!name.empty()) link_file(whole.folder / name, out / name.parent_path() / (number + name.extension().string()));
+      if (!name.empty())
+        link_file(whole.folder / name, out / name.parent_path() / (number + name.extension().string()));
   }
   write_list(out / "times.txt", times);
   copy_if_there(whole, "calib.txt", out);

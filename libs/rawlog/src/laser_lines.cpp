@@ -86,7 +86,8 @@ std::optional<Pose2> agreed(const std::vector<Pose2>& poses) {
   }
   const Pose2 middle(median(x), median(y), wrap_angle(poses.front().phi + median(turn)));
   const auto near = std::count_if(poses.begin(), poses.end(), [&](const Pose2& pose) {
-    return std::hypot(pose.x - middle.x, pose.y - middle.y) < 0.02 && std::abs(wrap_angle(pose.phi - middle.phi)) < 0.01;
+    return std::hypot(pose.x - middle.x, pose.y - middle.y) < 0.02 &&
+           std::abs(wrap_angle(pose.phi - middle.phi)) < 0.01;
   });
   if (static_cast<double>(near) < 0.9 * static_cast<double>(poses.size())) return std::nullopt;
   return Pose2(rounded(middle.x), rounded(middle.y), rounded(middle.phi));
@@ -118,7 +119,8 @@ void parse_laser_line(std::string_view keyword, Fields& fields, LaserLine& line)
   line.world_from_laser = parse_pose(fields, "the laser's x", "the laser's y", "the laser's heading");
   line.world_from_robot = parse_pose(fields, "the robot's x", "the robot's y", "the robot's heading");
   if (line.geometry_given) {
-    for (const char* name : {"the speed", "the turn rate", "the forward safety distance", "the side safety distance", "the turn axis"})
+    for (const char* name :
+         {"the speed", "the turn rate", "the forward safety distance", "the side safety distance", "the turn axis"})
       fields.any_number(name);
   }
   line.ipc_stamp_s = fields.number("the ipc stamp");
@@ -157,7 +159,9 @@ void LaserSurvey::add(const LaserLine& line) {
   first_ = false;
 }
 
-void LaserSurvey::add_parameter(std::string_view name, double value) { parameters_.insert_or_assign(std::string(name), value); }
+void LaserSurvey::add_parameter(std::string_view name, double value) {
+  parameters_.insert_or_assign(std::string(name), value);
+}
 
 bool LaserSurvey::uses_logger_stamps() const { return 2 * ipc_.advances < logger_.advances; }
 
@@ -186,12 +190,14 @@ LaserTraits LaserSurvey::traits(const std::string& label, const ReadOptions& opt
   if (traits.max_range_m <= 0.0) {
     const auto readings_between = [&](double low_m, double high_m) {
       std::uint64_t count = 0;
-      for (auto i = static_cast<std::size_t>(low_m * 100.0); i < sensor.centimetres.size() && static_cast<double>(i) <= high_m * 100.0; ++i)
+      for (auto i = static_cast<std::size_t>(low_m * 100.0);
+           i < sensor.centimetres.size() && static_cast<double>(i) <= high_m * 100.0; ++i)
         count += sensor.centimetres[i];
       return count;
     };
     const double longest = sensor.longest_m;
-    const auto heap = readings_between(0.99 * longest, longest), before = readings_between(0.97 * longest, 0.98 * longest);
+    const auto heap = readings_between(0.99 * longest, longest),
+               before = readings_between(0.97 * longest, 0.98 * longest);
     if (heap >= 20 && heap >= 10 * before) {
       traits.max_range_m = std::floor(0.99 * longest * 2.0) / 2.0;
     } else {
@@ -216,8 +222,10 @@ LaserTraits LaserSurvey::traits(const std::string& label, const ReadOptions& opt
     traits.robot_from_laser.phi = rear ? wrap_angle(M_PI) : 0.0;
     if (!offset) {
       traits.robot_from_laser.x = parameter("robot_frontlaser_offset", "robot_rearlaser_offset").value_or(0.0);
-      traits.robot_from_laser.y = parameter("robot_frontlaser_side_offset", "robot_rearlaser_side_offset").value_or(0.0);
-      traits.robot_from_laser.phi += parameter("robot_frontlaser_angular_offset", "robot_rearlaser_angular_offset").value_or(0.0);
+      traits.robot_from_laser.y =
+          parameter("robot_frontlaser_side_offset", "robot_rearlaser_side_offset").value_or(0.0);
+      traits.robot_from_laser.phi +=
+          parameter("robot_frontlaser_angular_offset", "robot_rearlaser_angular_offset").value_or(0.0);
     }
   }
   return traits;
@@ -256,7 +264,8 @@ PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std:
 
 Stamp stamp_of_text(double seconds, const Fields& fields) {
   if (!(std::abs(seconds) < 4e9))
-    throw fields.error("the stamp " + std::to_string(seconds) + " s is no time; seconds since 1970 or since the start were expected");
+    throw fields.error("the stamp " + std::to_string(seconds) +
+                       " s is no time; seconds since 1970 or since the start were expected");
   return Stamp{std::llround(seconds * 1e6) * 1000};
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// The lines that CARMEN and g2o logs share: FLASER, RLASER (CARMEN's old style) and ROBOTLASER1, ROBOTLASER2, ... (new style).
+// The lines that CARMEN and g2o logs share: FLASER, RLASER (CARMEN's old style) and ROBOTLASER1, ROBOTLASER2, ... (new
+// style).
 
 #include "record_source.h"
 #include "text_lines.h"
@@ -35,7 +36,7 @@ class LaserSurvey {
   void add(const LaserLine& line);
   void add_parameter(std::string_view name, double value);  // CARMEN's PARAM lines
   bool uses_logger_stamps() const;                          // the ipc stamps stand still
-  bool has_usable_stamps() const;                           // positive; they never go back, and advance where there are several
+  bool has_usable_stamps() const;  // positive; they never go back, and advance where there are several
   bool poses_move() const { return poses_move_; }
   LaserTraits traits(const std::string& label, const ReadOptions& options) const;
   std::optional<double> resolution_rad(bool rear) const;
@@ -59,8 +60,9 @@ class LaserSurvey {
   Pose2 first_pose_;
 };
 
-// Makes observations of lines. Old-style lines tell nothing of their rays' angles: 180, 181, 360, 361, 720 or 721 rays span 180 deg with
-// ray 0 at -90 deg; of an even number the last stands one step short of +90 deg (CARMEN's and GMapping's habit).
+// Makes observations of lines. Old-style lines tell nothing of their rays' angles: 180, 181, 360, 361, 720 or 721 rays
+// span 180 deg with ray 0 at -90 deg; of an even number the last stands one step short of +90 deg (CARMEN's and
+// GMapping's habit).
 class LaserLineConverter {
  public:
   LaserLineConverter(const LaserSurvey& survey, const ReadOptions& options) : survey_(survey), options_(options) {}
@@ -75,8 +77,8 @@ class LaserLineConverter {
 
 PlacedRecord odometry_record(const Pose2& odometry_from_robot, Stamp stamp, std::uint64_t place);
 
-// The one of a line's two stamps that `survey` chose. To the microsecond, as these logs write it: a double of seconds since 1970 holds no
-// more. Throws Error kBadInput where it is no time.
+// The one of a line's two stamps that `survey` chose. To the microsecond, as these logs write it: a double of seconds
+// since 1970 holds no more. Throws Error kBadInput where it is no time.
 Stamp stamp_of_line(const LaserSurvey& survey, double ipc_stamp_s, double logger_stamp_s, const Fields& fields);
 Stamp stamp_of_text(double seconds, const Fields& fields);
 

@@ -18,11 +18,12 @@ namespace {
 constexpr char kEndFlag = '\x88';
 constexpr std::size_t kDeepest = 8;
 constexpr std::uint32_t kMostParticles = 1'000'000, kLongestSide = 65535;
-constexpr const char* kRemedy = "record or copy the log again; slam and run map what precedes this place with --keep-going";
+constexpr const char* kRemedy =
+    "record or copy the log again; slam and run map what precedes this place with --keep-going";
 
 bool is_name_letter(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' || c == '<' || c == '>' ||
-         c == ',';
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == ':' ||
+         c == '<' || c == '>' || c == ',';
 }
 
 bool can_be_made(std::string_view class_name) {
@@ -73,9 +74,10 @@ class Walker {
     const ObjectHeader* outer = std::exchange(within_, &object_header);
     const std::optional<bool> known = body(object_header.short_name(), object_header.version, depth);
     if (!known && !can_be_made(object_header.class_name())) {
-      throw Error(
-          ErrorCode::kUnsupported, "holds an object of class '" + std::string(object_header.class_name()) + "', which cannot be read",
-          source_.place(source_.position() + start), "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
+      throw Error(ErrorCode::kUnsupported,
+                  "holds an object of class '" + std::string(object_header.class_name()) + "', which cannot be read",
+                  source_.place(source_.position() + start),
+                  "remove these objects with MRPT's rawlog-edit, or check that the file is a rawlog");
     }
     const bool whole = known.value_or(false) && end(object_header);
     within_ = outer;
@@ -92,7 +94,8 @@ class Walker {
     if (name == "CObservationOdometry") return version <= 2 && odometry(version, depth);
     if (name == "CSensoryFrame" || name == "CActionCollection") {
       if (depth > 0) throw corrupt("stands within another object");
-      if (version > (name == "CSensoryFrame" ? 2 : 0)) throw corrupt("its version " + std::to_string(version) + " is not known");
+      if (version > (name == "CSensoryFrame" ? 2 : 0))
+        throw corrupt("its version " + std::to_string(version) + " is not known");
       return name == "CSensoryFrame" ? frame(version, depth) : objects(depth);
     }
     if (name == "CActionRobotMovement2D") return version >= 5 && version <= 7 && movement(version, depth);
@@ -164,7 +167,8 @@ class Walker {
   }
   // MRPT's version 0 reads pixels past the room that it made for them.
   bool image(int version) {
-    if (version == 0 || (version > 9 && version != 100)) throw corrupt("its version " + std::to_string(version) + " is not known");
+    if (version == 0 || (version > 9 && version != 100))
+      throw corrupt("its version " + std::to_string(version) + " is not known");
     if (version >= 6 && flag()) return text();
     if (version == 100) throw corrupt("a picture outside the log was expected");
     if (version == 1) return jpeg();
@@ -185,8 +189,8 @@ class Walker {
     const bool is_packed = version == 3 || (version == 4 && announced > 16 * 1024) || (version >= 5 && flag());
     if (is_packed) return bytes_counted();
     if (announced != pixel_bytes_)
-      throw corrupt("announces " + std::to_string(announced) + " bytes for " + std::to_string(width) + " x " + std::to_string(height) +
-                    " pixels");
+      throw corrupt("announces " + std::to_string(announced) + " bytes for " + std::to_string(width) + " x " +
+                    std::to_string(height) + " pixels");
     array(announced, 1, "bytes");
     return true;
   }
@@ -216,7 +220,8 @@ class Walker {
     return version < 6 || skip(1);
   }
   bool picture(int version, std::size_t depth) {
-    for (int i = version >= 4 ? 3 : 4; i > 0; --i) {  // pose, calibration (of two matrices in the older versions), picture
+    for (int i = version >= 4 ? 3 : 4; i > 0;
+         --i) {  // pose, calibration (of two matrices in the older versions), picture
       if (!nested(depth)) return false;
     }
     if (version >= 1) skip(8);
@@ -296,7 +301,8 @@ class Walker {
   }
 
   bool end(const ObjectHeader& object_header) {
-    if (object_header.has_end_flag && number<char>() != kEndFlag) throw corrupt("lacks its end flag; 0x88 was expected");
+    if (object_header.has_end_flag && number<char>() != kEndFlag)
+      throw corrupt("lacks its end flag; 0x88 was expected");
     return true;
   }
   bool text() {
@@ -305,8 +311,8 @@ class Walker {
   }
   void array(std::uint64_t count, std::size_t bytes_each, const char* what, bool take = true) {
     if (count * bytes_each > most_bytes_) {
-      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" + std::to_string(most_bytes_) +
-                    " bytes)");
+      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" +
+                    std::to_string(most_bytes_) + " bytes)");
     }
     if (source_.ahead(at_ + count * bytes_each).size() < at_ + count * bytes_each) throw cut_short(count * bytes_each);
     if (take) at_ += count * bytes_each;
@@ -331,7 +337,8 @@ class Walker {
   Error cut_short(std::size_t needed) {
     source_.throw_damage();
     const auto remain = source_.ahead(0).size() - std::min(at_, source_.ahead(0).size());
-    return corrupt("is cut short: " + std::to_string(needed) + " bytes are needed, " + std::to_string(remain) + " remain");
+    return corrupt("is cut short: " + std::to_string(needed) + " bytes are needed, " + std::to_string(remain) +
+                   " remain");
   }
   Error no_header() { return corrupt("the name of a class was expected here"); }
   Error corrupt(const std::string& what) const {

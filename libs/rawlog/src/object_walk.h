@@ -1,6 +1,6 @@
 #pragma once
-// Looks ahead over one serialized MRPT object before MRPT reads it. MRPT believes every length it reads and makes room for it at once; here
-// each length is held against what the file really has.
+// Looks ahead over one serialized MRPT object before MRPT reads it. MRPT believes every length it reads and makes room
+// for it at once; here each length is held against what the file really has.
 
 #include "byte_source.h"
 
@@ -26,9 +26,10 @@ struct ObjectHeader {
   }  // "mrpt::obs::CObservationOdometry"; older logs: "CObservationOdometry"
 };
 
-// Throws Error: kCorrupt for lengths that cannot be, an object that the file does not hold whole or that lacks its end flag; kUnsupported
-// for a class that MRPT does not know, here or within. Classes other than laser scans, odometry, actions, sensory frames and comments are
-// looked at no further than their name. `most_bytes`: an object that announces more is damage.
+// Throws Error: kCorrupt for lengths that cannot be, an object that the file does not hold whole or that lacks its end
+// flag; kUnsupported for a class that MRPT does not know, here or within. Classes other than laser scans, odometry,
+// actions, sensory frames and comments are looked at no further than their name. `most_bytes`: an object that announces
+// more is damage.
 ObjectHeader check_object(ByteSource& source, std::uint64_t most_bytes);
 
 }  // namespace mapweave::rawlog

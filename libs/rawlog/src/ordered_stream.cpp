@@ -13,7 +13,8 @@
 namespace mapweave::rawlog {
 namespace {
 
-constexpr std::size_t kMostWaiting = 200'000;  // records within the window; a log that stands still would fill the memory
+constexpr std::size_t kMostWaiting =
+    200'000;  // records within the window; a log that stands still would fill the memory
 
 struct Waiting {
   Record record;
@@ -66,8 +67,8 @@ class OrderedStream final : public ObservationStream {
       if (ended_ && !failure_ && count_ == 0) {
         const std::string found = source_->nothing_found();
         throw Error(ErrorCode::kBadInput,
-                    "holds no observations" + (found.empty() ? "" : " (" + found + ")") + "; at least one was expected", source_->path(),
-                    "record again, or check that this is the right file");
+                    "holds no observations" + (found.empty() ? "" : " (" + found + ")") + "; at least one was expected",
+                    source_->path(), "record again, or check that this is the right file");
       }
     } catch (const Error&) {
       fail();
@@ -87,19 +88,22 @@ class OrderedStream final : public ObservationStream {
     int rank = 1;
     if (auto* scan = dynamic_cast<mrpt::obs::CObservation2DRangeScan*>(placed.record.observation.get())) {
       check_scan(*scan, where);
-    } else if (const auto* odometry = dynamic_cast<const mrpt::obs::CObservationOdometry*>(placed.record.observation.get())) {
+    } else if (const auto* odometry =
+                   dynamic_cast<const mrpt::obs::CObservationOdometry*>(placed.record.observation.get())) {
       rank = 0;
       const auto& pose = odometry->odometry;
       if (!std::isfinite(pose.x()) || !std::isfinite(pose.y()) || !std::isfinite(pose.phi())) {
-        throw Error(ErrorCode::kBadInput, "an odometry pose is not a number; finite x, y, heading were expected", where(),
-                    "map what precedes it with --keep-going");
+        throw Error(ErrorCode::kBadInput, "an odometry pose is not a number; finite x, y, heading were expected",
+                    where(), "map what precedes it with --keep-going");
       }
     }
     if (count_ > 1 && newest_.ns - placed.record.stamp.ns > window_ns_) {
-      throw Error(ErrorCode::kBadInput,
-                  "time runs backwards: stamp " + seconds_text(placed.record.stamp) + " comes after stamp " + seconds_text(newest_) +
-                      ", later than the window of " + std::to_string(window_s_) + " s allows",
-                  where(), "repair the clock of the recording, map what precedes it with --keep-going, or widen reorder_window_s");
+      throw Error(
+          ErrorCode::kBadInput,
+          "time runs backwards: stamp " + seconds_text(placed.record.stamp) + " comes after stamp " +
+              seconds_text(newest_) + ", later than the window of " + std::to_string(window_s_) + " s allows",
+          where(),
+          "repair the clock of the recording, map what precedes it with --keep-going, or widen reorder_window_s");
     }
     newest_.ns = count_ > 1 ? std::max(newest_.ns, placed.record.stamp.ns) : placed.record.stamp.ns;
     heap_.push_back({std::move(placed.record), rank, count_});
@@ -116,17 +120,18 @@ class OrderedStream final : public ObservationStream {
   static void check_scan(mrpt::obs::CObservation2DRangeScan& scan, const Where& where) {
     const std::size_t rays = scan.getScanSize();
     if (rays == 0) {
-      throw Error(ErrorCode::kBadInput, "a scan of '" + scan.sensorLabel + "' has no rays; at least one was expected", where(),
-                  "map what precedes it with --keep-going");
+      throw Error(ErrorCode::kBadInput, "a scan of '" + scan.sensorLabel + "' has no rays; at least one was expected",
+                  where(), "map what precedes it with --keep-going");
     }
     const float* ranges = &scan.getScanRange(0);
     if (std::all_of(ranges, ranges + rays, [](float range) { return std::isfinite(range); })) return;
     for (std::size_t i = 0; i < rays; ++i) {
       if (std::isfinite(ranges[i]) || !scan.getScanRangeValidity(i)) continue;
       if (std::isnan(ranges[i])) {
-        throw Error(ErrorCode::kBadInput,
-                    "ray " + std::to_string(i) + " of a scan of '" + scan.sensorLabel + "' is not a number, yet marked valid", where(),
-                    "map what precedes it with --keep-going, or mark such rays invalid when recording");
+        throw Error(
+            ErrorCode::kBadInput,
+            "ray " + std::to_string(i) + " of a scan of '" + scan.sensorLabel + "' is not a number, yet marked valid",
+            where(), "map what precedes it with --keep-going, or mark such rays invalid when recording");
       }
       scan.setScanRangeValidity(i, false);  // infinite: no return (the habit of ROS)
     }
@@ -145,7 +150,8 @@ class OrderedStream final : public ObservationStream {
 
 }  // namespace
 
-std::unique_ptr<ObservationStream> make_ordered_stream(std::unique_ptr<RecordSource> source, const ReadOptions& options) {
+std::unique_ptr<ObservationStream> make_ordered_stream(std::unique_ptr<RecordSource> source,
+                                                       const ReadOptions& options) {
   return std::make_unique<OrderedStream>(std::move(source), options);
 }
 

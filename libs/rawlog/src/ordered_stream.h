@@ -5,6 +5,7 @@
 
 namespace mapweave::rawlog {
 
-std::unique_ptr<ObservationStream> make_ordered_stream(std::unique_ptr<RecordSource> source, const ReadOptions& options);
+std::unique_ptr<ObservationStream> make_ordered_stream(std::unique_ptr<RecordSource> source,
+                                                       const ReadOptions& options);
 
 }  // namespace mapweave::rawlog

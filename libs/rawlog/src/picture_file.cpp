@@ -41,7 +41,8 @@ std::optional<PictureFile> png(std::ifstream& file) {
   const std::string head = bytes_at(file, 0, 26);
   if (head.size() < 26 || head.compare(12, 4, "IHDR") != 0) return std::nullopt;
   const std::string_view view(head);
-  constexpr std::array<int, 7> kChannels{1, 0, 3, 1, 2, 0, 4};  // by colour type: grey, colour, palette, grey and alpha, colour and alpha
+  constexpr std::array<int, 7> kChannels{
+      1, 0, 3, 1, 2, 0, 4};  // by colour type: grey, colour, palette, grey and alpha, colour and alpha
   const auto type = static_cast<unsigned char>(head[25]);
   if (type >= kChannels.size() || kChannels[type] == 0) return std::nullopt;
   return PictureFile{big_endian(view.substr(16, 4)), big_endian(view.substr(20, 4)), head[24], kChannels[type]};
@@ -61,7 +62,8 @@ std::optional<PictureFile> jpeg(BytesFrom&& bytes_from) {
       continue;
     }
     const bool is_frame = kind >= 0xc0 && kind <= 0xcf && kind != 0xc4 && kind != 0xc8 && kind != 0xcc;
-    if (is_frame) return PictureFile{big_endian(view.substr(7, 2)), big_endian(view.substr(5, 2)), marker[4], marker[9]};
+    if (is_frame)
+      return PictureFile{big_endian(view.substr(7, 2)), big_endian(view.substr(5, 2)), marker[4], marker[9]};
     place += 2 + big_endian(view.substr(2, 2));
   }
   return std::nullopt;
@@ -79,14 +81,20 @@ PictureFile look_at_picture(const std::filesystem::path& path) {
   const bool is_png = start == kPngStart, is_jpeg = start.compare(0, kJpegStart.size(), kJpegStart) == 0;
   const auto bytes = static_cast<std::streamoff>(std::filesystem::file_size(path, problem));
   const auto corrupt = [&](const std::string& what) {
-    return Error(ErrorCode::kCorrupt, what + " (" + std::to_string(problem ? 0 : bytes) + " bytes)", path.string(), kCopyAgain);
+    return Error(ErrorCode::kCorrupt, what + " (" + std::to_string(problem ? 0 : bytes) + " bytes)", path.string(),
+                 kCopyAgain);
   };
   if (!is_png && !is_jpeg) throw corrupt("is no picture; PNG or JPEG was expected");
-  const auto in_file = [&](std::size_t place, std::size_t count) { return bytes_at(file, static_cast<std::streamoff>(place), count); };
+  const auto in_file = [&](std::size_t place, std::size_t count) {
+    return bytes_at(file, static_cast<std::streamoff>(place), count);
+  };
   const auto found = is_png ? png(file) : jpeg(in_file);
-  if (!found || found->width == 0 || found->height == 0) throw corrupt("the picture's head is damaged; its size was expected there");
-  const std::string end = bytes_at(file, std::max<std::streamoff>(bytes - kEndBytes, 0), static_cast<std::size_t>(kEndBytes));
-  if (end.find(is_png ? kPngEnd : kJpegEnd) == std::string::npos) throw corrupt("the picture is cut short; its end mark was expected");
+  if (!found || found->width == 0 || found->height == 0)
+    throw corrupt("the picture's head is damaged; its size was expected there");
+  const std::string end =
+      bytes_at(file, std::max<std::streamoff>(bytes - kEndBytes, 0), static_cast<std::size_t>(kEndBytes));
+  if (end.find(is_png ? kPngEnd : kJpegEnd) == std::string::npos)
+    throw corrupt("the picture is cut short; its end mark was expected");
   return *found;
 }
 
@@ -104,8 +112,8 @@ mrpt::math::CMatrix_u16 read_depth_picture(const std::filesystem::path& path) {
   const PictureFile found = look_at_picture(path);
   if (found.bits != 16 || found.channels != 1)
     throw Error(ErrorCode::kBadInput,
-                "a depth picture has " + std::to_string(found.channels) + " channel(s) of " + std::to_string(found.bits) +
-                    " bits; one of 16 bits was expected",
+                "a depth picture has " + std::to_string(found.channels) + " channel(s) of " +
+                    std::to_string(found.bits) + " bits; one of 16 bits was expected",
                 path.string(), "write depth as 16-bit grey PNG, depth_scale steps to the metre");
   cv::Mat image;
   try {
@@ -117,7 +125,8 @@ mrpt::math::CMatrix_u16 read_depth_picture(const std::filesystem::path& path) {
     throw Error(ErrorCode::kCorrupt, "the depth picture cannot be decoded", path.string(), kCopyAgain);
   mrpt::math::CMatrix_u16 depth(image.rows, image.cols);
   for (int row = 0; row < image.rows; ++row)
-    std::memcpy(&depth(row, 0), image.ptr<std::uint16_t>(row), static_cast<std::size_t>(image.cols) * sizeof(std::uint16_t));
+    std::memcpy(&depth(row, 0), image.ptr<std::uint16_t>(row),
+                static_cast<std::size_t>(image.cols) * sizeof(std::uint16_t));
   return depth;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// Pictures in files, looked at before anybody decodes them: decoders fill what a truncated picture lacks with grey, and say nothing.
+// Pictures in files, looked at before anybody decodes them: decoders fill what a truncated picture lacks with grey, and
+// say nothing.
 
 #include <mrpt/math/CMatrixDynamic.h>
 
@@ -15,16 +16,16 @@ struct PictureFile {
   int bits = 0, channels = 0;  // of one channel; of the file (a palette counts as one)
 };
 
-// Reads the head and the end of the file. Throws Error: kMissing; kCorrupt for a file that is no PNG or JPEG, or does not reach its end
-// mark.
+// Reads the head and the end of the file. Throws Error: kMissing; kCorrupt for a file that is no PNG or JPEG, or does
+// not reach its end mark.
 PictureFile look_at_picture(const std::filesystem::path& file);
 
 bool is_png_or_jpeg(const std::filesystem::path& file);  // false for what cannot be opened
 // Of a JPEG's bytes; nullopt where no size stands in them.
 std::optional<PictureFile> jpeg_size(std::string_view bytes);
 
-// A depth picture of 16 bits and one channel, as numbers. Throws Error: what look_at_picture() throws, kBadInput for a picture of another
-// kind, kCorrupt for one that cannot be decoded.
+// A depth picture of 16 bits and one channel, as numbers. Throws Error: what look_at_picture() throws, kBadInput for a
+// picture of another kind, kCorrupt for one that cannot be decoded.
 mrpt::math::CMatrix_u16 read_depth_picture(const std::filesystem::path& file);
 
 }  // namespace mapweave::rawlog

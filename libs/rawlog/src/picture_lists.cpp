@@ -35,7 +35,8 @@ std::optional<std::int64_t> decimal_ns(std::string_view text) {
 
 }  // namespace
 
-RowReader::RowReader(const std::filesystem::path& file, const char* separators) : bytes_(file), lines_(bytes_, separators) {}
+RowReader::RowReader(const std::filesystem::path& file, const char* separators)
+    : bytes_(file), lines_(bytes_, separators) {}
 
 std::optional<Fields> RowReader::next(std::string& first) {
   while (auto fields = lines_.next()) {
@@ -52,7 +53,8 @@ Stamp parse_stamp(const std::string& text, StampUnit unit, const Fields& fields)
   if (unit == StampUnit::kNanoseconds) {
     std::int64_t ns = 0;
     const auto [stop, problem] = std::from_chars(text.data(), end, ns);
-    if (stop == end && problem == std::errc{} && std::abs(static_cast<double>(ns)) <= kMostSeconds * 1e9) return Stamp{ns};
+    if (stop == end && problem == std::errc{} && std::abs(static_cast<double>(ns)) <= kMostSeconds * 1e9)
+      return Stamp{ns};
     throw fields.error("'" + text.substr(0, 40) + "' is no stamp; whole nanoseconds were expected");
   }
   if (const auto ns = decimal_ns(text)) return Stamp{*ns};
@@ -103,8 +105,8 @@ PictureList read_picture_list(const std::filesystem::path& list, const char* sep
 }
 
 std::vector<std::pair<std::size_t, std::size_t>> pair_by_stamp(const std::vector<ListedPicture>& first,
-                                                               const std::vector<ListedPicture>& second, double window_s,
-                                                               const std::filesystem::path& folder) {
+                                                               const std::vector<ListedPicture>& second,
+                                                               double window_s, const std::filesystem::path& folder) {
   const auto window_ns = std::llround(window_s * 1e9);
   std::vector<Candidate> candidates;
   std::size_t begin = 0;
@@ -114,8 +116,8 @@ std::vector<std::pair<std::size_t, std::size_t>> pair_by_stamp(const std::vector
     for (std::size_t j = begin; j < second.size() && second[j].stamp.ns < ns + window_ns; ++j) {
       if (j - begin == kMostPartners)
         throw Error(ErrorCode::kBadInput,
-                    "more than " + std::to_string(kMostPartners) + " pictures within " + std::to_string(window_s) + " s of " +
-                        first[i].stamp_text + "; stamps that advance were expected",
+                    "more than " + std::to_string(kMostPartners) + " pictures within " + std::to_string(window_s) +
+                        " s of " + first[i].stamp_text + "; stamps that advance were expected",
                     folder.string(), "repair the stamps");
       candidates.push_back({std::abs(second[j].stamp.ns - ns), i, j});
     }

@@ -33,7 +33,8 @@ class RowReader {
   LineReader lines_;
 };
 
-// A stamp as text to the nanosecond, which a double of seconds since 1970 does not hold. Throws Error kBadInput with file and line.
+// A stamp as text to the nanosecond, which a double of seconds since 1970 does not hold. Throws Error kBadInput with
+// file and line.
 Stamp parse_stamp(const std::string& text, StampUnit unit, const Fields& fields);
 // A picture's name; throws Error kBadInput for one that leads out of the folder.
 std::filesystem::path parse_picture(Fields& fields);
@@ -52,16 +53,17 @@ struct PictureList {
 PictureList read_picture_list(const std::filesystem::path& list, const char* separators, StampUnit unit,
                               const std::filesystem::path& prefix = {});
 
-// Calls `row(text, fields)` for each row. What is wrong with one ends the list: answered, or thrown where no row came before.
+// Calls `row(text, fields)` for each row. What is wrong with one ends the list: answered, or thrown where no row came
+// before.
 std::optional<Error> for_each_row(const std::filesystem::path& list, const char* separators,
                                   const std::function<void(const std::string& first, Fields& fields)>& row);
 // Throws Error kBadInput for a stamp that does not come after `before`.
 void expect_rising(const std::optional<Stamp>& before, Stamp stamp, const Fields& fields);
 
-// One-to-one, nearest first, of those less than `window_s` apart; by the first index. Stamps rise in both. Throws Error kBadInput for
-// stamps that stand still.
+// One-to-one, nearest first, of those less than `window_s` apart; by the first index. Stamps rise in both. Throws Error
+// kBadInput for stamps that stand still.
 std::vector<std::pair<std::size_t, std::size_t>> pair_by_stamp(const std::vector<ListedPicture>& first,
-                                                               const std::vector<ListedPicture>& second, double window_s,
-                                                               const std::filesystem::path& folder);
+                                                               const std::vector<ListedPicture>& second,
+                                                               double window_s, const std::filesystem::path& folder);
 
 }  // namespace mapweave::rawlog

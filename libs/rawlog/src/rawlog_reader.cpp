@@ -1,5 +1,5 @@
-// MRPT rawlogs of either form: observations alone, or pairs of actions and sensory frames. Not with MRPT's CRawlog: it takes damage for the
-// end.
+// MRPT rawlogs of either form: observations alone, or pairs of actions and sensory frames. Not with MRPT's CRawlog: it
+// takes damage for the end.
 
 #include "external_images.h"
 #include "formats.h"
@@ -29,8 +29,8 @@ constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as 
 
 using Object = mrpt::serialization::CSerializable::Ptr;
 
-// The first of MRPT's own words that say something: without banners and labels, and without "an object cannot be read", which is told
-// anyway.
+// The first of MRPT's own words that say something: without banners and labels, and without "an object cannot be read",
+// which is told anyway.
 std::string reason_of(const std::string& message) {
   constexpr std::string_view kLabel = "Message:";
   std::istringstream lines(message);
@@ -98,8 +98,10 @@ class RawlogReader final : public RecordSource {
   }
 
   Error corrupt(const ObjectHeader& header, std::uint64_t place, const std::string& what) const {
-    return Error(ErrorCode::kCorrupt, "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")",
-                 bytes_->place(place), "record or copy the log again; slam and run map what precedes this place with --keep-going");
+    return Error(ErrorCode::kCorrupt,
+                 "an object of class '" + std::string(header.class_name()) + "' cannot be decoded (" + what + ")",
+                 bytes_->place(place),
+                 "record or copy the log again; slam and run map what precedes this place with --keep-going");
   }
 
   // `header`: of the object, or of the collection it stands in.
@@ -121,8 +123,10 @@ class RawlogReader final : public RecordSource {
   // The objects of a collection or a frame, one by one: MRPT itself dereferences a null among them.
   std::vector<Object> read_objects(const ObjectHeader& header, std::uint64_t place) {
     std::vector<Object> objects;  // grows as they come: the number may be damaged
-    for (auto left = take<std::uint32_t>(header, place); left > 0; --left) objects.push_back(read_object(header, place));
-    if (header.has_end_flag && take<std::uint8_t>(header, place) != kEndFlag) throw corrupt(header, place, "its end flag is missing");
+    for (auto left = take<std::uint32_t>(header, place); left > 0; --left)
+      objects.push_back(read_object(header, place));
+    if (header.has_end_flag && take<std::uint8_t>(header, place) != kEndFlag)
+      throw corrupt(header, place, "its end flag is missing");
     return objects;
   }
 
@@ -170,9 +174,12 @@ class RawlogReader final : public RecordSource {
     const mrpt::obs::CAction* chosen = nullptr;
     for (const auto& object : actions) {
       const auto* movement = dynamic_cast<const mrpt::obs::CActionRobotMovement2D*>(object.get());
-      const bool from_wheels = movement != nullptr && movement->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry;
-      const bool is_movement = movement != nullptr || dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(object.get()) != nullptr;
-      if (is_movement && (chosen == nullptr || from_wheels)) chosen = dynamic_cast<const mrpt::obs::CAction*>(object.get());
+      const bool from_wheels =
+          movement != nullptr && movement->estimationMethod == mrpt::obs::CActionRobotMovement2D::emOdometry;
+      const bool is_movement =
+          movement != nullptr || dynamic_cast<const mrpt::obs::CActionRobotMovement3D*>(object.get()) != nullptr;
+      if (is_movement && (chosen == nullptr || from_wheels))
+        chosen = dynamic_cast<const mrpt::obs::CAction*>(object.get());
       if (from_wheels) break;
     }
     if (chosen != nullptr) add_movement(*chosen, place, records);
@@ -193,8 +200,8 @@ class RawlogReader final : public RecordSource {
       return;
     }
     if (!is_finite(increment)) {
-      throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected", bytes_->place(place),
-                  "map what precedes it with --keep-going");
+      throw Error(ErrorCode::kBadInput, "an odometry increment is not a number; finite x, y, heading were expected",
+                  bytes_->place(place), "map what precedes it with --keep-going");
     }
     odometry_from_robot_ = compose(odometry_from_robot_, increment);
     odometry_waits_ = !has_stamp(action.timestamp);
@@ -229,7 +236,8 @@ bool is_rawlog(std::string_view start) {
   if (name_at == 4 && start.substr(1, 3) != std::string_view("\0\0\0", 3)) return false;
   const auto name = start.substr(std::min(name_at, start.size()), length);
   return length > 1 && (name.substr(0, 1) == "C" || name.substr(0, 4) == "mrpt" || name == "nullptr") &&
-         std::all_of(name.begin(), name.end(), [](unsigned char c) { return std::isalnum(c) != 0 || c == ':' || c == '_'; });
+         std::all_of(name.begin(), name.end(),
+                     [](unsigned char c) { return std::isalnum(c) != 0 || c == ':' || c == '_'; });
 }
 
 std::unique_ptr<RecordSource> open_rawlog(std::unique_ptr<ByteSource> bytes, const ReadOptions& options) {

@@ -16,7 +16,8 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr std::size_t kBlockBytes = 1 << 18;
-constexpr int kGz = 15 + 16;  // zlib's window bits, plus "write a gz header" (without a name or a time, so that bytes repeat)
+constexpr int kGz =
+    15 + 16;  // zlib's window bits, plus "write a gz header" (without a name or a time, so that bytes repeat)
 
 class MemoryArchive final : public mrpt::serialization::CArchive {
  public:
@@ -117,10 +118,10 @@ void RawlogWriter::add(const mrpt::obs::CObservation& observation) {
   try {
     state_->archive.WriteObject(observation);
   } catch (const std::exception& problem) {
-    throw Error(
-        ErrorCode::kInternal,
-        "MRPT cannot write an observation of '" + observation.sensorLabel + "' (" + std::string(problem.what()).substr(0, 200) + ")",
-        state_->goal.string());
+    throw Error(ErrorCode::kInternal,
+                "MRPT cannot write an observation of '" + observation.sensorLabel + "' (" +
+                    std::string(problem.what()).substr(0, 200) + ")",
+                state_->goal.string());
   }
   ++state_->observations;
   if (state_->archive.bytes.size() >= kBlockBytes) state_->deflate_all(Z_NO_FLUSH);

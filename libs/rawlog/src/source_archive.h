@@ -11,7 +11,8 @@
 
 namespace mapweave::rawlog {
 
-// MRPT ignores short reads in places and rewrites exceptions in others. So a short read throws, and what was thrown is kept.
+// MRPT ignores short reads in places and rewrites exceptions in others. So a short read throws, and what was thrown is
+// kept.
 class SourceArchive final : public mrpt::serialization::CArchive {
  public:
   explicit SourceArchive(ByteSource& source) : source_(source) {}
@@ -32,7 +33,8 @@ class SourceArchive final : public mrpt::serialization::CArchive {
       }
       if (!source_.take(static_cast<char*>(to), count)) {
         source_.throw_damage();
-        throw Error(ErrorCode::kCorrupt, "is cut short inside an object; " + std::to_string(count) + " more bytes were expected",
+        throw Error(ErrorCode::kCorrupt,
+                    "is cut short inside an object; " + std::to_string(count) + " more bytes were expected",
                     source_.place(source_.position()), "record or copy the log again");
       }
     } catch (const Error&) {
@@ -41,7 +43,9 @@ class SourceArchive final : public mrpt::serialization::CArchive {
     }
     return count;
   }
-  std::size_t write(const void*, std::size_t) override { throw Error(ErrorCode::kInternal, "a log that is read cannot be written"); }
+  std::size_t write(const void*, std::size_t) override {
+    throw Error(ErrorCode::kInternal, "a log that is read cannot be written");
+  }
 
  private:
   ByteSource& source_;

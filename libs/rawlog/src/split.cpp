@@ -31,22 +31,27 @@ std::string seconds_text(double seconds) {
 }
 
 void check(const SplitOptions& options) {
-  const auto refuse = [](const std::string& what, const std::string& remedy) { return Error(ErrorCode::kUsage, what, "split", remedy); };
+  const auto refuse = [](const std::string& what, const std::string& remedy) {
+    return Error(ErrorCode::kUsage, what, "split", remedy);
+  };
   if (options.robots < 1 || options.robots > kMostRobots)
-    throw refuse("the number of robots is " + std::to_string(options.robots), "1.." + std::to_string(kMostRobots) + " can be made");
+    throw refuse("the number of robots is " + std::to_string(options.robots),
+                 "1.." + std::to_string(kMostRobots) + " can be made");
   if (!(options.overlap_s >= 0.0 && options.overlap_s < 1e9))
     throw refuse("the overlap is " + std::to_string(options.overlap_s) + " s", "0 s or more is needed");
   if (options.at_s.empty()) return;
   if (options.at_s.size() + 1 != static_cast<std::size_t>(options.robots)) {
-    throw refuse(std::to_string(options.at_s.size()) + " cuts make " + std::to_string(options.at_s.size() + 1) + " parts, not " +
-                     std::to_string(options.robots),
+    throw refuse(std::to_string(options.at_s.size()) + " cuts make " + std::to_string(options.at_s.size() + 1) +
+                     " parts, not " + std::to_string(options.robots),
                  "give one cut fewer than robots");
   }
   for (std::size_t i = 0; i < options.at_s.size(); ++i) {
     const double cut = options.at_s[i];
-    if (!(std::abs(cut) < 4e9)) throw refuse("the cut " + std::to_string(cut) + " s is no time", "give seconds as in the log");
+    if (!(std::abs(cut) < 4e9))
+      throw refuse("the cut " + std::to_string(cut) + " s is no time", "give seconds as in the log");
     if (i > 0 && cut <= options.at_s[i - 1])
-      throw refuse("the cut at " + seconds_text(cut) + " s does not come after the one before", "give the cuts in rising order");
+      throw refuse("the cut at " + seconds_text(cut) + " s does not come after the one before",
+                   "give the cuts in rising order");
   }
 }
 
@@ -72,7 +77,9 @@ bool is_frame(const mrpt::obs::CObservation& observation) {
 // One robot's log while it is written.
 class PartWriter {
  public:
-  PartWriter(std::filesystem::path path, Stamp begin, Stamp end) : writer_(path), begin_(begin), end_(end) { part_.path = std::move(path); }
+  PartWriter(std::filesystem::path path, Stamp begin, Stamp end) : writer_(path), begin_(begin), end_(end) {
+    part_.path = std::move(path);
+  }
 
   void offer(const Record& record) {
     if (record.stamp < begin_ || !(record.stamp < end_)) return;
@@ -115,35 +122,38 @@ std::vector<Stamp> cuts_of(const SplitOptions& options, const std::function<Time
 
 TimeRange part_of(const std::vector<Stamp>& cuts, int part, const SplitOptions& options) {
   const auto overlap_ns = std::llround(options.overlap_s * 1e9);
-  return {
-      Stamp{part == 0 ? std::numeric_limits<std::int64_t>::min() : cuts[static_cast<std::size_t>(part) - 1].ns - overlap_ns},
-      Stamp{part + 1 == options.robots ? std::numeric_limits<std::int64_t>::max() : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
+  return {Stamp{part == 0 ? std::numeric_limits<std::int64_t>::min()
+                          : cuts[static_cast<std::size_t>(part) - 1].ns - overlap_ns},
+          Stamp{part + 1 == options.robots ? std::numeric_limits<std::int64_t>::max()
+                                           : cuts[static_cast<std::size_t>(part)].ns + overlap_ns}};
 }
 
 void make_folder(const std::filesystem::path& folder) {
   std::error_code problem;
   std::filesystem::create_directories(folder, problem);
   if (problem)
-    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(), "choose another folder");
+    throw Error(ErrorCode::kCannotWrite, "the folder cannot be made: " + problem.message(), folder.string(),
+                "choose another folder");
 }
 
 void expect_parts(const std::filesystem::path& log, const std::vector<Stamp>& cuts, const TimeRange& range,
                   const std::vector<SplitPart>& parts) {
-  const std::string span = "the log spans " + seconds_text(range.first.seconds()) + " to " + seconds_text(range.last.seconds()) + " s";
+  const std::string span =
+      "the log spans " + seconds_text(range.first.seconds()) + " to " + seconds_text(range.last.seconds()) + " s";
   for (const Stamp cut : cuts) {
     if (cut <= range.first || range.last < cut)
-      throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span, log.string(),
-                  "cut within it");
+      throw Error(ErrorCode::kBadInput, "the cut at " + seconds_text(cut.seconds()) + " s is outside; " + span,
+                  log.string(), "cut within it");
   }
   for (const SplitPart& part : parts) {
     if (part.observations == 0)
-      throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part.path.filename().string() + "; " + span, log.string(),
-                  "make fewer robots, or cut elsewhere");
+      throw Error(ErrorCode::kBadInput, "nothing was recorded for " + part.path.filename().string() + "; " + span,
+                  log.string(), "make fewer robots, or cut elsewhere");
   }
 }
 
-std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder, const SplitOptions& options,
-                                 Progress& progress) {
+std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::filesystem::path& out_folder,
+                                 const SplitOptions& options, Progress& progress) {
   check(options);
   std::error_code problem;
   if (std::filesystem::is_directory(log, problem)) return split_folder(log, out_folder, options, progress);
@@ -153,7 +163,8 @@ std::vector<SplitPart> split_log(const std::filesystem::path& log, const std::fi
   std::vector<std::unique_ptr<PartWriter>> parts;
   for (int i = 0; i < options.robots; ++i) {
     const TimeRange part = part_of(cuts, i, options);
-    parts.push_back(std::make_unique<PartWriter>(out_folder / ("robot" + std::to_string(i) + ".rawlog"), part.first, part.last));
+    parts.push_back(
+        std::make_unique<PartWriter>(out_folder / ("robot" + std::to_string(i) + ".rawlog"), part.first, part.last));
   }
 
   TimeRange range{};

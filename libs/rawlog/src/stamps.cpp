@@ -5,7 +5,8 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr std::int64_t kEpochTicks = 116'444'736'000'000'000;  // 1601 to 1970, in steps of 100 ns
-constexpr std::int64_t kMostTicks = 40'000'000'000'000'000;    // 4e9 s either way: two stamps' distance fits 64 bits of nanoseconds
+constexpr std::int64_t kMostTicks =
+    40'000'000'000'000'000;  // 4e9 s either way: two stamps' distance fits 64 bits of nanoseconds
 
 }  // namespace
 

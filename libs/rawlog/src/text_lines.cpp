@@ -51,7 +51,8 @@ double Fields::number(const char* name) {
 std::size_t Fields::count(const char* name, std::size_t most) {
   const double value = number(name);
   if (value < 0 || value > static_cast<double>(most) || value != std::floor(value)) {
-    throw error(std::string(name) + " is out of its range; a whole number in 0.." + std::to_string(most) + " was expected");
+    throw error(std::string(name) + " is out of its range; a whole number in 0.." + std::to_string(most) +
+                " was expected");
   }
   return static_cast<std::size_t>(value);
 }
@@ -63,7 +64,9 @@ void Fields::expect_end(const char* what) {
   }
 }
 
-Error Fields::error(const std::string& what) const { return Error(ErrorCode::kBadInput, what, place_, "correct or remove the line"); }
+Error Fields::error(const std::string& what) const {
+  return Error(ErrorCode::kBadInput, what, place_, "correct or remove the line");
+}
 
 std::optional<Fields> LineReader::next() {
   bytes_.skip(taken_);
@@ -83,7 +86,8 @@ std::optional<Fields> LineReader::next() {
     searched = view.size();
     look = 2 * view.size();
     if (look > kLongestLine) {
-      throw Error(ErrorCode::kCorrupt, "the line is longer than " + std::to_string(kLongestLine) + " bytes; a text log was expected",
+      throw Error(ErrorCode::kCorrupt,
+                  "the line is longer than " + std::to_string(kLongestLine) + " bytes; a text log was expected",
                   place(line_ + 1), "check that the file is what its name says");
     }
   }

@@ -12,7 +12,8 @@
 
 namespace mapweave::rawlog {
 
-// Fields of one line, between blanks or other separators. What is wrong is thrown as Error kBadInput with file and line.
+// Fields of one line, between blanks or other separators. What is wrong is thrown as Error kBadInput with file and
+// line.
 class Fields {
  public:
   Fields(std::string_view text, std::string place, bool terminated, const char* separators = " \t\r")

@@ -1,5 +1,5 @@
-// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for the data set has
-// none.
+// TUM RGB-D: rgb.txt and depth.txt list stamps and pictures, associations.txt pairs of both; camera.yaml is ours, for
+// the data set has none.
 
 #include "calibration_file.h"
 #include "folder_split.h"
@@ -13,7 +13,8 @@ namespace mapweave::rawlog {
 namespace {
 
 constexpr const char* kKeys =
-    "width, height, fx, fy, cx, cy (pixels), distortion: [k1, k2, p1, p2, k3], depth_scale (steps of the depth pictures to the metre) and, "
+    "width, height, fx, fy, cx, cy (pixels), distortion: [k1, k2, p1, p2, k3], depth_scale (steps of the depth "
+    "pictures to the metre) and, "
     "where it is known, robot_from_camera: [x, y, z, qx, qy, qz, qw]";
 
 bool is_file(const std::filesystem::path& path) {
@@ -25,7 +26,8 @@ mrpt::poses::CPose3D pose_of(const CalibrationFile& camera) {
   if (!camera.has("robot_from_camera")) return looking_ahead();
   const auto pose = camera.numbers("robot_from_camera", 7, 7);
   const double norm = std::sqrt(pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6]);
-  if (!(std::abs(norm - 1.0) < 1e-3)) throw camera.wrong("robot_from_camera", "has a quaternion of another length than 1");
+  if (!(std::abs(norm - 1.0) < 1e-3))
+    throw camera.wrong("robot_from_camera", "has a quaternion of another length than 1");
   const mrpt::math::CQuaternionDouble rotation(pose[6] / norm, pose[3] / norm, pose[4] / norm, pose[5] / norm);
   return mrpt::poses::CPose3D(rotation, pose[0], pose[1], pose[2]);
 }
@@ -37,14 +39,16 @@ void read_calibration(CameraFolder& found) {
     throw camera.wrong("camera_model", "is '" + camera.text("camera_model") + "'; pinhole is what is read");
   const auto distortion = camera.numbers("distortion", 4, 5);
   found.first = make_camera(camera.number("width"), camera.number("height"),
-                            {camera.number("fx"), camera.number("fy"), camera.number("cx"), camera.number("cy")}, distortion,
-                            found.calibration.string());
+                            {camera.number("fx"), camera.number("fy"), camera.number("cx"), camera.number("cy")},
+                            distortion, found.calibration.string());
   found.robot_from_first = pose_of(camera);
   if (found.kind != FolderKind::kDepth) return;
   found.depth_scale = camera.number("depth_scale");
-  if (!(found.depth_scale > 0.0)) throw camera.wrong("depth_scale", "must be above 0: steps of the depth pictures to the metre");
+  if (!(found.depth_scale > 0.0))
+    throw camera.wrong("depth_scale", "must be above 0: steps of the depth pictures to the metre");
   if (camera.has("depth_registered_to_color") && !camera.flag("depth_registered_to_color"))
-    throw camera.wrong("depth_registered_to_color", "is false; depth pictures as seen from the colour camera are what is read");
+    throw camera.wrong("depth_registered_to_color",
+                       "is false; depth pictures as seen from the colour camera are what is read");
 }
 
 void report_left_out(const CameraFolder& found, std::size_t left_out, const std::string& what) {
@@ -54,7 +58,8 @@ void report_left_out(const CameraFolder& found, std::size_t left_out, const std:
 }
 
 [[noreturn]] void throw_never_pair(const CameraFolder& found, const std::string& range, double window_s) {
-  throw Error(ErrorCode::kBadInput, "no colour and depth pictures are within " + std::to_string(window_s) + " s of each other" + range,
+  throw Error(ErrorCode::kBadInput,
+              "no colour and depth pictures are within " + std::to_string(window_s) + " s of each other" + range,
               found.folder.string(), "repair the stamps, or widen reading.max_pair_s");
 }
 
@@ -92,8 +97,11 @@ void read_lists(CameraFolder& found, double window_s) {
     const ListedPicture &first = colour.pictures[i], &second = depth.pictures[j];
     found.frames.push_back({first.stamp, second.stamp, first.stamp_text, second.stamp_text, first.file, second.file});
   }
-  const auto range = [](const PictureList& list) { return list.pictures.front().stamp_text + " to " + list.pictures.back().stamp_text; };
-  if (found.frames.empty()) throw_never_pair(found, " (colour: " + range(colour) + ", depth: " + range(depth) + ")", window_s);
+  const auto range = [](const PictureList& list) {
+    return list.pictures.front().stamp_text + " to " + list.pictures.back().stamp_text;
+  };
+  if (found.frames.empty())
+    throw_never_pair(found, " (colour: " + range(colour) + ", depth: " + range(depth) + ")", window_s);
   report_left_out(found, colour.pictures.size() - found.frames.size(), "colour pictures without depth");
 }
 

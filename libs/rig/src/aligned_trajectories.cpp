@@ -26,7 +26,9 @@ Sim3 aligned(const std::vector<CommonPose>& pairs, double scale) {
     for (const Vector3d& tip : {Vector3d(0, 0, 0), Vector3d(1, 0, 0), Vector3d(0, 1, 0), Vector3d(0, 0, 1)})
       points.push_back({transformed(tip, pair.in_a), scale * pair.in_b.t + pair.in_b.q * tip, 1.0});
   const auto rigid = matching::align_points(points, matching::Freedom::rigid);
-  return {rigid ? rigid->pose : compose(pairs.front().in_a, inverse(Pose3{scale * pairs.front().in_b.t, pairs.front().in_b.q})), scale};
+  return {rigid ? rigid->pose
+                : compose(pairs.front().in_a, inverse(Pose3{scale * pairs.front().in_b.t, pairs.front().in_b.q})),
+          scale};
 }
 
 }  // namespace mapweave::rig

@@ -12,7 +12,8 @@ Covisibility covisibility(const Map& map) {
       result.numbers.add(id);
     }
   const std::size_t count = result.keyframes.size();
-  std::vector<std::vector<std::size_t>> seen_by, landmarks_of(count);  // keyframes of each landmark, and the other way round
+  std::vector<std::vector<std::size_t>> seen_by,
+      landmarks_of(count);  // keyframes of each landmark, and the other way round
   for (const auto& [id, landmark] : map.landmarks) {
     auto& seen = seen_by.emplace_back();
     for (const LandmarkSighting& sighting : landmark.seen)
@@ -27,8 +28,9 @@ Covisibility covisibility(const Map& map) {
     auto& sorted = result.shared.emplace_back();
     for (std::size_t other = 0; other < count; ++other)
       if (other != number && shared[other] > 0) sorted.emplace_back(shared[other], other);
-    std::sort(sorted.begin(), sorted.end(),
-              [](const auto& a, const auto& b) { return a.first > b.first || (a.first == b.first && a.second < b.second); });
+    std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
+      return a.first > b.first || (a.first == b.first && a.second < b.second);
+    });
   }
   return result;
 }

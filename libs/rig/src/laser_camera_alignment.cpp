@@ -23,14 +23,16 @@ class LaserTrajectory {
     Pose3 map_from_robot;
   };
   std::optional<LaserPose> at(Stamp stamp, double longest_gap_s) const {
-    const auto later = std::lower_bound(nodes_.begin(), nodes_.end(), stamp, [](const Node* node, Stamp s) { return node->stamp < s; });
+    const auto later = std::lower_bound(nodes_.begin(), nodes_.end(), stamp,
+                                        [](const Node* node, Stamp s) { return node->stamp < s; });
     if (later == nodes_.end()) return std::nullopt;
     if ((*later)->stamp == stamp) return LaserPose{*later, (*later)->map_from_node};
     if (later == nodes_.begin()) return std::nullopt;
     const Node &before = **(later - 1), &after = **later;
     const double gap_s = seconds_between(before.stamp, after.stamp);
     if (gap_s > longest_gap_s) return std::nullopt;
-    return LaserPose{&before, interpolated(before.map_from_node, after.map_from_node, seconds_between(before.stamp, stamp) / gap_s)};
+    return LaserPose{
+        &before, interpolated(before.map_from_node, after.map_from_node, seconds_between(before.stamp, stamp) / gap_s)};
   }
 
  private:
@@ -42,27 +44,29 @@ struct MatchedKeyframe {
   LaserTrajectory::LaserPose laser;
 };
 
-// The pose of the camera's map after it is rescaled, and by which scale. The robot turns about its base, the camera does not: the scale is
-// that of the camera's trajectory.
+// The pose of the camera's map after it is rescaled, and by which scale. The robot turns about its base, the camera
+// does not: the scale is that of the camera's trajectory.
 Sim3 laser_from_camera_map(const std::vector<MatchedKeyframe>& matches, const Map& camera) {
   std::vector<CommonPose> pairs;
   double scale = 1.0;
   if (!is_metric(camera)) {
     const Pose3 robot_from_camera = extrinsics_of(camera);
     for (const MatchedKeyframe& match : matches)
-      pairs.push_back({compose(match.laser.map_from_robot, robot_from_camera), compose(match.keyframe->map_from_node, robot_from_camera)});
+      pairs.push_back({compose(match.laser.map_from_robot, robot_from_camera),
+                       compose(match.keyframe->map_from_node, robot_from_camera)});
     scale = scale_of_trajectories(pairs).value_or(1.0);
     pairs.clear();
     for (const MatchedKeyframe& match : matches)
       pairs.push_back({match.laser.map_from_robot, rescaled(match.keyframe->map_from_node, robot_from_camera, scale)});
   } else {
-    for (const MatchedKeyframe& match : matches) pairs.push_back({match.laser.map_from_robot, match.keyframe->map_from_node});
+    for (const MatchedKeyframe& match : matches)
+      pairs.push_back({match.laser.map_from_robot, match.keyframe->map_from_node});
   }
   return {aligned(pairs, 1.0).pose, scale};
 }
 
-Constraint constraint_in_plane(ConstraintKind kind, const NodeId& from, const NodeId& to, const Pose3& from_from_to, double sigma_m,
-                               double sigma_rad) {
+Constraint constraint_in_plane(ConstraintKind kind, const NodeId& from, const NodeId& to, const Pose3& from_from_to,
+                               double sigma_m, double sigma_rad) {
   const double m = 1.0 / (sigma_m * sigma_m), rad = 1.0 / (sigma_rad * sigma_rad);
   return planar_constraint({kind, from, to, 0}, planar(from_from_to), Eigen::Vector3d(m, m, rad).asDiagonal());
 }
@@ -104,7 +108,8 @@ LaserCameraMap align_cameras(Map laser, const std::vector<Map>& cameras, const L
     const auto add = [&](const Constraint& constraint) { constraints.emplace(constraint.id, constraint); };
     for (const MatchedKeyframe& match : matches)
       add(constraint_in_plane(ConstraintKind::extrinsic, match.laser.before->id, match.keyframe->id,
-                              between(match.laser.before->map_from_node, match.laser.map_from_robot), options.tie_m, options.tie_rad));
+                              between(match.laser.before->map_from_node, match.laser.map_from_robot), options.tie_m,
+                              options.tie_rad));
     for (const Constraint& covisible : covisibility_constraints(placed, options)) add(covisible);
     for (const auto& [id, constraint] : placed.constraints)
       if (id.kind == ConstraintKind::extrinsic) add(constraint);  // between cameras of the robot

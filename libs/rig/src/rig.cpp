@@ -23,10 +23,12 @@ class RigMerger {
       part.taken = members[i].map.nodes.empty();
       std::vector<const Node*> keyframes;
       for (const auto& [id, node] : members[i].map.nodes) keyframes.push_back(&node);
-      std::stable_sort(keyframes.begin(), keyframes.end(), [](const Node* a, const Node* b) { return a->stamp < b->stamp; });
+      std::stable_sort(keyframes.begin(), keyframes.end(),
+                       [](const Node* a, const Node* b) { return a->stamp < b->stamp; });
       part.poses = members[i].frames;
       for (const Node* node : keyframes) {
-        if (const KeyframeFeatures* keyframe = keyframe_of(*node)) part.robot_from_camera = keyframe->geometry->robot_from_camera;
+        if (const KeyframeFeatures* keyframe = keyframe_of(*node))
+          part.robot_from_camera = keyframe->geometry->robot_from_camera;
         part.keyframes.push_back({node->stamp, node->map_from_node, node->map_from_node, 1.0, part.robot_from_camera});
         part.ids.push_back(node->id);
         if (members[i].frames.empty()) part.poses.push_back({node->stamp, node->map_from_node});
@@ -47,8 +49,10 @@ class RigMerger {
         result_.maps.push_back(merged(group));
     }
     for (const auto& [number, why] : why_apart_) {
-      const std::string note = why.what + (other_session_joined(number) ? "it was led astray, for at other times they agree" : why.advice);
-      if (std::find(result_.notes.begin(), result_.notes.end(), note) == result_.notes.end()) result_.notes.push_back(note);
+      const std::string note =
+          why.what + (other_session_joined(number) ? "it was led astray, for at other times they agree" : why.advice);
+      if (std::find(result_.notes.begin(), result_.notes.end(), note) == result_.notes.end())
+        result_.notes.push_back(note);
     }
     std::stable_sort(result_.maps.begin(), result_.maps.end(),
                      [&](const RigMap& a, const RigMap& b) { return poses_of(a) > poses_of(b); });
@@ -64,8 +68,9 @@ class RigMerger {
 
   bool other_session_joined(std::size_t number) const {
     return std::any_of(result_.maps.begin(), result_.maps.end(), [&](const RigMap& map) {
-      return map.members.size() > 1 &&
-             std::any_of(map.members.begin(), map.members.end(), [&](std::size_t m) { return parts_[m].camera == parts_[number].camera; });
+      return map.members.size() > 1 && std::any_of(map.members.begin(), map.members.end(), [&](std::size_t m) {
+               return parts_[m].camera == parts_[number].camera;
+             });
     });
   }
 
@@ -79,7 +84,8 @@ class RigMerger {
   }
 
   RigMap merged(std::vector<std::size_t> group) {
-    if (parts_[group.front()].metric || !scale_by_odometry(group)) return solve_rig_graph(parts_, group, odometry_, options_);
+    if (parts_[group.front()].metric || !scale_by_odometry(group))
+      return solve_rig_graph(parts_, group, odometry_, options_);
     group.push_back(parts_.size() - 1);
     RigMap result = solve_rig_graph(parts_, group, odometry_, options_);
     result.members.pop_back();
@@ -88,7 +94,8 @@ class RigMerger {
     return result;
   }
 
-  // Where no camera is metric, wheel odometry gives the scale: it becomes the last part of the group, and the others are placed along it.
+  // Where no camera is metric, wheel odometry gives the scale: it becomes the last part of the group, and the others
+  // are placed along it.
   bool scale_by_odometry(const std::vector<std::size_t>& group) {
     RigPart wheels;
     wheels.metric = true;
@@ -97,7 +104,8 @@ class RigMerger {
     wheels.poses = odometry_;
     const SessionId session{{parts_[group.front()].ids.front().session.client.robot, SensorId("wheels")}, 0};
     for (std::size_t i = 0; i < odometry_.size(); ++i) {
-      if (!wheels.keyframes.empty() && seconds_between(wheels.keyframes.back().stamp, odometry_[i].stamp) < 0.5) continue;
+      if (!wheels.keyframes.empty() && seconds_between(wheels.keyframes.back().stamp, odometry_[i].stamp) < 0.5)
+        continue;
       wheels.ids.push_back({session, static_cast<std::uint32_t>(wheels.ids.size())});
       wheels.keyframes.push_back({odometry_[i].stamp, odometry_[i].map_from_robot, odometry_[i].map_from_robot});
     }
@@ -152,7 +160,8 @@ class RigMerger {
   static std::optional<double> scale_of(const CommonTime& common, const RigPart& part) {
     std::vector<CommonPose> pairs;
     for (const CommonMoment& moment : common.moments)
-      pairs.push_back({compose(moment.pose.in_a, part.robot_from_camera), compose(moment.pose.in_b, part.robot_from_camera)});
+      pairs.push_back(
+          {compose(moment.pose.in_a, part.robot_from_camera), compose(moment.pose.in_b, part.robot_from_camera)});
     return scale_of_trajectories(pairs);
   }
 
@@ -160,8 +169,9 @@ class RigMerger {
     RigPart& part = parts_[number];
     const std::optional<double> scale = part.metric ? std::optional(1.0) : scale_of(common, part);
     if (!scale) {
-      why_apart_[number] = {"the map of camera '" + part.camera + "', which has no depth, stays apart: ",
-                            "the robot hardly moved while another camera of the rig saw where, so its scale is not known"};
+      why_apart_[number] = {
+          "the map of camera '" + part.camera + "', which has no depth, stays apart: ",
+          "the robot hardly moved while another camera of the rig saw where, so its scale is not known"};
       return false;
     }
     constexpr double kLeastLength_m = 0.1;  // turns on the spot say little of a camera's extrinsics
@@ -169,15 +179,17 @@ class RigMerger {
     const auto informative = std::count_if(all.begin(), all.end(), [&](const CommonMotion& motion) {
       return motion.by_other.t.norm() > kLeastLength_m || contradicts(motion, options_);
     });
-    const auto wrong = std::count_if(all.begin(), all.end(), [&](const CommonMotion& motion) { return contradicts(motion, options_); });
+    const auto wrong = std::count_if(all.begin(), all.end(),
+                                     [&](const CommonMotion& motion) { return contradicts(motion, options_); });
     if (static_cast<double>(wrong) > options_.most_wrong * static_cast<double>(informative)) {
       const std::string other = parts_[common.moments.front().other].camera;
       WhyApart& why = why_apart_[number];
-      why.what = format("cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
-                        other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(informative));
+      why.what = format(
+          "cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
+          other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(informative));
       if (const auto turn = wrong_turn_rad(all, options_))
-        why.advice = format("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says", part.camera.c_str(),
-                            std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
+        why.advice = format("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says",
+                            part.camera.c_str(), std::abs(*turn) * 180.0 / M_PI, *turn > 0.0 ? "left" : "right");
       else
         why.advice = "see how they are mounted, whether their clocks agree, and what they saw";
       return false;
@@ -200,7 +212,8 @@ class RigMerger {
 
 }  // namespace
 
-RigMerge merge_rig(const std::vector<RigMember>& members, const std::vector<StampedPose>& odometry, const RigOptions& options) {
+RigMerge merge_rig(const std::vector<RigMember>& members, const std::vector<StampedPose>& odometry,
+                   const RigOptions& options) {
   return RigMerger(members, odometry, options).run();
 }
 

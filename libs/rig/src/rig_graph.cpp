@@ -12,7 +12,8 @@ namespace mapweave::rig {
 namespace {
 
 constexpr double kSameScale = 1e-4;  // standard deviation where both sides are metric
-constexpr double kFreeSigmas = 2.0;  // a camera without depth counts less where it is farther off the rig's other cameras
+constexpr double kFreeSigmas =
+    2.0;  // a camera without depth counts less where it is farther off the rig's other cameras
 
 struct RigEdge {
   std::uint32_t from, to;     // numbers of nodes
@@ -31,8 +32,8 @@ struct RigNode {
 
 class RigGraph {
  public:
-  RigGraph(const std::vector<RigPart>& parts, std::vector<std::size_t> members, const std::vector<StampedPose>& odometry,
-           const RigOptions& options)
+  RigGraph(const std::vector<RigPart>& parts, std::vector<std::size_t> members,
+           const std::vector<StampedPose>& odometry, const RigOptions& options)
       : parts_(parts), members_(std::move(members)), odometry_(odometry), options_(options) {
     for (const std::size_t m : members_)
       for (std::size_t k = 0; k < parts_[m].ids.size(); ++k) {
@@ -66,12 +67,15 @@ class RigGraph {
   }
 
  private:
-  const MovedKeyframe& keyframe(std::uint32_t node) const { return nodes_[node].part->keyframes[nodes_[node].keyframe]; }
+  const MovedKeyframe& keyframe(std::uint32_t node) const {
+    return nodes_[node].part->keyframes[nodes_[node].keyframe];
+  }
 
   // The factor on the sigmas of a motion that wheel odometry contradicts.
   double disagreement_of_wheels(Stamp first, Stamp last, const Pose3& motion) const {
     if (!is_short(first, last)) return 1.0;
-    const auto then = pose_at(odometry_, first, options_.longest_gap_s), now = pose_at(odometry_, last, options_.longest_gap_s);
+    const auto then = pose_at(odometry_, first, options_.longest_gap_s),
+               now = pose_at(odometry_, last, options_.longest_gap_s);
     return then && now ? disagreement(motion, between(*then, *now)) : 1.0;
   }
   static bool is_short(Stamp first, Stamp last) {
@@ -79,36 +83,43 @@ class RigGraph {
     return std::abs(seconds_between(first, last)) < kLongest_s;
   }
 
-  // The same for a covisibility edge; that of a camera without depth is also compared with the cameras that it was placed along.
+  // The same for a covisibility edge; that of a camera without depth is also compared with the cameras that it was
+  // placed along.
   double doubt(const RigEdge& edge, bool metric) const {
     const Stamp first = keyframe(edge.from).stamp, last = keyframe(edge.to).stamp;
     Pose3 own = edge.from_from_to;
     own.t *= nodes_[edge.from].group_from_node.scale;
     const double by_wheels = disagreement_of_wheels(first, last, own);
     const RigPart& base = parts_[members_.front()];
-    if (metric || (!is_short(first, last) && !base.metric)) return by_wheels;  // wheels drift, and loop closures correct that
-    const double scale_change = std::abs(std::log(nodes_[edge.to].group_from_node.scale / nodes_[edge.from].group_from_node.scale));
+    if (metric || (!is_short(first, last) && !base.metric))
+      return by_wheels;  // wheels drift, and loop closures correct that
+    const double scale_change =
+        std::abs(std::log(nodes_[edge.to].group_from_node.scale / nodes_[edge.from].group_from_node.scale));
     return std::max({by_wheels, sigmas_off(edge) / kFreeSigmas, scale_change / edge.sigma_scale / kFreeSigmas});
   }
   static double disagreement(const Pose3& seen, const Pose3& by_wheels) {
     constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
-    const double times = std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
-                                   turn_rad(between(seen, by_wheels)) / (kFree_rad + kFreeShare * turn_rad(by_wheels))});
+    const double times =
+        std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
+                  turn_rad(between(seen, by_wheels)) / (kFree_rad + kFreeShare * turn_rad(by_wheels))});
     return times * times;  // the farther off a motion is, the less it pulls
   }
 
-  // The same for a motion of the wheels, by the camera that agrees most with it. Where no camera tracked, the robot may have been carried.
+  // The same for a motion of the wheels, by the camera that agrees most with it. Where no camera tracked, the robot may
+  // have been carried.
   double disagreement_of_cameras(const MovedKeyframe& from, const MovedKeyframe& to) const {
     constexpr double kNobodySaw = 10.0;
     double least = kNobodySaw;
     for (const std::size_t m : members_) {
       if (parts_[m].wheels) continue;
-      const auto then = virtual_keyframe(parts_[m], from.stamp, options_), now = virtual_keyframe(parts_[m], to.stamp, options_);
+      const auto then = virtual_keyframe(parts_[m], from.stamp, options_),
+                 now = virtual_keyframe(parts_[m], to.stamp, options_);
       if (!then || !now) continue;
       Pose3 seen = between(then->own_from_robot, now->own_from_robot);
-      const auto near = std::min_element(parts_[m].keyframes.begin(), parts_[m].keyframes.end(), [&](const auto& a, const auto& b) {
-        return std::abs(a.stamp.ns - from.stamp.ns) < std::abs(b.stamp.ns - from.stamp.ns);
-      });
+      const auto near =
+          std::min_element(parts_[m].keyframes.begin(), parts_[m].keyframes.end(), [&](const auto& a, const auto& b) {
+            return std::abs(a.stamp.ns - from.stamp.ns) < std::abs(b.stamp.ns - from.stamp.ns);
+          });
       seen = rescaled(seen, near->robot_from_camera, near->scale);
       least = std::min(least, disagreement(seen, between(from.before, to.before)));
     }
@@ -116,15 +127,17 @@ class RigGraph {
   }
 
   void add_covisibility(const RigPart& part) {
-    constexpr double kUsuallyShared = 60.0, kWithoutDepth = 2.0, kMostScale = 1.0, kWheels_m = 0.005, kWheels_rad = 0.005;
+    constexpr double kUsuallyShared = 60.0, kWithoutDepth = 2.0, kMostScale = 1.0, kWheels_m = 0.005,
+                     kWheels_rad = 0.005;
     for (const CovisibilityEdge& covisible : covisibility_edges(covisibility(*part.map), options_.least_shared)) {
       const std::uint32_t from = numbers_.at(covisible.from->id), to = numbers_.at(covisible.to->id);
       const double scale = nodes_[from].group_from_node.scale;
-      Pose3 motion = rescaled(between(covisible.from->map_from_node, covisible.to->map_from_node), part.robot_from_camera, scale);
+      Pose3 motion =
+          rescaled(between(covisible.from->map_from_node, covisible.to->map_from_node), part.robot_from_camera, scale);
       const double length_m = motion.t.norm();
       motion.t /= scale;
-      const double slack =
-          (part.metric ? 1.0 : kWithoutDepth) * std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(covisible.shared + 1)), 0.7, 3.0);
+      const double slack = (part.metric ? 1.0 : kWithoutDepth) *
+                           std::clamp(std::sqrt(kUsuallyShared / static_cast<double>(covisible.shared + 1)), 0.7, 3.0);
       RigEdge edge{from,
                    to,
                    motion,
@@ -143,7 +156,8 @@ class RigGraph {
       const double slack = disagreement_of_cameras(part.keyframes[k - 1], part.keyframes[k]);
       edges_.push_back({numbers_.at(part.ids[k - 1]), numbers_.at(part.ids[k]), motion,
                         slack * (kWheels_m + options_.wheels_share * motion.t.norm()),
-                        slack * (kWheels_rad + options_.wheels_share * turn_rad(motion)), kSameScale, ConstraintKind::odometry});
+                        slack * (kWheels_rad + options_.wheels_share * turn_rad(motion)), kSameScale,
+                        ConstraintKind::odometry});
     }
   }
 
@@ -153,10 +167,12 @@ class RigGraph {
       const Stamp stamp = part.keyframes[k].stamp;
       const auto seen = virtual_keyframe(other, stamp, options_);
       if (!seen) continue;
-      const auto near = std::min_element(other.keyframes.begin(), other.keyframes.end(), [&](const auto& a, const auto& b) {
-        return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
-      });
-      std::uint32_t from = numbers_.at(other.ids[static_cast<std::size_t>(near - other.keyframes.begin())]), to = numbers_.at(part.ids[k]);
+      const auto near =
+          std::min_element(other.keyframes.begin(), other.keyframes.end(), [&](const auto& a, const auto& b) {
+            return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
+          });
+      std::uint32_t from = numbers_.at(other.ids[static_cast<std::size_t>(near - other.keyframes.begin())]),
+                    to = numbers_.at(part.ids[k]);
       const Pose3 own = rescaled(between(near->before, seen->own_from_robot), near->robot_from_camera, near->scale);
       Pose3 motion{own.t / near->scale, own.q};
       if (part.metric && !other.metric) {  // else the scale could change to make errors small
@@ -209,7 +225,8 @@ class RigGraph {
       std::vector<Pose3> poses;
       std::vector<graph::SpatialEdge> spatial;
       for (const RigNode& node : nodes_) poses.push_back(node.group_from_node.pose);
-      for (const RigEdge& edge : edges_) spatial.push_back({edge.from, edge.to, edge.from_from_to, information(edge, 1.0)});
+      for (const RigEdge& edge : edges_)
+        spatial.push_back({edge.from, edge.to, edge.from_from_to, information(edge, 1.0)});
       const graph::SpatialSolution solution = graph::solve(poses, spatial);
       for (std::size_t i = 0; i < nodes_.size(); ++i) nodes_[i].group_from_node.pose = solution.poses[i];
       return;
@@ -244,7 +261,9 @@ class RigGraph {
       }
       for (auto [id, landmark] : parts_[m].map->landmarks) {
         const double scale = nodes_[numbers_.at(landmark.anchor)].group_from_node.scale;
-        if (scale != 1.0) landmark.point_units = landmark_units(rescaled(landmark.point_in_anchor(), parts_[m].robot_from_camera, scale));
+        if (scale != 1.0)
+          landmark.point_units =
+              landmark_units(rescaled(landmark.point_in_anchor(), parts_[m].robot_from_camera, scale));
         landmarks.emplace(id, std::move(landmark));
       }
     }
@@ -285,8 +304,8 @@ class RigGraph {
 
 }  // namespace
 
-RigMap solve_rig_graph(const std::vector<RigPart>& parts, const std::vector<std::size_t>& members, const std::vector<StampedPose>& odometry,
-                       const RigOptions& options) {
+RigMap solve_rig_graph(const std::vector<RigPart>& parts, const std::vector<std::size_t>& members,
+                       const std::vector<StampedPose>& odometry, const RigOptions& options) {
   return RigGraph(parts, members, odometry, options).merged();
 }
 

@@ -12,7 +12,8 @@ double turn_rad(const Pose3& pose) { return 2.0 * std::acos(std::min(1.0, std::a
 
 std::optional<VirtualKeyframe> virtual_keyframe(const RigPart& part, Stamp stamp, const RigOptions& options) {
   const auto& poses = part.poses;
-  const auto later = std::lower_bound(poses.begin(), poses.end(), stamp, [](const StampedPose& p, Stamp s) { return p.stamp < s; });
+  const auto later =
+      std::lower_bound(poses.begin(), poses.end(), stamp, [](const StampedPose& p, Stamp s) { return p.stamp < s; });
   if (later == poses.end() || (later == poses.begin() && later->stamp != stamp)) return std::nullopt;
   const auto after = static_cast<std::size_t>(later - poses.begin()), before = after - (later->stamp == stamp ? 0 : 1);
   const double gap_s = seconds_between(poses[before].stamp, poses[after].stamp);
@@ -49,8 +50,8 @@ std::vector<CommonMotion> common_motions(const std::vector<CommonMoment>& m, con
       first = i;
       continue;
     }
-    const CommonMotion motion{between(m[first].pose.in_a, m[i].pose.in_a), between(m[first].pose.in_b, m[i].pose.in_b), m[first].stamp,
-                          m[i].stamp};
+    const CommonMotion motion{between(m[first].pose.in_a, m[i].pose.in_a), between(m[first].pose.in_b, m[i].pose.in_b),
+                              m[first].stamp, m[i].stamp};
     if (motion.by_other.t.norm() < kLeast_m && turn_rad(motion.by_other) < kLeast_rad) continue;
     result.push_back(motion);
     first = i;
@@ -85,7 +86,8 @@ std::optional<double> wrong_turn_rad(const std::vector<CommonMotion>& all, const
   for (const CommonMotion& motion : all)
     for (const double sign : {1.0, -1.0}) ends.push_back({sign * motion.by_other.t, sign * motion.by_part.t, 1.0});
   constexpr double kUp_m = 1.0;  // turns about the vertical alone are looked for
-  for (const double up : {kUp_m, -kUp_m}) ends.push_back({{0, 0, up}, {0, 0, up}, 10.0 * static_cast<double>(all.size())});
+  for (const double up : {kUp_m, -kUp_m})
+    ends.push_back({{0, 0, up}, {0, 0, up}, 10.0 * static_cast<double>(all.size())});
   const auto turn = matching::align_points(ends, matching::Freedom::rigid);
   if (!turn) return std::nullopt;
   const auto wrong = std::count_if(all.begin(), all.end(), [&](CommonMotion motion) {
@@ -104,7 +106,8 @@ void place(RigPart& part, const Pose3& group_from_own) {
   part.placed = moved_with_keyframes(part.poses, part.keyframes);
 }
 
-void place(RigPart& part, const std::vector<CommonMoment>& moments, const std::vector<CommonMotion>& motions, double scale) {
+void place(RigPart& part, const std::vector<CommonMoment>& moments, const std::vector<CommonMotion>& motions,
+           double scale) {
   std::vector<CommonPose> pairs;
   for (const CommonMoment& moment : moments) pairs.push_back(moment.pose);
   if (part.metric) return place(part, aligned(pairs, 1.0).pose);
@@ -114,11 +117,12 @@ void place(RigPart& part, const std::vector<CommonMoment>& moments, const std::v
     });
   };
   for (MovedKeyframe& keyframe : part.keyframes) {
-    const auto motion = nearest(motions, keyframe.stamp, [](const CommonMotion& m) { return Stamp{(m.begin.ns + m.end.ns) / 2}; });
+    const auto motion =
+        nearest(motions, keyframe.stamp, [](const CommonMotion& m) { return Stamp{(m.begin.ns + m.end.ns) / 2}; });
     const CommonMoment& moment = *nearest(moments, keyframe.stamp, [](const CommonMoment& m) { return m.stamp; });
     keyframe.scale = motion == motions.end() ? scale : motion->scale;
-    keyframe.after =
-        compose(moment.pose.in_a, rescaled(between(moment.pose.in_b, keyframe.before), part.robot_from_camera, keyframe.scale));
+    keyframe.after = compose(
+        moment.pose.in_a, rescaled(between(moment.pose.in_b, keyframe.before), part.robot_from_camera, keyframe.scale));
   }
   part.placed = moved_with_keyframes(part.poses, part.keyframes);
 }

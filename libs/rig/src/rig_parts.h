@@ -1,5 +1,6 @@
 #pragma once
-// Sessions of a robot's cameras compared: their poses at the same times, and whether they agree on the motion in between.
+// Sessions of a robot's cameras compared: their poses at the same times, and whether they agree on the motion in
+// between.
 
 #include <mapweave/rig/aligned_trajectories.h>
 #include <mapweave/rig/rig.h>
@@ -50,12 +51,14 @@ struct CommonMotion {
 };
 std::vector<CommonMotion> common_motions(const std::vector<CommonMoment>& moments, const RigPart& part);
 bool contradicts(const CommonMotion& motion, const RigOptions& options);
-// The angle to the left by which the extrinsics of the part's camera must be turned for its motions to agree with the other's. nullopt
-// where no angle does that.
+// The angle to the left by which the extrinsics of the part's camera must be turned for its motions to agree with the
+// other's. nullopt where no angle does that.
 std::optional<double> wrong_turn_rad(const std::vector<CommonMotion>& all, const RigOptions& options);
 
-// Places a part in the group: rigidly where it is metric, else keyframe by keyframe, each with the scale of the motions around it.
-void place(RigPart& part, const std::vector<CommonMoment>& moments, const std::vector<CommonMotion>& motions, double scale);
+// Places a part in the group: rigidly where it is metric, else keyframe by keyframe, each with the scale of the motions
+// around it.
+void place(RigPart& part, const std::vector<CommonMoment>& moments, const std::vector<CommonMotion>& motions,
+           double scale);
 void place(RigPart& part, const Pose3& group_from_own);
 
 }  // namespace mapweave::rig

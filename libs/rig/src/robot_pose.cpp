@@ -18,8 +18,9 @@ void add_thinly(std::vector<StampedPose>& poses, const StampedPose& pose, double
 
 // Drops those that are older than this before the newest, once they are the most of them.
 void forget(std::vector<StampedPose>& poses, double seconds) {
-  const auto recent = std::partition_point(
-      poses.begin(), poses.end(), [&](const StampedPose& pose) { return seconds_between(pose.stamp, poses.back().stamp) > seconds; });
+  const auto recent = std::partition_point(poses.begin(), poses.end(), [&](const StampedPose& pose) {
+    return seconds_between(pose.stamp, poses.back().stamp) > seconds;
+  });
   if (2 * (recent - poses.begin()) > poses.end() - poses.begin()) poses.erase(poses.begin(), recent);
 }
 
@@ -97,8 +98,9 @@ struct PoseFollower {
   }
 
   // Where a camera has gone, or none was believed for a while: from the last answer slowly to the new pose.
-  void hand_over(Stamp stamp, const Pose3& pose, const std::vector<CameraVote>& chosen, const std::vector<SensorId>& names,
-                 const std::set<SensorId>& chosen_names, const OdometryAt& odometry, const RobotTrajectoryOptions& options) {
+  void hand_over(Stamp stamp, const Pose3& pose, const std::vector<CameraVote>& chosen,
+                 const std::vector<SensorId>& names, const std::set<SensorId>& chosen_names, const OdometryAt& odometry,
+                 const RobotTrajectoryOptions& options) {
     if (!last) return;
     if (seconds_between(last->stamp, stamp) > options.longest_gap_s) {
       const auto then = odometry(last->stamp), now = odometry(stamp);
@@ -141,8 +143,10 @@ RobotPose& RobotPose::operator=(RobotPose&&) noexcept = default;
 void RobotPose::add(SensorId camera, const StampedPose& pose, double weight) {
   State& state = *state_;
   if (!(weight > 0.0) || !std::isfinite(weight) || !is_finite(pose.map_from_robot)) return;
-  if (state.newest && seconds_between(pose.stamp, *state.newest) > state.options.longest_gap_s) return;  // it is too old to count
-  if (state.newest && *state.newest < pose.stamp) state.followed.go_on(*state.newest, state.odometry_at(), state.options);
+  if (state.newest && seconds_between(pose.stamp, *state.newest) > state.options.longest_gap_s)
+    return;  // it is too old to count
+  if (state.newest && *state.newest < pose.stamp)
+    state.followed.go_on(*state.newest, state.odometry_at(), state.options);
   state.newest = state.newest ? std::max(*state.newest, pose.stamp) : pose.stamp;
   Camera& known = state.followed.cameras[camera];
   if (known.frames.empty() && state.followed.last) known.silent = state.followed.last->stamp;

@@ -38,7 +38,8 @@ OneRobot merged_robot(const std::vector<const Map*>& maps, const RigOptions& opt
   OneRobot result;
   std::vector<RigMember> members;
   for (const Map* map : maps) members.push_back({session_of(*map).client.sensor.str(), *map, {}});
-  if (std::all_of(members.begin(), members.end(), [&](const RigMember& one) { return one.camera == members.front().camera; })) {
+  if (std::all_of(members.begin(), members.end(),
+                  [&](const RigMember& one) { return one.camera == members.front().camera; })) {
     for (RigMember& member : members) result.maps.push_back(std::move(member.map));
     return result;
   }
@@ -47,7 +48,8 @@ OneRobot merged_robot(const std::vector<const Map*>& maps, const RigOptions& opt
     if (one.members.size() > 1) result.rigs.push_back(renamed(one, members));
     result.maps.push_back(std::move(one.map));
   }
-  for (const std::string& note : rig.notes) result.notes.push_back("robot '" + session_of(*maps.front()).client.robot.str() + "': " + note);
+  for (const std::string& note : rig.notes)
+    result.notes.push_back("robot '" + session_of(*maps.front()).client.robot.str() + "': " + note);
   return result;
 }
 
@@ -69,7 +71,8 @@ RobotRigs merge_rigs(const std::vector<Map>& maps, const RigOptions& options, Wo
     std::sort(own.begin(), own.end(), [](const Map* a, const Map* b) { return a->id < b->id; });
     robots.push_back(std::move(own));
   }
-  for (OneRobot& robot : pool.map(robots.size(), [&](std::size_t i) { return merged_robot(robots[i], by_keyframes); })) {
+  for (OneRobot& robot :
+       pool.map(robots.size(), [&](std::size_t i) { return merged_robot(robots[i], by_keyframes); })) {
     std::move(robot.maps.begin(), robot.maps.end(), std::back_inserter(result.maps));
     std::move(robot.rigs.begin(), robot.rigs.end(), std::back_inserter(result.rigs));
     std::move(robot.notes.begin(), robot.notes.end(), std::back_inserter(result.notes));

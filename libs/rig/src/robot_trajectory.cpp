@@ -23,7 +23,8 @@ std::vector<double> from_silence(const std::vector<Stamp>& stamps, const std::ve
 
 }  // namespace
 
-std::vector<StampedPose> robot_trajectory(const std::vector<CameraTrajectory>& cameras, const std::vector<StampedPose>& odometry,
+std::vector<StampedPose> robot_trajectory(const std::vector<CameraTrajectory>& cameras,
+                                          const std::vector<StampedPose>& odometry,
                                           const RobotTrajectoryOptions& options) {
   if (cameras.size() == 1) return cameras.front().frames;
   std::vector<Stamp> stamps;
@@ -70,20 +71,24 @@ std::vector<StampedPose> robot_trajectory(const std::vector<CameraTrajectory>& c
   return trajectory;
 }
 
-std::vector<StampedPose> moved_with_keyframes(const std::vector<StampedPose>& frames, const std::vector<MovedKeyframe>& keyframes) {
+std::vector<StampedPose> moved_with_keyframes(const std::vector<StampedPose>& frames,
+                                              const std::vector<MovedKeyframe>& keyframes) {
   std::vector<StampedPose> result;
   if (keyframes.empty()) return result;
   const auto moved = [](const Pose3& pose, const MovedKeyframe& keyframe) {
-    return compose(keyframe.after, rescaled(between(keyframe.before, pose), keyframe.robot_from_camera, keyframe.scale));
+    return compose(keyframe.after,
+                   rescaled(between(keyframe.before, pose), keyframe.robot_from_camera, keyframe.scale));
   };
   for (const StampedPose& frame : frames) {
-    const auto later = std::upper_bound(keyframes.begin(), keyframes.end(), frame.stamp,
-                                        [](Stamp stamp, const MovedKeyframe& keyframe) { return stamp < keyframe.stamp; });
+    const auto later =
+        std::upper_bound(keyframes.begin(), keyframes.end(), frame.stamp,
+                         [](Stamp stamp, const MovedKeyframe& keyframe) { return stamp < keyframe.stamp; });
     const MovedKeyframe& before = *(later == keyframes.begin() ? later : later - 1);
     const MovedKeyframe& after = later == keyframes.end() ? before : *later;
     const double span_s = seconds_between(before.stamp, after.stamp);
     const double share = span_s > 0.0 ? seconds_between(before.stamp, frame.stamp) / span_s : 0.0;
-    result.push_back({frame.stamp, interpolated(moved(frame.map_from_robot, before), moved(frame.map_from_robot, after), share)});
+    result.push_back(
+        {frame.stamp, interpolated(moved(frame.map_from_robot, before), moved(frame.map_from_robot, after), share)});
   }
   return result;
 }

@@ -17,7 +17,8 @@ Pose3 mean(const std::vector<CameraVote>& votes) {
   return {t / sum, Eigen::Quaterniond(q.normalized())};
 }
 
-std::vector<CameraVote> TrajectoryPolicy::believed(Stamp stamp, const std::vector<CameraVote>& votes, const OdometryAt& odometry) {
+std::vector<CameraVote> TrajectoryPolicy::believed(Stamp stamp, const std::vector<CameraVote>& votes,
+                                                   const OdometryAt& odometry) {
   std::vector<CameraVote> chosen = votes;
   double widest = 0.0;
   for (const CameraVote& a : votes)
@@ -35,8 +36,10 @@ double TrajectoryPolicy::apart(const Pose3& a, const Pose3& b) const {
   return std::max((a.t - b.t).norm() / options_.doubt_m, a.q.angularDistance(b.q) / options_.doubt_rad);
 }
 
-// The largest group that agrees with one of them; where that is no majority, those around the one nearest to the expected pose.
-std::vector<CameraVote> TrajectoryPolicy::majority(Stamp stamp, const std::vector<CameraVote>& votes, const OdometryAt& odometry) const {
+// The largest group that agrees with one of them; where that is no majority, those around the one nearest to the
+// expected pose.
+std::vector<CameraVote> TrajectoryPolicy::majority(Stamp stamp, const std::vector<CameraVote>& votes,
+                                                   const OdometryAt& odometry) const {
   std::vector<std::vector<CameraVote>> around(votes.size());
   for (std::size_t i = 0; i < votes.size(); ++i)
     for (const CameraVote& other : votes)
@@ -58,7 +61,8 @@ std::optional<Pose3> TrajectoryPolicy::expected(Stamp stamp, const OdometryAt& o
   }
   if (!last_) return std::nullopt;
   if (!before_last_) return last_->map_from_robot;
-  const double span = seconds_between(before_last_->stamp, last_->stamp), further = seconds_between(last_->stamp, stamp);
+  const double span = seconds_between(before_last_->stamp, last_->stamp),
+               further = seconds_between(last_->stamp, stamp);
   if (further > options_.longest_gap_s) return last_->map_from_robot;
   return interpolated(before_last_->map_from_robot, last_->map_from_robot, 1.0 + further / span);
 }

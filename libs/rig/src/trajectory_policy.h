@@ -1,6 +1,6 @@
 #pragma once
-// Which of a robot's cameras are believed at a stamp: for its trajectory afterwards (robot_trajectory.h) and its current pose
-// (robot_pose.h).
+// Which of a robot's cameras are believed at a stamp: for its trajectory afterwards (robot_trajectory.h) and its
+// current pose (robot_pose.h).
 
 #include <mapweave/rig/robot_trajectory.h>
 

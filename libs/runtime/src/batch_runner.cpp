@@ -22,15 +22,18 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
   return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed;
 }
 
-// Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived with.
+// Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived
+// with.
 std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan,
-                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool, Progress& progress) {
+                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool,
+                                                   Progress& progress) {
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
   std::map<RobotId, LaserOutcome> lasers;
   try {
     if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
-    if (configuration.server.share != tiers::Sharing::none) shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
+    if (configuration.server.share != tiers::Sharing::none)
+      shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
   } catch (const Interrupted&) {
     return std::vector<std::optional<RobotResult>>(plan.robots.size());
   }
@@ -38,9 +41,10 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
     try {
       const auto cameras = shared.find(plan.robots[i].id);
       const auto laser = lasers.find(plan.robots[i].id);
-      RobotResult result = map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
-                                     laser != lasers.end() ? std::optional(std::move(laser->second)) : std::nullopt,
-                                     cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
+      RobotResult result =
+          map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
+                    laser != lasers.end() ? std::optional(std::move(laser->second)) : std::nullopt,
+                    cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Interrupted&) {
@@ -74,7 +78,8 @@ void acknowledge_interruption(Report& report, bool anything_finished) {
 // The one that holds what the robot mapped; null where it left no map.
 const fusion::Component* component_of(const fusion::FusionResult& team, const RobotId& robot) {
   for (const fusion::Component& component : team.components)
-    if (std::find(component.members.begin(), component.members.end(), MapId(robot.str())) != component.members.end()) return &component;
+    if (std::find(component.members.begin(), component.members.end(), MapId(robot.str())) != component.members.end())
+      return &component;
   return nullptr;
 }
 
@@ -86,7 +91,8 @@ void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work)
 }
 
 // Of robots with lasers, by how the team's maps lie.
-std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team, const std::vector<tiers::RobotOutcome>& outcomes) {
+std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team,
+                                         const std::vector<tiers::RobotOutcome>& outcomes) {
   std::vector<OverlapOfRobots> overlaps;
   for (const fusion::Component& component : team.components) {
     struct Member {
@@ -100,32 +106,36 @@ std::vector<OverlapOfRobots> overlaps_of(const fusion::FusionResult& team, const
         members.push_back({outcome.robot, planar(*there), scheduling::summary_of(*outcome.map)});
     for (auto a = members.begin(); a != members.end(); ++a)
       for (auto b = std::next(a); b != members.end(); ++b)
-        if (const double degree = scheduling::overlap_degree(a->summary, b->summary, between(a->team_from_map, b->team_from_map));
+        if (const double degree =
+                scheduling::overlap_degree(a->summary, b->summary, between(a->team_from_map, b->team_from_map));
             degree > 0.0)
           overlaps.push_back({a->robot, b->robot, degree});
   }
   return overlaps;
 }
 
-void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map, const CamerasOutcome& cameras) {
+void add(Results& results, const std::string& folder, const std::string& title, bool dense, const Map& map,
+         const CamerasOutcome& cameras) {
   const bool by_laser = cameras.maps.empty() || !map.submaps.empty();
   if (by_laser) results.add_map(folder, title, map);
   if (cameras.maps.empty()) return;
-  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title, dense && !by_laser, cameras);
+  results.add_cameras(by_laser ? (std::filesystem::path(folder) / "cameras").string() : folder, title,
+                      dense && !by_laser, cameras);
   if (dense && by_laser) results.add_dense(folder, title, map, cameras);
 }
 
 }  // namespace
 
-Report run_batch(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings, WorkerPool& pool,
-                 Progress& progress) {
+Report run_batch(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings,
+                 WorkerPool& pool, Progress& progress) {
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
   report.team.tier = cloud_tier();
   RunPlan plan = given;
   std::optional<CoordinatedRobots> coordinated;
   if (configuration.coordinator.method != Coordination::none) coordinated.emplace(configuration, plan);
-  auto robots = map_robots(configuration, plan, coordinated ? &*coordinated : nullptr, settings.keep_going, pool, progress);
+  auto robots =
+      map_robots(configuration, plan, coordinated ? &*coordinated : nullptr, settings.keep_going, pool, progress);
   if (coordinated) report.coordination = coordinated->take_report();
 
   bool anything = false, whole = true;
@@ -135,7 +145,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   }
   if (!whole) acknowledge_interruption(report, anything);
   for (const auto& robot : robots)
-    if (!anything && robot && robot->outcome.trouble && !settings.keep_going) throw *robot->outcome.trouble;  // every helper died
+    if (!anything && robot && robot->outcome.trouble && !settings.keep_going)
+      throw *robot->outcome.trouble;  // every helper died
 
   std::vector<InputFile> inputs;
   std::vector<tiers::RobotOutcome> outcomes;
@@ -143,7 +154,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   for (std::size_t i = 0; i < robots.size(); ++i) {
     if (!robots[i]) continue;
     report.robots.push_back(robots[i]->report);
-    report.stages.push_back({plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
+    report.stages.push_back(
+        {plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
     if (robots[i]->input) inputs.push_back(*robots[i]->input);
     outcomes.push_back(std::move(robots[i]->outcome));
     report.work.robots.push_back(robots[i]->work);
@@ -235,7 +247,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     if (anything) team = cloud.seal(pool, progress);
     report.work.fusing_s += process_cpu_seconds() - before_s;
     for (RobotWork& robot : report.work.robots) {
-      const auto line = std::find_if(report.robots.begin(), report.robots.end(), [&](const RobotReport& r) { return r.id == robot.id; });
+      const auto line = std::find_if(report.robots.begin(), report.robots.end(),
+                                     [&](const RobotReport& r) { return r.id == robot.id; });
       if (line->cameras.empty()) continue;
       std::uint64_t published = 0;  // what clients published while they mapped; else their maps, at the end
       for (const CameraReport& camera : line->cameras) published += camera.sent_bytes;
@@ -243,7 +256,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     }
     push(team, configuration.cloud, report.work);
     if (report.coordination && !report.coordination->decisions.empty())
-      for (const auto& [a, b, degree] : report.coordination->decisions.back().overlaps) report.work.overlaps.push_back({a, b, degree});
+      for (const auto& [a, b, degree] : report.coordination->decisions.back().overlaps)
+        report.work.overlaps.push_back({a, b, degree});
     else
       report.work.overlaps = overlaps_of(team, outcomes);
     report.timeline = timeline({configuration.mode, plan.network, configuration.processors, configuration.cloud,
@@ -267,7 +281,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
   for (const tiers::EdgeServer& edge : edges) {
     report.edges.push_back(Results::report_of(edge.id(), edge.result()));
     const std::string name = edge.id().str();
-    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false, edge.result(), cameras, report);
+    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false,
+                           edge.result(), cameras, report);
   }
   report.team = Results::report_of(cloud_tier(), team);
   results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
@@ -276,15 +291,15 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     const std::string name = pushed.robot.str();
     fusion::FusionResult pushed_map;
     pushed_map.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false, pushed_map,
-                           cameras, report);
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false,
+                           pushed_map, cameras, report);
   }
   results.commit("run", effective(configuration, given), inputs, report);
   return report;
 }
 
-Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
-                Progress& progress) {
+Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
+                WorkerPool& pool, Progress& progress) {
   MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;

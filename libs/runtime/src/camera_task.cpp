@@ -43,7 +43,8 @@ class Camera {
       first_ = frame->stamp;
     }
     if (frame->odometry_from_camera)
-      odometry_.push_back({frame->stamp, compose(*frame->odometry_from_camera, inverse(packer_.rig()->robot_from_camera))});
+      odometry_.push_back(
+          {frame->stamp, compose(*frame->odometry_from_camera, inverse(packer_.rig()->robot_from_camera))});
     const double packed_s = thread_cpu_seconds();
     const visual::Tracked tracked = client_->add(*frame);
     (tracked.keyframe ? keyframe_seconds_ : tracking_seconds_).push_back(thread_cpu_seconds() - packed_s);
@@ -51,7 +52,8 @@ class Camera {
     ++report_.frames;
     last_ = frame->stamp;
     note(tracked.state, frame->stamp);
-    sheet_.add(*frame, tracked.state == visual::TrackState::tracked ? client_->seen() : std::vector<visual::SeenLandmark>{},
+    sheet_.add(*frame,
+               tracked.state == visual::TrackState::tracked ? client_->seen() : std::vector<visual::SeenLandmark>{},
                seconds_between(first_, frame->stamp));
   }
 
@@ -74,10 +76,12 @@ class Camera {
     const Pose3 robot_from_camera = packer_.rig()->robot_from_camera, camera_from_robot = inverse(robot_from_camera);
     const std::vector<int> sessions = client_->sessions();
     std::vector<Map> published = client_->maps(place(robot));
-    std::sort(published.begin(), published.end(), [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
+    std::sort(published.begin(), published.end(),
+              [](const Map& a, const Map& b) { return a.nodes.front().first < b.nodes.front().first; });
     std::vector<CameraMap> own(sessions.size());
     for (const visual::PlacedFrame& frame : client_->trajectory()) {
-      CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) - sessions.begin())];
+      CameraMap& part = own[static_cast<std::size_t>(std::lower_bound(sessions.begin(), sessions.end(), frame.session) -
+                                                     sessions.begin())];
       if (part.trajectories.empty()) part.trajectories.push_back({report_.label, {}});
       part.trajectories.front().frames.push_back(
           {frame.stamp, compose(compose(robot_from_camera, frame.map_from_camera), camera_from_robot)});
@@ -91,14 +95,18 @@ class Camera {
     report_.keyframes = client_->keyframes().size(), report_.landmarks = client_->landmarks().size();
     for (const visual::ClosedLoop& loop : client_->loops())
       report_.loops.push_back({seconds_between(first_, loop.found), seconds_between(first_, loop.applied)});
-    report_.readout_s = client_->sensor().readout_s, report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
+    report_.readout_s = client_->sensor().readout_s,
+    report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
     const auto mean_ms = [](const std::vector<double>& seconds) {
-      return seconds.empty() ? 0.0 : 1e3 * std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());
+      return seconds.empty()
+                 ? 0.0
+                 : 1e3 * std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());
     };
     report_.tracking_mean_ms = mean_ms(tracking_seconds_), report_.keyframe_mean_ms = mean_ms(keyframe_seconds_);
     report_.packing_mean_ms = 1e3 * packing_seconds_ / static_cast<double>(report_.frames);
     std::sort(tracking_seconds_.begin(), tracking_seconds_.end());
-    if (!tracking_seconds_.empty()) report_.tracking_p99_ms = 1e3 * tracking_seconds_[(tracking_seconds_.size() - 1) * 99 / 100];
+    if (!tracking_seconds_.empty())
+      report_.tracking_p99_ms = 1e3 * tracking_seconds_[(tracking_seconds_.size() - 1) * 99 / 100];
     result.report = report_;
     result.chosen = chosen_;
     result.notes = client_->notes();
@@ -132,7 +140,7 @@ class Camera {
 
 // Cameras of one robot see one world.
 std::vector<CameraMap> merged_rig(std::vector<CameraMap> parts, RobotId robot, const std::vector<StampedPose>& odometry,
-                                     const rig::RigOptions& options, std::vector<std::string>& notes) {
+                                  const rig::RigOptions& options, std::vector<std::string>& notes) {
   std::vector<rig::RigMember> members;
   for (CameraMap& part : parts) {
     FrameTrajectory& trajectory = part.trajectories.front();
@@ -169,8 +177,10 @@ Error nothing_tracked(const PlannedRobot& robot, const std::deque<Camera>& camer
     const std::vector<std::string> notes = camera.notes();
     return {ErrorCode::kBadInput,
             "none of the " + std::to_string(camera.report().frames) + " frames of camera '" + camera.report().label +
-                "' could be placed: " + (notes.empty() ? "too few corners were seen, or the camera hardly moved" : notes.front()),
-            robot.log.string(), notes.empty() ? "look at its pictures" : "mend the recording, or choose another --sensor"};
+                "' could be placed: " +
+                (notes.empty() ? "too few corners were seen, or the camera hardly moved" : notes.front()),
+            robot.log.string(),
+            notes.empty() ? "look at its pictures" : "mend the recording, or choose another --sensor"};
   }
   return {ErrorCode::kBadInput, "the log has no frames of its camera", robot.log.string(), "choose another sensor"};
 }
@@ -183,7 +193,8 @@ std::string sensor_name(const std::string& label) {
 }
 
 std::vector<StampedPose> robot_trajectory_of(const Map& map, const std::vector<FrameTrajectory>& trajectories,
-                                             const std::vector<StampedPose>& odometry, const rig::RobotTrajectoryOptions& options) {
+                                             const std::vector<StampedPose>& odometry,
+                                             const rig::RobotTrajectoryOptions& options) {
   // A camera is heard by how much its keyframes see, above all of depth.
   constexpr double kDepth = 3.0;
   std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
@@ -225,8 +236,8 @@ struct CameraTask::State {
   }
 };
 
-CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
-                       Progress& progress)
+CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration,
+                       bool keep_going, Progress& progress)
     : state_(new State) {
   constexpr std::uint64_t kKilobyte = 1000;
   keep_room_for_pictures();
@@ -243,7 +254,9 @@ CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, c
 CameraTask::~CameraTask() = default;
 CameraTask::CameraTask(CameraTask&&) noexcept = default;
 
-std::optional<Stamp> CameraTask::next() const { return state_->next ? std::optional(state_->next->stamp) : std::nullopt; }
+std::optional<Stamp> CameraTask::next() const {
+  return state_->next ? std::optional(state_->next->stamp) : std::nullopt;
+}
 
 void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& give_up) {
   constexpr std::uint64_t kKilobyte = 1000;
@@ -262,7 +275,8 @@ void CameraTask::advance(std::optional<Stamp> until, const std::atomic<bool>& gi
 std::vector<CameraTask::Client> CameraTask::clients() {
   std::vector<Client> result;
   for (Camera& camera : state_->cameras)
-    if (camera.client() != nullptr) result.push_back({camera.place(state_->robot.id), camera.client(), &camera.report()});
+    if (camera.client() != nullptr)
+      result.push_back({camera.place(state_->robot.id), camera.client(), &camera.report()});
   return result;
 }
 
@@ -280,8 +294,9 @@ CamerasOutcome CameraTask::finish() {
     if (camera.tracked_anything()) {
       outcome.cameras.push_back(camera.finish(state.robot.id, maps));
     } else if (camera.report().frames > 0) {
-      log(LogLevel::warning, "robot " + state.robot.id.str() + ": none of the " + std::to_string(camera.report().frames) +
-                                 " frames of camera '" + camera.report().label + "' could be placed");
+      log(LogLevel::warning, "robot " + state.robot.id.str() + ": none of the " +
+                                 std::to_string(camera.report().frames) + " frames of camera '" +
+                                 camera.report().label + "' could be placed");
     }
   }
   const auto by_stamp = [](const StampedPose& a, const StampedPose& b) { return a.stamp < b.stamp; };

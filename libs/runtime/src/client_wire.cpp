@@ -8,7 +8,8 @@ void add(ClientCounts& sum, const ClientCounts& more) {
   sum.received_bytes += more.received_bytes, sum.sent_bytes += more.sent_bytes;
   sum.updates += more.updates, sum.views += more.views, sum.shares += more.shares, sum.places += more.places;
   sum.refused += more.refused, sum.put_off += more.put_off;
-  sum.update_s += more.update_s, sum.retrieval_s += more.retrieval_s, sum.sending_s += more.sending_s, sum.place_s += more.place_s;
+  sum.update_s += more.update_s, sum.retrieval_s += more.retrieval_s, sum.sending_s += more.sending_s,
+      sum.place_s += more.place_s;
   sum.waited_s += more.waited_s;
   sum.longest_wait_s = std::max(sum.longest_wait_s, more.longest_wait_s);
   sum.longest_place_s = std::max(sum.longest_place_s, more.longest_place_s);
@@ -44,7 +45,8 @@ bool LiveMapServer::Link::Wire::is_over() {
 std::vector<ServerMessage> LiveMapServer::Link::Wire::take(std::chrono::milliseconds patience) {
   std::vector<ServerMessage> taken;
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, patience, [&] { return is_over_ || !answers_.empty() || !receipts_.empty() || !refusal_.empty(); });
+  changed_.wait_for(lock, patience,
+                    [&] { return is_over_ || !answers_.empty() || !receipts_.empty() || !refusal_.empty(); });
   if (!receipts_.empty()) {
     ServerMessage receipts;
     for (const auto& [map, receipt] : receipts_) receipts.receipts.push_back(receipt);

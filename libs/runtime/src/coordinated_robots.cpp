@@ -55,7 +55,8 @@ double bytes_per_s(const transport::LinkState& wire) {
 
 CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunPlan& plan)
     : configuration_(configuration), plan_(plan), coordinator_(options_of(configuration, plan)) {
-  report_.method = scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
+  report_.method =
+      scheduling::plan_method_names().at(static_cast<std::size_t>(options_of(configuration, plan).plan.method));
   report_.at = configuration.coordinator.at.empty() ? "cloud" : configuration.coordinator.at;
   report_robots(0.0);
   report_edges_and_wires(0.0);
@@ -69,8 +70,8 @@ void CoordinatedRobots::report_robots(double now_s) {
     std::vector<scheduling::Waypoint> route;
     for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
     const double range_m = configuration_.coordinator.route_range_m;
-    coordinator_.receive(
-        tiers::RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
+    coordinator_.receive(tiers::RobotComes{
+        robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
   }
 }
 
@@ -79,7 +80,8 @@ void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const auto state = [&](const std::string& from, const std::string& to, const transport::LinkOptions& otherwise) {
     auto wire = wires_.find({from, to});
     if (wire == wires_.end())
-      wire = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(network, from, to, otherwise), 0)).first;
+      wire = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(network, from, to, otherwise), 0))
+                 .first;
     return wire->second.state_at(now_s);
   };
   const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;
@@ -149,7 +151,8 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   const double period_s = configuration_.coordinator.overlap_period_s;
   std::vector<std::optional<Stamp>> begin(all.size());  // of each robot's own data
   std::vector<double> from_s;
-  for (std::size_t i = 0; i < all.size(); ++i) begin[i] = all[i]->next(), from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  for (std::size_t i = 0; i < all.size(); ++i)
+    begin[i] = all[i]->next(), from_s.push_back(robot_entry(configuration_, names[i]).from_s);
   double now_s = 0.0;
   for (;;) {
     double due_s = std::numeric_limits<double>::infinity();

@@ -1,6 +1,6 @@
 #pragma once
-// Lasers of a team whose edges a coordinator chooses (RecSLAM III-D), in moments of data time: maps grow, edges and wires come and go, and
-// robots move. The same bytes for any number of threads.
+// Lasers of a team whose edges a coordinator chooses (RecSLAM III-D), in moments of data time: maps grow, edges and
+// wires come and go, and robots move. The same bytes for any number of threads.
 
 #include <mapweave/runtime/laser_task.h>
 #include <mapweave/runtime/report.h>
@@ -11,12 +11,12 @@ namespace mapweave::runtime {
 
 class CoordinatedRobots {
  public:
-  // Decides a first time, with what is announced: `plan` then names each robot's edge. Plan and configuration must outlive it. Throws what
-  // Coordinator::decide and reading a model throw.
+  // Decides a first time, with what is announced: `plan` then names each robot's edge. Plan and configuration must
+  // outlive it. Throws what Coordinator::decide and reading a model throw.
   CoordinatedRobots(const RunConfiguration&, RunPlan& plan);
 
-  // Drives all robots with a laser to the ends of their logs; `plan` then names the edges that they ended on. Throws Interrupted,
-  // and without `keep_going` the first trouble with a log.
+  // Drives all robots with a laser to the ends of their logs; `plan` then names the edges that they ended on. Throws
+  // Interrupted, and without `keep_going` the first trouble with a log.
   std::map<RobotId, LaserOutcome> map_lasers(bool keep_going, WorkerPool&, Progress&);
 
   CoordinationReport take_report() { return std::move(report_); }

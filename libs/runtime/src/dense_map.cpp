@@ -25,10 +25,10 @@ std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const Camera
                                              const std::vector<FrameTrajectory>& trajectories) {
   std::vector<DepthTrajectory> result;
   for (const FrameTrajectory& trajectory : trajectories) {
-    const auto camera =
-        std::find_if(cameras.cameras.begin(), cameras.cameras.end(),
-                     [&](const CameraResult& c) { return c.report.label == trajectory.label; });
-    if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || trajectory.frames.empty()) continue;
+    const auto camera = std::find_if(cameras.cameras.begin(), cameras.cameras.end(),
+                                     [&](const CameraResult& c) { return c.report.label == trajectory.label; });
+    if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || trajectory.frames.empty())
+      continue;
     const visual::SensorCalibration calibration{camera->report.readout_s, camera->report.inverse_depth_offset};
     DepthTrajectory depth{cameras.robot, camera->chosen, calibration, trajectory.frames, {}};
     for (const auto& [id, node] : part.map.nodes)
@@ -43,7 +43,9 @@ std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const Camera
 class Revisit {
  public:
   Revisit(const DepthTrajectory& trajectory, const RunConfiguration& configuration)
-      : trajectory_(trajectory), dense_(configuration.output.dense), packer_({trajectory.chosen.label, trajectory.chosen.kind}) {
+      : trajectory_(trajectory),
+        dense_(configuration.output.dense),
+        packer_({trajectory.chosen.label, trajectory.chosen.kind}) {
     const visual::ClientOptions& client = configuration.visual.client;
     options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, trajectory.calibration};
   }
@@ -59,8 +61,8 @@ class Revisit {
                                          [](const StampedPose& frame, Stamp stamp) { return frame.stamp < stamp; });
     if (placed == trajectory_.frames.end() || placed->stamp != record.stamp) return std::nullopt;
     const bool wanted = dense_.every_frames > 0 ? (placed - trajectory_.frames.begin()) % dense_.every_frames == 0
-                                                : std::binary_search(trajectory_.keyframes.begin(), trajectory_.keyframes.end(),
-                                                                     record.stamp);
+                                                : std::binary_search(trajectory_.keyframes.begin(),
+                                                                     trajectory_.keyframes.end(), record.stamp);
     if (!wanted) return std::nullopt;
     const auto frame = packer_(record);
     if (!frame) return std::nullopt;
@@ -83,8 +85,9 @@ class Revisit {
         if (depth_m == 0.0F) continue;
         const Eigen::Vector2d pixel(x, y);
         const auto [red, green, blue] = visual::colour_at(frame, rig.camera, pixel);
-        result.points_in_map.push_back({transformed(rig.camera.ray(pixel) * static_cast<double>(depth_m), map_from_row).cast<float>(),
-                                        static_cast<std::uint32_t>(red << 16 | green << 8 | blue)});
+        result.points_in_map.push_back(
+            {transformed(rig.camera.ray(pixel) * static_cast<double>(depth_m), map_from_row).cast<float>(),
+             static_cast<std::uint32_t>(red << 16 | green << 8 | blue)});
       }
     }
     return result;
@@ -98,7 +101,8 @@ class Revisit {
 
 // Calls use(Seen) for every picture wanted of one robot's log, in its order.
 template <class Use>
-void revisit(const PlannedRobot& robot, std::deque<Revisit>& cameras, const rawlog::ReadOptions& reading, Progress& progress, Use&& use) {
+void revisit(const PlannedRobot& robot, std::deque<Revisit>& cameras, const rawlog::ReadOptions& reading,
+             Progress& progress, Use&& use) {
   constexpr std::uint64_t kKilobyte = 1000;
   const auto log = rawlog::open_log(robot.log, reading);
   ProgressTask task(progress, "depth of " + robot.id.str(), log->bytes_total() / kKilobyte, "kB");
@@ -111,10 +115,12 @@ void revisit(const PlannedRobot& robot, std::deque<Revisit>& cameras, const rawl
 }
 
 // Where memory was short.
-void note_coarser(const std::string& file, double asked_m, double made_m, double memory_mb, std::vector<std::string>& notes) {
+void note_coarser(const std::string& file, double asked_m, double made_m, double memory_mb,
+                  std::vector<std::string>& notes) {
   if (made_m == asked_m) return;
   std::ostringstream note;
-  note << file << " is made of cubes of " << made_m << " m: those of " << asked_m << " m needed more than " << memory_mb << " MB";
+  note << file << " is made of cubes of " << made_m << " m: those of " << asked_m << " m needed more than " << memory_mb
+       << " MB";
   notes.push_back(note.str());
 }
 
@@ -124,19 +130,22 @@ std::vector<DepthTrajectory> depth_trajectories(const CameraMap& part, const Cam
   return trajectories_of(part, cameras, part.trajectories);
 }
 
-std::vector<DepthTrajectory> depth_trajectories(const Map& map, const Table<MapId, double>& scales, const CamerasOutcome& cameras) {
+std::vector<DepthTrajectory> depth_trajectories(const Map& map, const Table<MapId, double>& scales,
+                                                const CamerasOutcome& cameras) {
   std::vector<DepthTrajectory> result;
   for (const CameraMap& part : cameras.maps) {
     const double* scale = scales.find(part.map.id);
     if (scale != nullptr && *scale != 1.0) continue;
     std::vector<FrameTrajectory> trajectories = part.trajectories;
     for (FrameTrajectory& trajectory : trajectories) trajectory.frames = carried_along(part, trajectory, map, 1.0);
-    for (DepthTrajectory& trajectory : trajectories_of(part, cameras, trajectories)) result.push_back(std::move(trajectory));
+    for (DepthTrajectory& trajectory : trajectories_of(part, cameras, trajectories))
+      result.push_back(std::move(trajectory));
   }
   return result;
 }
 
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>& trajectories,
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder,
+                                         const std::vector<DepthTrajectory>& trajectories,
                                          const RunConfiguration& configuration, Progress& progress) {
   const OutputOptions& output = configuration.output;
   MAPWEAVE_EXPECT(!trajectories.empty(), "somebody saw depth");
@@ -146,7 +155,8 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder, co
   std::size_t pictures = 0;
   for (auto first = trajectories.begin(), last = first; first != trajectories.end(); first = last) {
     std::deque<Revisit> cameras;
-    for (; last != trajectories.end() && last->robot.log == first->robot.log; ++last) cameras.emplace_back(*last, configuration);
+    for (; last != trajectories.end() && last->robot.log == first->robot.log; ++last)
+      cameras.emplace_back(*last, configuration);
     try {
       revisit(first->robot, cameras, configuration.reading, progress, [&](const Revisit::Seen& seen) {
         if (output.ply) cloud.add(seen.points_in_map);
@@ -154,11 +164,13 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder, co
         pictures += seen.points_in_map.empty() ? 0 : 1;
       });
     } catch (const Error& error) {
-      notes.push_back("the cloud of depth holds of " + first->robot.id.str() + " what came before this: " + error.what());
+      notes.push_back("the cloud of depth holds of " + first->robot.id.str() +
+                      " what came before this: " + error.what());
     }
   }
   if (pictures == 0) {
-    notes.push_back("there is no cloud of depth: no picture showed any that is exact enough (output.dense.most_error_m)");
+    notes.push_back(
+        "there is no cloud of depth: no picture showed any that is exact enough (output.dense.most_error_m)");
     return notes;
   }
   if (output.ply) {
@@ -168,7 +180,8 @@ std::vector<std::string> write_dense_map(const std::filesystem::path& folder, co
     note_coarser("map.ply", output.dense.cloud.voxel_m, cloud.voxel_m(), output.dense.cloud.memory_mb, notes);
   }
   if (output.octomap) {
-    note_coarser("map.bt", output.dense.octomap.resolution_m, octomap.resolution_m(), output.dense.octomap.memory_mb, notes);
+    note_coarser("map.bt", output.dense.octomap.resolution_m, octomap.resolution_m(), output.dense.octomap.memory_mb,
+                 notes);
     if (octomap.left_out() > 0)
       notes.push_back("map.bt: " + std::to_string(octomap.left_out()) + " points lie outside of what OctoMap can hold");
     const exporters::OctoMapFiles files = octomap.finish();

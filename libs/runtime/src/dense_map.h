@@ -1,5 +1,6 @@
 #pragma once
-// What depth cameras and stereo pairs saw, at the poses that mapping ended with: a second pass through the logs, one picture at a time.
+// What depth cameras and stereo pairs saw, at the poses that mapping ended with: a second pass through the logs, one
+// picture at a time.
 
 #include <mapweave/core/progress.h>
 #include <mapweave/runtime/camera_task.h>
@@ -15,14 +16,15 @@ struct DepthTrajectory {
   std::vector<Stamp> keyframes;  // sorted
 };
 
-// Of the cameras that see depth, in their own map, or in one that holds their keyframes: those of maps that were rescaled by one of
-// `scales` are left out, as their depth is of another scale.
+// Of the cameras that see depth, in their own map, or in one that holds their keyframes: those of maps that were
+// rescaled by one of `scales` are left out, as their depth is of another scale.
 std::vector<DepthTrajectory> depth_trajectories(const CameraMap&, const CamerasOutcome&);
 std::vector<DepthTrajectory> depth_trajectories(const Map&, const Table<MapId, double>& scales, const CamerasOutcome&);
 
-// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are trajectories. What was
-// not as expected is answered for people. Memory: that of the options, and one picture. Throws Interrupted.
-std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>&, const RunConfiguration&,
-                                         Progress&);
+// map.ply, map.dense.pcd, map.bt, map.ot, as far as asked for, into `folder`, which is there. Contract: there are
+// trajectories. What was not as expected is answered for people. Memory: that of the options, and one picture. Throws
+// Interrupted.
+std::vector<std::string> write_dense_map(const std::filesystem::path& folder, const std::vector<DepthTrajectory>&,
+                                         const RunConfiguration&, Progress&);
 
 }  // namespace mapweave::runtime

@@ -43,7 +43,8 @@ Json verdict_of(const Json& merges, const std::string& one, const std::string& o
     throw Error(ErrorCode::kUsage, "unknown map '" + name + "'; there are: " + list, file.string(),
                 nearest ? "did you mean '" + *nearest + "'?" : "name two of these");
   }
-  throw Error(ErrorCode::kUsage, "nothing is said of '" + one + "' and '" + other + "'", file.string(), "name two maps that were compared");
+  throw Error(ErrorCode::kUsage, "nothing is said of '" + one + "' and '" + other + "'", file.string(),
+              "name two maps that were compared");
 }
 
 // A robot's own map, from the team that it is in, else from its own folder.
@@ -52,7 +53,8 @@ std::optional<Map> own_map(const fs::path& results, const std::string& name) {
   const fs::path own = results / "robots" / name / "map.mwdb";
   if (fs::exists(own, ignored)) {
     MapInput input = read_map_input(own, MapId(name));
-    const bool has_content = !input.maps.empty() && !(input.maps.front().submaps.empty() && input.maps.front().landmarks.empty());
+    const bool has_content =
+        !input.maps.empty() && !(input.maps.front().submaps.empty() && input.maps.front().landmarks.empty());
     if (has_content) return std::move(input.maps.front());
   }
   for (int i = 0;; ++i) {
@@ -86,13 +88,15 @@ OccupancyGrid grid_of_landmarks(const Map& map) {
   grid.origin_y_m = low[1];
   grid.columns = static_cast<std::int32_t>((high[0] - low[0]) / grid.resolution_m) + 1;
   grid.rows = static_cast<std::int32_t>((high[1] - low[1]) / grid.resolution_m) + 1;
-  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows), OccupancyGrid::kUnknown);
+  grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
+                       OccupancyGrid::kUnknown);
   for (const exporters::ColouredPoint& point : points) {
     const double x = point.point.x(), y = point.point.y();
     if (x < low[0] || x > high[0] || y < low[1] || y > high[1]) continue;
     const auto column = static_cast<std::size_t>((x - low[0]) / grid.resolution_m),
                row = static_cast<std::size_t>((y - low[1]) / grid.resolution_m);
-    grid.log_odds[row * static_cast<std::size_t>(grid.columns) + column] = static_cast<std::int16_t>(OccupancyGrid::kUnitsPerNat);
+    grid.log_odds[row * static_cast<std::size_t>(grid.columns) + column] =
+        static_cast<std::int16_t>(OccupancyGrid::kUnitsPerNat);
   }
   return grid;
 }
@@ -129,8 +133,8 @@ std::optional<exporters::HypothesisPanel> panel_of_prior(const Json& verdict) {
   const Pose2 a_from_b{pose.at("x").get<double>(), pose.at("y").get<double>(), pose.at("yaw").get<double>()};
   if (!(std::hypot(a_from_b.x, a_from_b.y) < kFarthest_m && std::abs(a_from_b.phi) < kFarthest_m)) return std::nullopt;
   return panel_at({a_from_b, 1.0}, {"as the prior puts them, which is contradicted",
-                                    format("%.1f m of wall coincide, %.1f m were seen through", prior->value("coinciding_m", 0.0),
-                                           prior->value("contradicted_m", 0.0))});
+                                    format("%.1f m of wall coincide, %.1f m were seen through",
+                                           prior->value("coinciding_m", 0.0), prior->value("contradicted_m", 0.0))});
 }
 
 std::string picture(const ReportedPair& pair, const OccupancyGrid& a, const OccupancyGrid& b) {
@@ -141,10 +145,12 @@ std::string picture(const ReportedPair& pair, const OccupancyGrid& a, const Occu
     const ReportedHypothesis& hypothesis = pair.hypotheses[i];
     exporters::HypothesisPanel panel = panel_at(hypothesis.transform, caption(hypothesis, i + 1));
     for (const Json& place : hypothesis.contradictions())
-      panel.rings.push_back({place.at("x_m").get<double>(), place.at("y_m").get<double>(), std::max(0.5, 0.5 * place.at("length_m").get<double>())});
+      panel.rings.push_back({place.at("x_m").get<double>(), place.at("y_m").get<double>(),
+                             std::max(0.5, 0.5 * place.at("length_m").get<double>())});
     panels.push_back(std::move(panel));
   }
-  if (auto prior = panel_of_prior(pair.verdict); prior && panels.size() < kMostPanels) panels.push_back(std::move(*prior));
+  if (auto prior = panel_of_prior(pair.verdict); prior && panels.size() < kMostPanels)
+    panels.push_back(std::move(*prior));
   if (panels.empty()) panels.push_back(apart(a, b));
   return exporters::hypothesis_sheet_png(a, b, panels, pair.words.substr(0, pair.words.find(" (")), pair.a, pair.b);
 }
@@ -162,18 +168,20 @@ std::vector<std::string> raster_notes(const std::vector<const Map*>& maps) {
 
 }  // namespace
 
-Explanation explain(const fs::path& results, const std::string& one, const std::string& other, const fusion::ComposeOptions& options,
-                    WorkerPool& pool) {
+Explanation explain(const fs::path& results, const std::string& one, const std::string& other,
+                    const fusion::ComposeOptions& options, WorkerPool& pool) {
   const fs::path file = results / "merges.json";
   std::error_code ignored;
   if (!fs::exists(file, ignored))
-    throw Error(ErrorCode::kMissing, "there is no merges.json", results.string(), "name a folder of results of mapweave run or merge");
+    throw Error(ErrorCode::kMissing, "there is no merges.json", results.string(),
+                "name a folder of results of mapweave run or merge");
   Explanation result;
   try {
     const ReportedPair pair = reported_pair(verdict_of(Json::parse(read_file(file)), one, other, file));
     result.a = pair.a;
     result.b = pair.b;
-    if (!is_valid_name(result.a) || !is_valid_name(result.b)) throw Error(ErrorCode::kCorrupt, "it has names that are none", file.string());
+    if (!is_valid_name(result.a) || !is_valid_name(result.b))
+      throw Error(ErrorCode::kCorrupt, "it has names that are none", file.string());
     const auto a = own_map(results, result.a), b = own_map(results, result.b);
     if (!a || !b) {
       result.text = page(pair, {});

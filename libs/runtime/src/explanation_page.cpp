@@ -18,9 +18,9 @@ int matches_of(const ReportedHypothesis& hypothesis) { return static_cast<int>(h
 
 std::string where(const ReportedTransform& transform, Sense sense, const ReportedPair& pair) {
   const Pose2& pose = transform.a_from_b;
-  std::string text =
-      format("%s %s x %.2f m, y %.2f m, yaw %.1f degrees of %s's map", pair.b.c_str(),
-             sense == Sense::grids ? "has its origin at" : "began at", pose.x, pose.y, pose.phi * 180.0 / M_PI, pair.a.c_str());
+  std::string text = format("%s %s x %.2f m, y %.2f m, yaw %.1f degrees of %s's map", pair.b.c_str(),
+                            sense == Sense::grids ? "has its origin at" : "began at", pose.x, pose.y,
+                            pose.phi * 180.0 / M_PI, pair.a.c_str());
   if (std::abs(transform.scale - 1.0) > 1e-6) text += format(", its lengths times %.3f", transform.scale);
   return text;
 }
@@ -28,15 +28,17 @@ std::string where(const ReportedTransform& transform, Sense sense, const Reporte
 // Walls of lasers whose evidence was weighed: else their sum says nothing.
 bool is_weighed(const ReportedHypothesis& hypothesis) { return hypothesis.of("by_chance_m") > 0.0; }
 
-std::string counted(int count, const char* one, const char* many) { return format("%d %s", count, count == 1 ? one : many); }
+std::string counted(int count, const char* one, const char* many) {
+  return format("%d %s", count, count == 1 ? one : many);
+}
 
 std::string for_it(const ReportedHypothesis& hypothesis) {
   const double coinciding_m = hypothesis.of("coinciding_m");
   if (hypothesis.sense == Sense::cameras)
     return counted(matches_of(hypothesis), "pair of pictures shows", "pairs of pictures show") + " the same place so";
   if (hypothesis.sense == Sense::grids)
-    return format("%.1f m of wall coincide, which count %.1f m: by how unusual it is, less what is against it", coinciding_m,
-                  hypothesis.of("support_m"));
+    return format("%.1f m of wall coincide, which count %.1f m: by how unusual it is, less what is against it",
+                  coinciding_m, hypothesis.of("support_m"));
   std::string text = format("%.1f m of wall coincide, ", coinciding_m);
   if (is_weighed(hypothesis)) text += format("%.1f m of them fit nowhere around; ", hypothesis.of("distinctive_m"));
   return text + counted(matches_of(hypothesis), "place agrees", "places agree");
@@ -60,16 +62,19 @@ std::string sum_of(const ReportedHypothesis& hypothesis) {
   const double sum = hypothesis.of("distinctive_m") - fusion::kContradictionWeight * hypothesis.of("contradicted_m") -
                      fusion::kUnclearWeight * hypothesis.of("counted_unclear_m") - hypothesis.of("by_chance_m");
   std::string text = format(
-      "     the sum:    %.1f m that fit nowhere around - %.0f x %.1f m seen through - %.0f x %.1f m unclear%s - %.1f m expected by chance "
+      "     the sum:    %.1f m that fit nowhere around - %.0f x %.1f m seen through - %.0f x %.1f m unclear%s - %.1f m "
+      "expected by chance "
       "= %.1f",
-      hypothesis.of("distinctive_m"), fusion::kContradictionWeight, hypothesis.of("contradicted_m"), fusion::kUnclearWeight,
-      hypothesis.of("counted_unclear_m"),
-      hypothesis.of("counted_unclear_m") < hypothesis.of("unclear_m") - 0.05 ? " (the others lie where a view ends)" : "",
+      hypothesis.of("distinctive_m"), fusion::kContradictionWeight, hypothesis.of("contradicted_m"),
+      fusion::kUnclearWeight, hypothesis.of("counted_unclear_m"),
+      hypothesis.of("counted_unclear_m") < hypothesis.of("unclear_m") - 0.05 ? " (the others lie where a view ends)"
+                                                                             : "",
       hypothesis.of("by_chance_m"), sum);
   if (std::abs(sum) > kSurest) text += format(", which counts as %.0f", std::copysign(kSurest, sum));
-  if (const double prior = hypothesis.of("prior_log_odds"); prior != 0.0) text += format("; the prior adds %+.1f", prior);
-  return text +
-         format("\n     log odds of %.1f are a probability of %.2f by itself\n", hypothesis.of("log_odds"), hypothesis.of("probability"));
+  if (const double prior = hypothesis.of("prior_log_odds"); prior != 0.0)
+    text += format("; the prior adds %+.1f", prior);
+  return text + format("\n     log odds of %.1f are a probability of %.2f by itself\n", hypothesis.of("log_odds"),
+                       hypothesis.of("probability"));
 }
 
 bool was_compared(const ReportedHypothesis& hypothesis) {
@@ -93,7 +98,8 @@ std::string text_of(const ReportedHypothesis& hypothesis, std::size_t number, co
   else if (hypothesis.sense == Sense::cameras)
     text += format("     probability by itself %.2f\n", hypothesis.of("probability"));
   else if (hypothesis.sense == Sense::grids || !is_weighed(hypothesis))
-    text += format("     overlap %.0f %%, probability by itself %.2f\n", 100.0 * hypothesis.of("overlap"), hypothesis.of("probability"));
+    text += format("     overlap %.0f %%, probability by itself %.2f\n", 100.0 * hypothesis.of("overlap"),
+                   hypothesis.of("probability"));
   else
     text += format("     overlap %.0f %%\n", 100.0 * hypothesis.of("overlap"));
   return text;
@@ -126,8 +132,9 @@ std::string in_team_in_words(const ReportedPair& pair) {
   std::string text = "in the team's map " + where(*pair.in_team, are_grids ? Sense::grids : Sense::lasers, pair);
   const auto audit = pair.verdict.find("audit");
   if (audit != pair.verdict.end() && audit->is_object())
-    text += format(": there %.1f m of wall coincide, %.1f m were seen through, %.1f m are unclear", audit->value("coinciding_m", 0.0),
-                   audit->value("contradicted_m", 0.0), audit->value("unclear_m", 0.0));
+    text +=
+        format(": there %.1f m of wall coincide, %.1f m were seen through, %.1f m are unclear",
+               audit->value("coinciding_m", 0.0), audit->value("contradicted_m", 0.0), audit->value("unclear_m", 0.0));
   return text + "\n";
 }
 
@@ -136,7 +143,8 @@ std::string heading(const ReportedPair& pair) {
   const std::string alone = pair.is_through_others() ? " of these two by themselves" : "";
   if (count > 1) return format("the %zu most probable hypotheses%s:\n", count, alone.c_str());
   if (count == 1) return "the hypothesis" + alone + " there was:\n";
-  if (pair.reason == Reason::excluded || pair.reason == Reason::same_recording) return "no hypothesis: the two were not compared\n";
+  if (pair.reason == Reason::excluded || pair.reason == Reason::same_recording)
+    return "no hypothesis: the two were not compared\n";
   if (pair.is_accepted) return "no hypothesis is reported\n";
   return "no hypothesis" + alone + ": no place of both was found that fits\n";
 }
@@ -161,8 +169,9 @@ std::string page(const ReportedPair& pair, const std::vector<std::string>& raste
 }
 
 std::vector<std::string> caption(const ReportedHypothesis& hypothesis, std::size_t number) {
-  std::string first = hypothesis.is("taken_apart") ? format("%zu. merged so at first, and taken apart by the audit", number)
-                                                   : format("%zu. probability by itself %.2f", number, hypothesis.of("probability"));
+  std::string first = hypothesis.is("taken_apart")
+                          ? format("%zu. merged so at first, and taken apart by the audit", number)
+                          : format("%zu. probability by itself %.2f", number, hypothesis.of("probability"));
   if (!hypothesis.is("taken_apart") && hypothesis.sense != Sense::cameras)
     first += format(", overlap %.0f %%", 100.0 * hypothesis.of("overlap"));
   return {first, "for it: " + for_it(hypothesis), "against it: " + against_it(hypothesis)};

@@ -15,7 +15,8 @@ constexpr std::chrono::seconds kUntilRetry{1};
 
 }  // namespace
 
-JournalSaver::JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes, std::function<void()> on_room)
+JournalSaver::JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes,
+                           std::function<void()> on_room)
     : journal_(std::move(journal)), most_growth_bytes_(most_growth_bytes), on_room_(std::move(on_room)) {
   if (journal_) short_bytes_ = journal_->bytes(), thread_ = std::thread([this] { run(); });
 }
@@ -66,7 +67,8 @@ void JournalSaver::run() {
     const double begin_s = thread_cpu_seconds();
     std::string trouble = write(batch);
     std::size_t bytes = 0;
-    if (trouble.empty())  // `then` posts to a wire and throws nothing but for want of memory, which ends the program everywhere
+    if (trouble.empty())  // `then` posts to a wire and throws nothing but for want of memory, which ends the program
+                          // everywhere
       for (const Waiting& saved : batch) {
         saved.then();
         for (const mapdb::JournalEntry& entry : saved.entries) bytes += entry.update.size();
@@ -85,7 +87,8 @@ void JournalSaver::run() {
 }
 
 bool JournalSaver::is_replaced(std::deque<Waiting>& batch) {
-  const auto replaced = std::find_if(batch.rbegin(), batch.rend(), [](const Waiting& one) { return one.all != nullptr; });
+  const auto replaced =
+      std::find_if(batch.rbegin(), batch.rend(), [](const Waiting& one) { return one.all != nullptr; });
   if (replaced == batch.rend()) return false;
   bool done = false;
   try {

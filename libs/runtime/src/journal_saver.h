@@ -1,5 +1,6 @@
 #pragma once
-// Puts what a server has received on the disk, and informs who waits for that. A thread of its own: a disk may take its time.
+// Puts what a server has received on the disk, and informs who waits for that. A thread of its own: a disk may take its
+// time.
 
 #include <mapweave/mapdb/update_journal.h>
 
@@ -17,18 +18,21 @@ namespace mapweave::runtime {
 
 class JournalSaver {
  public:
-  // Without a journal nothing has to wait. on_room: after what was unsaved became less, on its thread. most_growth_bytes: see is_long().
-  JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes, std::function<void()> on_room);
+  // Without a journal nothing has to wait. on_room: after what was unsaved became less, on its thread.
+  // most_growth_bytes: see is_long().
+  JournalSaver(std::optional<mapdb::UpdateJournal> journal, std::uint64_t most_growth_bytes,
+               std::function<void()> on_room);
   ~JournalSaver() { finish(); }
   JournalSaver(const JournalSaver&) = delete;
   JournalSaver& operator=(const JournalSaver&) = delete;
 
-  // Both in the order of the calls; `then` once the entries are on the disk, on its thread (here, without a journal). Thread-safe.
+  // Both in the order of the calls; `then` once the entries are on the disk, on its thread (here, without a journal).
+  // Thread-safe.
   void save(std::vector<mapdb::JournalEntry> entries, std::function<void()> then);
   // Whether the journal has become twice as long, and longer by most_growth_bytes, than when it began or was replaced.
   bool is_long() const { return is_long_; }
-  // `all`, made on its thread, stands for everything that was given to save() before. Where it cannot be written the journal stays as it
-  // is. Thread-safe.
+  // `all`, made on its thread, stands for everything that was given to save() before. Where it cannot be written the
+  // journal stays as it is. Thread-safe.
   using Entries = std::vector<mapdb::JournalEntry>;
   void replace(std::function<Entries()> all);
   std::size_t unsaved_bytes() const { return unsaved_bytes_; }

@@ -19,12 +19,14 @@ void add_what_differs(const OptionFields& values, const OptionFields& others, co
                       std::vector<std::string>& settings) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     if (const auto* inner = std::get_if<OptionSection>(&values[i].as)) {
-      add_what_differs(inner->fields, std::get<OptionSection>(others[i].as).fields, section + "." + values[i].name, settings);
+      add_what_differs(inner->fields, std::get<OptionSection>(others[i].as).fields, section + "." + values[i].name,
+                       settings);
       continue;
     }
     const std::string line = yaml_of_fields({values[i]});  // "key: value\n"
     const std::size_t begin = values[i].name.size() + 2, length = line.size() - begin - 1;
-    if (line != yaml_of_fields({others[i]})) settings.push_back(section + "." + values[i].name + "=" + line.substr(begin, length));
+    if (line != yaml_of_fields({others[i]}))
+      settings.push_back(section + "." + values[i].name + "=" + line.substr(begin, length));
   }
 }
 
@@ -33,7 +35,8 @@ void add_what_differs(const OptionFields& values, const OptionFields& others, co
 KeptRequests kept_requests(std::vector<fusion::MapPrior> priors, const fusion::FusionOptions& options) {
   KeptRequests kept;
   kept.priors = std::move(priors);
-  std::sort(kept.priors.begin(), kept.priors.end(), [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
+  std::sort(kept.priors.begin(), kept.priors.end(),
+            [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
   fusion::FusionOptions given = options, plain;
   plain.cache_mb = given.cache_mb;  // decides nothing
   add_what_differs(fields_of(given), fields_of(plain), "fusion", kept.options);
@@ -80,7 +83,8 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
     }
     kept.options = json.value("options", std::vector<std::string>());
   } catch (const Json::exception&) {
-    throw Error(ErrorCode::kCorrupt, "what was said when it was merged cannot be read", where, "merge its robots' own maps again");
+    throw Error(ErrorCode::kCorrupt, "what was said when it was merged cannot be read", where,
+                "merge its robots' own maps again");
   }
   return kept;
 }
@@ -98,7 +102,8 @@ void apply(const KeptRequests& kept, fusion::FusionInput& input, std::vector<std
     });
     if (is_said_anew || !is_there(prior.a) || !is_there(prior.b)) continue;
     input.priors.push_back(prior);
-    notes.push_back("as before: a prior says where " + prior.b.str() + " lies in " + prior.a.str() + " (--anchor, or where they began)");
+    notes.push_back("as before: a prior says where " + prior.b.str() + " lies in " + prior.a.str() +
+                    " (--anchor, or where they began)");
   }
 }
 

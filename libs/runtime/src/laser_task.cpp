@@ -27,7 +27,8 @@ struct LaserTask::State {
   std::optional<tiers::RobotOutcome> outcome;
   std::optional<Error> trouble;
 
-  State(const PlannedRobot& planned, const RunConfiguration& options, Progress& shown, bool lives_with_trouble, bool moves)
+  State(const PlannedRobot& planned, const RunConfiguration& options, Progress& shown, bool lives_with_trouble,
+        bool moves)
       : robot(planned),
         configuration(options),
         progress(shown),
@@ -50,10 +51,12 @@ struct LaserTask::State {
   }
 
   void begin_mapping() {
-    slam.emplace(robot.id, laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+    slam.emplace(robot.id,
+                 laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
   }
 
-  // From the agent to the instance what it packs, if anything: as bytes where they are not in one place. Counts what that costs.
+  // From the agent to the instance what it packs, if anything: as bytes where they are not in one place. Counts what
+  // that costs.
   template <class Pack>
   void carry(Pack&& pack) {
     const double before_s = thread_cpu_seconds();
@@ -71,7 +74,8 @@ struct LaserTask::State {
   }
 };
 
-LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, bool may_move, Progress& progress)
+LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, bool may_move,
+                     Progress& progress)
     : state_(new State(robot, configuration, progress, keep_going, may_move)) {
   constexpr std::uint64_t kKilobyte = 1000;
   state_->guarded([&] {
@@ -84,7 +88,9 @@ LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configur
 LaserTask::~LaserTask() = default;
 LaserTask::LaserTask(LaserTask&&) noexcept = default;
 
-std::optional<Stamp> LaserTask::next() const { return state_->next ? std::optional(state_->next->stamp) : std::nullopt; }
+std::optional<Stamp> LaserTask::next() const {
+  return state_->next ? std::optional(state_->next->stamp) : std::nullopt;
+}
 const std::optional<Error>& LaserTask::trouble() const { return state_->trouble; }
 std::uint64_t LaserTask::scans() const { return state_->agent.scans(); }
 
@@ -140,11 +146,11 @@ LaserOutcome LaserTask::finish() {
   result.cpu_seconds = state.cpu_seconds;
   const laser::ScanPacker& packer = state.agent.packer();
   for (const auto& [label, count] : packer.ignored_lasers())
-    log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label + "' are not used; '" +
-                            packer.label() + "' is (choose with --set laser.scan.label=...)");
+    log(LogLevel::info, "robot " + state.robot.id.str() + ": " + std::to_string(count) + " scans of laser '" + label +
+                            "' are not used; '" + packer.label() + "' is (choose with --set laser.scan.label=...)");
   if (packer.unusable() > 0)
-    log(LogLevel::warning,
-        "robot " + state.robot.id.str() + ": " + std::to_string(packer.unusable()) + " records made no sense and were left out");
+    log(LogLevel::warning, "robot " + state.robot.id.str() + ": " + std::to_string(packer.unusable()) +
+                               " records made no sense and were left out");
   return result;
 }
 

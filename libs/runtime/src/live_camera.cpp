@@ -15,7 +15,8 @@ LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double 
       link_(std::move(link)),
       agent_(place_, options.uplink),
       client_(camera, baseline_m, std::move(options.client), matching::shipped_vocabulary(),
-              [this, period_s = 1.0 / options.share_rate_hz](visual::VisualClient& client, Stamp now, const visual::Tracked&) {
+              [this, period_s = 1.0 / options.share_rate_hz](visual::VisualClient& client, Stamp now,
+                                                             const visual::Tracked&) {
                 if (last_ && seconds_between(*last_, now) < period_s) return;
                 last_ = now;
                 receive(client, std::chrono::milliseconds(0));
@@ -45,8 +46,9 @@ bool LiveCamera::send(Kind kind, std::string bytes) {
   const std::size_t size = bytes.size();
   const auto sent = link_->send({kind, std::move(bytes)});
   if (sent == LiveMapServer::Link::Sent::never && !link_->is_closed() && !std::exchange(reported_too_long_, true))
-    refused("a message of " + std::to_string(size) +
-            " bytes is longer than the server's queue; give the server a larger queue_kb, or the camera fewer features");
+    refused(
+        "a message of " + std::to_string(size) +
+        " bytes is longer than the server's queue; give the server a larger queue_kb, or the camera fewer features");
   return sent == LiveMapServer::Link::Sent::taken;
 }
 

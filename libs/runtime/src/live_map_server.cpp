@@ -58,7 +58,8 @@ struct LiveMapServer::State {
   std::vector<SessionId> left;  // whom the maps have not forgotten yet
   ServerCounts counts;
   bool handling_ends = false, merging_ends = false;
-  std::optional<JournalSaver> saver;  // filled under maps_mutex: what is in the journal has the order in which maps took it
+  std::optional<JournalSaver>
+      saver;  // filled under maps_mutex: what is in the journal has the order in which maps took it
   std::vector<std::thread> handlers;
   std::thread merger;
   std::once_flag finished;
@@ -79,8 +80,8 @@ struct LiveMapServer::State {
   State(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions live,
         const std::optional<std::filesystem::path>& path, rig::RigOptions rig)
       : options(live), maps(edge, immediate(std::move(server)), std::move(fusion), rig) {
-    saver.emplace(path ? std::optional(restored(*path)) : std::nullopt, std::uint64_t{1024} * static_cast<std::uint64_t>(live.journal_kb),
-                  [this] {
+    saver.emplace(path ? std::optional(restored(*path)) : std::nullopt,
+                  std::uint64_t{1024} * static_cast<std::uint64_t>(live.journal_kb), [this] {
                     const std::lock_guard lock(mutex);
                     has_work.notify_all();
                   });
@@ -129,12 +130,14 @@ struct LiveMapServer::State {
     return entries;
   }
 
-  // --- Handlers. Who waits and has had the least of their time so far is next: a flood, or what is costly to refuse, costs others a turn.
+  // --- Handlers. Who waits and has had the least of their time so far is next: a flood, or what is costly to refuse,
+  // costs others a turn.
   std::shared_ptr<Wire> next() {
     std::shared_ptr<Wire> best;
     for (const auto& wire : wires) {
       if (wire->is_handled || wire->waiting.empty() || (best && best->spent_s <= wire->spent_s)) continue;
-      if (wire->waiting.front().message.kind == ClientMessage::Kind::update && saver->unsaved_bytes() >= kMostUnsaved) continue;
+      if (wire->waiting.front().message.kind == ClientMessage::Kind::update && saver->unsaved_bytes() >= kMostUnsaved)
+        continue;
       best = wire;
     }
     return best;
@@ -199,7 +202,8 @@ struct LiveMapServer::State {
           ++more.places;
           if (!wire->has_room(most_answer_bytes())) return;
           const Spending spending(more.place_s);
-          if (auto answer = place(from, decode_place_request(bytes, to_string(from)))) post(ServerMessage::Kind::place, encode(*answer));
+          if (auto answer = place(from, decode_place_request(bytes, to_string(from))))
+            post(ServerMessage::Kind::place, encode(*answer));
           more.longest_place_s = seconds_since(taken.since);
         }
       }
@@ -216,8 +220,8 @@ struct LiveMapServer::State {
   void greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes) {
     const Hello hello = decode_hello(bytes, "a client's hello");
     if (before != SessionId{})
-      throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before", to_string(hello.session),
-                  "each run of a client has a link of its own, and one hello on it");
+      throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before",
+                  to_string(hello.session), "each run of a client has a link of its own, and one hello on it");
     const Hold hold(*this);
     ServerMessage welcome{ServerMessage::Kind::welcome, {}, maps.greet(hello)};
     {
@@ -231,7 +235,8 @@ struct LiveMapServer::State {
     for (const SessionId& session : who_left()) maps.leave(session);
   }
 
-  void update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken, ClientCounts& more) {
+  void update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken,
+              ClientCounts& more) {
     const double waited_s = seconds_since(taken.since);
     ++more.updates, more.waited_s += waited_s, more.longest_wait_s = waited_s;
     const Spending spending(more.update_s);
@@ -240,9 +245,12 @@ struct LiveMapServer::State {
     auto received = maps.receive(from, std::move(decoded), taken.message.bytes);
     std::vector<mapdb::JournalEntry> entries;
     for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
-    saver->save(std::move(entries), [wire, receipt = received.receipt] { wire->post({ServerMessage::Kind::receipts, {}, {receipt}}); });
+    saver->save(std::move(entries), [wire, receipt = received.receipt] {
+      wire->post({ServerMessage::Kind::receipts, {}, {receipt}});
+    });
     if (saver->is_long())
-      saver->replace([snapshot = maps.snapshot_to_encode(), vetoed = maps.vetoed()] { return entries_of(snapshot(), vetoed); });
+      saver->replace(
+          [snapshot = maps.snapshot_to_encode(), vetoed = maps.vetoed()] { return entries_of(snapshot(), vetoed); });
     advance();
   }
 
@@ -254,7 +262,9 @@ struct LiveMapServer::State {
   void veto(const Hash& judgement) {
     const auto saved = std::make_shared<std::promise<void>>();
     const std::future<void> is_saved = saved->get_future();
-    const auto ended = [] { return Error(ErrorCode::kBadInput, "the map server has ended", "a veto", "begin it again first"); };
+    const auto ended = [] {
+      return Error(ErrorCode::kBadInput, "the map server has ended", "a veto", "begin it again first");
+    };
     if (has_ended()) throw ended();
     {
       const Hold hold(*this);
@@ -263,7 +273,8 @@ struct LiveMapServer::State {
       advance();
     }
     while (is_saved.wait_for(kUntilAsked) != std::future_status::ready) {
-      if (const std::string trouble = saver->trouble(); !trouble.empty()) throw Error(ErrorCode::kCannotWrite, trouble, "a veto");
+      if (const std::string trouble = saver->trouble(); !trouble.empty())
+        throw Error(ErrorCode::kCannotWrite, trouble, "a veto");
       if (has_ended() && is_saved.wait_for(kUntilAsked) != std::future_status::ready) throw ended();
     }
   }
@@ -282,8 +293,8 @@ struct LiveMapServer::State {
 
   // --- Merging. The maps are held only while a merge begins and while its result is taken over.
   void advance() {
-    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()}, *merge_pool,
-                 !merger_is_busy);
+    maps.advance({std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count()},
+                 *merge_pool, !merger_is_busy);
     if (maps.pending()) maps_changed.notify_one();
   }
 
@@ -314,7 +325,8 @@ struct LiveMapServer::State {
       work.reset();  // with what is no longer known
       note_merge(spent_s, lasted_s, trouble.empty() ? later : trouble, std::move(notes));
       lock.lock();
-      maps_changed.wait_for(lock, std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.merge_share) - 1.0)),
+      maps_changed.wait_for(lock,
+                            std::chrono::duration<double>(lasted_s * (1.0 / std::max(0.01, options.merge_share) - 1.0)),
                             [&] { return merging_ends; });
       merger_is_busy = false;
       if (const std::string last = trouble_of([&] { advance(); }); !last.empty()) maps.abandon();
@@ -367,7 +379,8 @@ struct LiveMapServer::State {
       add(gone[SessionId{}], one->second);
       one = gone.erase(one);
     }
-    wires.erase(std::remove_if(wires.begin(), wires.end(), [](const auto& wire) { return wire->is_closed && !wire->is_handled; }),
+    wires.erase(std::remove_if(wires.begin(), wires.end(),
+                               [](const auto& wire) { return wire->is_closed && !wire->is_handled; }),
                 wires.end());
   }
 
@@ -404,8 +417,9 @@ struct LiveMapServer::State {
   }
 };
 
-LiveMapServer::LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
-                             const std::optional<std::filesystem::path>& journal, rig::RigOptions rig)
+LiveMapServer::LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion,
+                             LiveServerOptions options, const std::optional<std::filesystem::path>& journal,
+                             rig::RigOptions rig)
     : state_(std::make_shared<State>(edge, std::move(server), std::move(fusion), options, journal, rig)) {}
 
 LiveMapServer::~LiveMapServer() { state_->finish(); }
@@ -446,7 +460,8 @@ ServerCounts LiveMapServer::counts() const {
     add(sum, wire->counts);
   }
   ServerCounts counts = state_->counts;
-  counts.longest_hold_s = longest_hold_s, counts.is_merging = is_merging, counts.saving_s = state_->saver->cpu_seconds();
+  counts.longest_hold_s = longest_hold_s, counts.is_merging = is_merging,
+  counts.saving_s = state_->saver->cpu_seconds();
   if (counts.trouble.empty()) counts.trouble = state_->saver->trouble();
   for (const auto& [session, client] : clients) counts.clients.push_back(client);
   return counts;
@@ -457,7 +472,8 @@ tiers::VisualServer& LiveMapServer::finish() {
   return state_->maps;
 }
 
-LiveMapServer::Link::Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server) : wire_(std::move(wire)), server_(std::move(server)) {}
+LiveMapServer::Link::Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server)
+    : wire_(std::move(wire)), server_(std::move(server)) {}
 
 LiveMapServer::Link::~Link() {
   if (const auto server = server_.lock()) {
@@ -484,7 +500,9 @@ LiveMapServer::Link::Sent LiveMapServer::Link::send(ClientMessage message) {
   return Sent::taken;
 }
 
-std::vector<ServerMessage> LiveMapServer::Link::take(std::chrono::milliseconds patience) { return wire_->take(patience); }
+std::vector<ServerMessage> LiveMapServer::Link::take(std::chrono::milliseconds patience) {
+  return wire_->take(patience);
+}
 
 bool LiveMapServer::Link::is_closed() const { return wire_->is_over(); }
 

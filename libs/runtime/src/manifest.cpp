@@ -19,13 +19,17 @@ Hash hash_of_input(const std::filesystem::path& log) {
   std::error_code problem;
   if (!std::filesystem::is_directory(log, problem)) return hash_of_file(log);
   std::map<std::string, Hash> files;
-  std::filesystem::recursive_directory_iterator entry(log, std::filesystem::directory_options::follow_directory_symlink, problem);
+  std::filesystem::recursive_directory_iterator entry(log, std::filesystem::directory_options::follow_directory_symlink,
+                                                      problem);
   for (; !problem && entry != std::filesystem::recursive_directory_iterator(); entry.increment(problem)) {
     if (entry.depth() >= kDeepest) entry.disable_recursion_pending();
     std::error_code ignored;
-    if (entry->is_regular_file(ignored)) files[entry->path().lexically_relative(log).generic_string()] = hash_of_file(entry->path());
+    if (entry->is_regular_file(ignored))
+      files[entry->path().lexically_relative(log).generic_string()] = hash_of_file(entry->path());
   }
-  if (problem) throw Error(ErrorCode::kMissing, "the folder cannot be read: " + problem.message(), log.string(), "check its permissions");
+  if (problem)
+    throw Error(ErrorCode::kMissing, "the folder cannot be read: " + problem.message(), log.string(),
+                "check its permissions");
   Hasher hasher;
   for (const auto& [name, hash] : files) hasher.add(name).add(hash);
   return hasher.finish();
@@ -36,7 +40,8 @@ nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed
   using Json = nlohmann::ordered_json;
   std::map<std::string, std::string> checksums;  // by path within the folder
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder))
-    if (entry.is_regular_file()) checksums[entry.path().lexically_relative(folder).generic_string()] = to_hex(hash_of_file(entry.path()));
+    if (entry.is_regular_file())
+      checksums[entry.path().lexically_relative(folder).generic_string()] = to_hex(hash_of_file(entry.path()));
   checksums.erase("manifest.json");
 
   Json input_list = Json::array(), outputs = Json::object(), outputs_with_times = Json::object();

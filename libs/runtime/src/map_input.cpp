@@ -32,8 +32,10 @@ std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
 
 MapInput grid_input(const std::filesystem::path& path, const MapId& name) {
   const OccupancyGrid grid = exporters::read_map_server(path);
-  if (std::all_of(grid.log_odds.begin(), grid.log_odds.end(), [](std::int16_t cell) { return cell == OccupancyGrid::kUnknown; }))
-    throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", path.string(), "check its image and its thresholds");
+  if (std::all_of(grid.log_odds.begin(), grid.log_odds.end(),
+                  [](std::int16_t cell) { return cell == OccupancyGrid::kUnknown; }))
+    throw Error(ErrorCode::kBadInput, "every cell of the grid is unknown", path.string(),
+                "check its image and its thresholds");
   MapInput input{{fusion::map_of_grid(name, grid)}, {}, {path, exporters::image_of_map_server(path)}, {}};
   if (const std::string doubt = fusion::doubt_of_raster(grid); !doubt.empty())
     input.notes = {path.string() + " " + doubt + ": check its image and its thresholds"};
@@ -44,7 +46,8 @@ MapInput grid_input(const std::filesystem::path& path, const MapId& name) {
 
 MapInput read_map_input(const std::filesystem::path& path, MapId name) {
   std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) throw Error(ErrorCode::kMissing, "is not there", path.string(), "check the path");
+  if (!std::filesystem::exists(path, ignored))
+    throw Error(ErrorCode::kMissing, "is not there", path.string(), "check the path");
   if (std::filesystem::is_directory(path, ignored)) {
     if (!std::filesystem::exists(path / "map.mwdb", ignored))
       throw Error(ErrorCode::kBadInput, "is a folder without a map.mwdb", path.string(),
@@ -56,18 +59,20 @@ MapInput read_map_input(const std::filesystem::path& path, MapId name) {
     mapdb::StoredMaps stored = mapdb::read_store(path);
     MapInput input{std::move(stored.maps), {}, {path}, {}, std::move(stored.metadata)};
     for (mapdb::MemberMap& member : stored.members) input.members.push_back(std::move(member.own));
-    if (input.maps.empty()) throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
+    if (input.maps.empty())
+      throw Error(ErrorCode::kBadInput, "there is no map in it", path.string(), "take a store that holds maps");
     return input;
   }
   if (ending == ".mwj") {
     MapInput input{maps_of_journal(path), {}, mapdb::UpdateJournal::files_of(path), {}};
     if (input.maps.empty())
-      throw Error(ErrorCode::kBadInput, "there is no map in it: no client published anything to its server", path.string(),
-                  "take a journal that holds maps");
+      throw Error(ErrorCode::kBadInput, "there is no map in it: no client published anything to its server",
+                  path.string(), "take a journal that holds maps");
     return input;
   }
   if (ending == ".yaml" || ending == ".yml") return grid_input(path, name);
-  throw Error(ErrorCode::kBadInput, "is neither a map store (.mwdb) nor a server's journal (.mwj) nor a map_server grid (.yaml)",
+  throw Error(ErrorCode::kBadInput,
+              "is neither a map store (.mwdb) nor a server's journal (.mwj) nor a map_server grid (.yaml)",
               path.string(), "name one of these");
 }
 

@@ -44,7 +44,8 @@ MapId map_called(const std::string& name, const std::vector<Map>& maps, const st
 
 bool is_known(const StartedMap& one) { return one.start.sigma_m > 0.0 && !one.map->nodes.empty(); }
 
-constexpr const char* kAnchorForm = "write A,B,x,y,yaw[,sigma] in metres and radians, as in --anchor alpha,beta,3.5,-1,1.57,0.5";
+constexpr const char* kAnchorForm =
+    "write A,B,x,y,yaw[,sigma] in metres and radians, as in --anchor alpha,beta,3.5,-1,1.57,0.5";
 
 double number_in(const std::string& text, const std::string& what, double low, double high) {
   std::size_t used = 0;
@@ -73,8 +74,9 @@ Anchor parse_anchor(std::string_view text) {
   }
   constexpr std::size_t kFewest = 5, kMost = 7;
   if (parts.size() < kFewest || parts.size() > kMost || parts[0].empty() || parts[1].empty())
-    throw Error(ErrorCode::kUsage, "'" + std::string(text) + "' has " + std::to_string(parts.size()) + " parts; 5 to 7 are expected", "--anchor",
-                kAnchorForm);
+    throw Error(ErrorCode::kUsage,
+                "'" + std::string(text) + "' has " + std::to_string(parts.size()) + " parts; 5 to 7 are expected",
+                "--anchor", kAnchorForm);
   constexpr double kFarthest_m = 1e6, kMostYaw_rad = 7.0, kLeastSigma = 1e-3;
   Anchor anchor;
   anchor.a = parts[0];
@@ -89,8 +91,10 @@ Anchor parse_anchor(std::string_view text) {
 
 std::pair<std::string, std::string> parse_pair(std::string_view text, const std::string& option) {
   const std::size_t comma = text.find(',');
-  if (comma == std::string_view::npos || comma == 0 || comma + 1 == text.size() || text.find(',', comma + 1) != std::string_view::npos)
-    throw Error(ErrorCode::kUsage, "'" + std::string(text) + "' is no pair of names", option, "write A,B as in " + option + " alpha,beta");
+  if (comma == std::string_view::npos || comma == 0 || comma + 1 == text.size() ||
+      text.find(',', comma + 1) != std::string_view::npos)
+    throw Error(ErrorCode::kUsage, "'" + std::string(text) + "' is no pair of names", option,
+                "write A,B as in " + option + " alpha,beta");
   return {std::string(text.substr(0, comma)), std::string(text.substr(comma + 1))};
 }
 
@@ -108,15 +112,19 @@ void apply(const MergeRequests& requests, fusion::FusionInput& input) {
   for (const auto& [one, other] : requests.refused)
     for (const MapId& a : maps_called(one, input.maps, "--refuse"))
       for (const MapId& b : maps_called(other, input.maps, "--refuse")) {
-        if (a == b) throw Error(ErrorCode::kUsage, "'" + one + "' and '" + other + "' are one map", "--refuse", "name two maps");
+        if (a == b)
+          throw Error(ErrorCode::kUsage, "'" + one + "' and '" + other + "' are one map", "--refuse", "name two maps");
         input.refused.insert(std::minmax(a, b));
       }
   for (const Anchor& anchor : requests.anchors) {
     const MapId a = map_called(anchor.a, input.maps, "--anchor"), b = map_called(anchor.b, input.maps, "--anchor");
-    if (a == b) throw Error(ErrorCode::kUsage, "'" + anchor.a + "' and '" + anchor.b + "' are one map", "--anchor", "name two maps");
+    if (a == b)
+      throw Error(ErrorCode::kUsage, "'" + anchor.a + "' and '" + anchor.b + "' are one map", "--anchor",
+                  "name two maps");
     for (const fusion::MapPrior& other : input.priors)
       if (std::minmax(other.a, other.b) == std::minmax(a, b))
-        throw Error(ErrorCode::kUsage, "there are two priors of '" + anchor.a + "' and '" + anchor.b + "'", "--anchor", "give the better one");
+        throw Error(ErrorCode::kUsage, "there are two priors of '" + anchor.a + "' and '" + anchor.b + "'", "--anchor",
+                    "give the better one");
     input.priors.push_back({a, b, anchor.a_from_b, anchor.sigma_m, anchor.sigma_rad});
   }
 }
@@ -126,13 +134,15 @@ std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>& ma
   const auto world_from_map = [](const StartedMap& one) {
     const auto first = std::min_element(one.map->nodes.begin(), one.map->nodes.end(),
                                         [](const auto& l, const auto& r) { return l.second.stamp < r.second.stamp; });
-    return compose(Pose2{one.start.x_m, one.start.y_m, one.start.yaw_rad}, inverse(planar(first->second.map_from_node)));
+    return compose(Pose2{one.start.x_m, one.start.y_m, one.start.yaw_rad},
+                   inverse(planar(first->second.map_from_node)));
   };
   for (auto a = maps.begin(); a != maps.end(); ++a)
     for (auto b = std::next(a); b != maps.end(); ++b) {
       if (!is_known(*a) || !is_known(*b)) continue;
       fusion::MapPrior prior{a->map->id, b->map->id, between(world_from_map(*a), world_from_map(*b))};
-      const double swing_m = std::hypot(prior.a_from_b.x, prior.a_from_b.y) * std::max(a->start.sigma_rad, b->start.sigma_rad);
+      const double swing_m =
+          std::hypot(prior.a_from_b.x, prior.a_from_b.y) * std::max(a->start.sigma_rad, b->start.sigma_rad);
       prior.sigma_m = std::hypot(std::hypot(a->start.sigma_m, b->start.sigma_m), swing_m);
       prior.sigma_rad = std::hypot(a->start.sigma_rad, b->start.sigma_rad);
       priors.push_back(prior);
@@ -142,8 +152,10 @@ std::vector<fusion::MapPrior> priors_of_starts(const std::vector<StartedMap>& ma
 
 std::optional<std::string> start_alone(const std::vector<StartedMap>& maps) {
   const auto known = std::find_if(maps.begin(), maps.end(), is_known);
-  if (maps.size() < 2 || known == maps.end() || std::count_if(maps.begin(), maps.end(), is_known) > 1) return std::nullopt;
-  return "where " + known->map->id.str() + " began is known, but of no other robot: alone it says nothing of how maps lie to each other";
+  if (maps.size() < 2 || known == maps.end() || std::count_if(maps.begin(), maps.end(), is_known) > 1)
+    return std::nullopt;
+  return "where " + known->map->id.str() +
+         " began is known, but of no other robot: alone it says nothing of how maps lie to each other";
 }
 
 }  // namespace mapweave::runtime

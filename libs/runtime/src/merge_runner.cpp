@@ -81,8 +81,11 @@ void take_members(std::vector<NamedInput>& read, Inputs& inputs) {
     for (const Map& member : input.content.members) ++holders[member.id];
   }
   for (NamedInput& input : read) {
-    const auto renamed = [&](const MapId& id) { return holders[id] > 1 ? MapId(input.name.str() + "." + id.str()) : id; };
-    if (!input.content.members.empty()) inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
+    const auto renamed = [&](const MapId& id) {
+      return holders[id] > 1 ? MapId(input.name.str() + "." + id.str()) : id;
+    };
+    if (!input.content.members.empty())
+      inputs.kept.push_back(renamed_in(kept_in(input.content.metadata, input.path.string()), renamed));
     for (Map& member : input.content.members) {
       member.id = renamed(member.id);
       inputs.maps.push_back(std::move(member));
@@ -97,7 +100,8 @@ void expect_one_robot_each(const NamedInput& input, const MergeRequests& request
   for (const Map& map : input.content.maps)
     if (const auto robots = map.robots(); robots.size() > 1 && std::any_of(robots.begin(), robots.end(), is_left_out))
       throw Error(ErrorCode::kBadInput, "this team map does not hold its robots' own maps", input.path.string(),
-                  "give the robots' own maps (robots/*/map.mwdb of the same results), or make the team again with this version");
+                  "give the robots' own maps (robots/*/map.mwdb of the same results), or make the team again with this "
+                  "version");
 }
 
 Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeRequests& requests) {
@@ -105,10 +109,12 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
   const std::vector<std::filesystem::path> paths = with_teams_of_results(given);
   const std::vector<MapId> names = names_of(paths);
   std::vector<NamedInput> read;
-  for (std::size_t i = 0; i < paths.size(); ++i) read.push_back({paths[i], names[i], read_map_input(paths[i], names[i])});
+  for (std::size_t i = 0; i < paths.size(); ++i)
+    read.push_back({paths[i], names[i], read_map_input(paths[i], names[i])});
   for (NamedInput& input : read) {
     inputs.notes.insert(inputs.notes.end(), input.content.notes.begin(), input.content.notes.end());
-    for (const std::filesystem::path& file : input.content.files) inputs.files.push_back({file.string(), hash_of_file(file)});
+    for (const std::filesystem::path& file : input.content.files)
+      inputs.files.push_back({file.string(), hash_of_file(file)});
     if (!input.content.members.empty()) continue;
     expect_one_robot_each(input, requests);
     std::vector<Map>& maps = input.content.maps;
@@ -116,7 +122,8 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
       map.id = maps.size() == 1 ? input.name : MapId(input.name.str() + "." + map.id.str());
       inputs.maps.push_back(std::move(map));
     }
-    if (input.name.str() != name_of_file(input.path)) inputs.notes.push_back(input.path.string() + " is called '" + input.name.str() + "' here");
+    if (input.name.str() != name_of_file(input.path))
+      inputs.notes.push_back(input.path.string() + " is called '" + input.name.str() + "' here");
   }
   take_members(read, inputs);
   const std::size_t count = inputs.maps.size();
@@ -127,14 +134,15 @@ Inputs read_inputs(const std::vector<std::filesystem::path>& given, const MergeR
     inputs.notes.push_back("left out: " + left_out);
   }
   inputs.maps = with_robots_apart(std::move(inputs.maps), inputs.notes);
-  std::sort(inputs.files.begin(), inputs.files.end(), [](const InputFile& a, const InputFile& b) { return a.path < b.path; });
+  std::sort(inputs.files.begin(), inputs.files.end(),
+            [](const InputFile& a, const InputFile& b) { return a.path < b.path; });
   return inputs;
 }
 
 }  // namespace
 
-Report run_merge(const RunConfiguration& given, const std::vector<std::filesystem::path>& paths, const MergeSettings& settings,
-                 WorkerPool& pool, Progress& progress) {
+Report run_merge(const RunConfiguration& given, const std::vector<std::filesystem::path>& paths,
+                 const MergeSettings& settings, WorkerPool& pool, Progress& progress) {
   RunConfiguration configuration = given;
   Results results(settings.out, settings.force, configuration, pool, progress);
   Inputs inputs = read_inputs(paths, settings.requests);
@@ -149,7 +157,8 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   apply(settings.requests, input);
   for (const KeptRequests& kept : inputs.kept) apply(kept, input, report.notes);
   // What is said counts the same in any order.
-  std::sort(input.priors.begin(), input.priors.end(), [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
+  std::sort(input.priors.begin(), input.priors.end(),
+            [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });
   fusion::Memo memo;
   const fusion::FusionResult team = fusion::fuse(input, configuration.fusion, memo, pool, progress);
   report.team = Results::report_of(cloud_tier(), team);

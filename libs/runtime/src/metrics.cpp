@@ -24,7 +24,8 @@ double thread_cpu_seconds() { return seconds_of(CLOCK_THREAD_CPUTIME_ID); }
 double process_cpu_seconds() { return seconds_of(CLOCK_PROCESS_CPUTIME_ID); }
 
 std::uint64_t peak_rss_bytes() {
-  return 1024 * static_cast<std::uint64_t>(usage_of(RUSAGE_SELF).ru_maxrss + usage_of(RUSAGE_CHILDREN).ru_maxrss);  // kB each
+  return 1024 *
+         static_cast<std::uint64_t>(usage_of(RUSAGE_SELF).ru_maxrss + usage_of(RUSAGE_CHILDREN).ru_maxrss);  // kB each
 }
 
 }  // namespace mapweave::runtime

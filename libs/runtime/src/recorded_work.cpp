@@ -64,23 +64,27 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     done.fusing_s = field(edge, "fusing_cpu_seconds", where, key);
     done.bytes = count(edge, "bytes", where, key);
     done.speed = scheduling::number(member(edge, "speed", where, key), 0.0, kMost, true, where, key + ".speed");
-    done.sent_bytes = count(edge, "lent_bytes", where, key), done.judged_bytes = count(edge, "judged_bytes", where, key);
+    done.sent_bytes = count(edge, "lent_bytes", where, key),
+    done.judged_bytes = count(edge, "judged_bytes", where, key);
     done.judging_s = field(edge, "judging_cpu_seconds", where, key);
     work.edges.push_back(done);
   }
   const Json& cloud = member(line, "cloud", where, "timeline");
   work.fusing_s = field(cloud, "fusing_cpu_seconds", where, "timeline.cloud");
-  if (cloud.contains("planning_cpu_seconds")) work.planning_s = field(cloud, "planning_cpu_seconds", where, "timeline.cloud");
+  if (cloud.contains("planning_cpu_seconds"))
+    work.planning_s = field(cloud, "planning_cpu_seconds", where, "timeline.cloud");
   for (const Json& push : list(line, "pushes", where)) {
     const std::string key = "timeline.pushes";
     if (!push.is_object()) refuse("an object was expected", where, key, "");
-    work.pushes.push_back(
-        {RobotId(scheduling::name(member(push, "robot", where, key), where, key + ".robot")), count(push, "bytes", where, key)});
+    work.pushes.push_back({RobotId(scheduling::name(member(push, "robot", where, key), where, key + ".robot")),
+                           count(push, "bytes", where, key)});
   }
   for (const Json& overlap : line.contains("overlaps") ? list(line, "overlaps", where) : Json::array()) {
     const std::string key = "timeline.overlaps";
-    if (!overlap.is_array() || overlap.size() != 3) refuse("two robots and their overlap degree were expected", where, key, "");
-    work.overlaps.push_back({RobotId(scheduling::name(overlap[0], where, key)), RobotId(scheduling::name(overlap[1], where, key)),
+    if (!overlap.is_array() || overlap.size() != 3)
+      refuse("two robots and their overlap degree were expected", where, key, "");
+    work.overlaps.push_back({RobotId(scheduling::name(overlap[0], where, key)),
+                             RobotId(scheduling::name(overlap[1], where, key)),
                              scheduling::number(overlap[2], 0.0, 0.5, false, where, key)});
   }
   if (recorded_s != nullptr) *recorded_s = field(line, "recorded_seconds", where, "timeline");

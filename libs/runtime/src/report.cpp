@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <tuple>
 #include <cmath>
+#include <tuple>
 
 namespace mapweave::runtime {
 namespace {
@@ -24,8 +24,8 @@ std::size_t pairs(const FusionReport& fusion, Decision decision) {
 
 bool is_planar(const Sim3& motion) {
   constexpr double kNothing = 1e-9;
-  return std::abs(motion.pose.t.z()) < kNothing && std::abs(motion.pose.q.x()) < kNothing && std::abs(motion.pose.q.y()) < kNothing &&
-         std::abs(motion.scale - 1.0) < kNothing;
+  return std::abs(motion.pose.t.z()) < kNothing && std::abs(motion.pose.q.x()) < kNothing &&
+         std::abs(motion.pose.q.y()) < kNothing && std::abs(motion.scale - 1.0) < kNothing;
 }
 
 // a_from_b the other way round.
@@ -51,7 +51,8 @@ Json b_from_a_with_scale(const Sim3& a_from_b) {
 // Of b_from_a. Rows: x, y, yaw of a planar alignment, else all six.
 Json covariance(const Alignment& a_from_b) {
   const Alignment alignment = is_planar(a_from_b.a_from_b) ? inverse(a_from_b) : a_from_b;
-  const std::vector<int> rows = is_planar(alignment.a_from_b) ? std::vector<int>{0, 1, 5} : std::vector<int>{0, 1, 2, 3, 4, 5};
+  const std::vector<int> rows =
+      is_planar(alignment.a_from_b) ? std::vector<int>{0, 1, 5} : std::vector<int>{0, 1, 2, 3, 4, 5};
   Json matrix = Json::array();
   for (const int row : rows) {
     Json line = Json::array();
@@ -99,15 +100,17 @@ Json prior_json(const PriorCheck& prior) {
 
 // Of the two maps, where one came to be.
 const fusion::PairAudit* audit_of(const FusionReport& fusion, const Verdict& verdict) {
-  const auto audit = std::find_if(fusion.audits.begin(), fusion.audits.end(),
-                                  [&](const fusion::PairAudit& one) { return one.a == verdict.a && one.b == verdict.b; });
+  const auto audit = std::find_if(fusion.audits.begin(), fusion.audits.end(), [&](const fusion::PairAudit& one) {
+    return one.a == verdict.a && one.b == verdict.b;
+  });
   return audit == fusion.audits.end() ? nullptr : &*audit;
 }
 
 Json audit_json(const fusion::PairAudit* audit) {
   if (audit == nullptr) return {};
   Json conflicts = Json::array();
-  for (const auto& conflict : audit->conflicts) conflicts.push_back({{"x_m", conflict.x_m}, {"y_m", conflict.y_m}, {"length_m", conflict.length_m}});
+  for (const auto& conflict : audit->conflicts)
+    conflicts.push_back({{"x_m", conflict.x_m}, {"y_m", conflict.y_m}, {"length_m", conflict.length_m}});
   return {{"coinciding_m", audit->coinciding_m},
           {"contradicted_m", audit->contradicted_m},
           {"unclear_m", audit->unclear_m},
@@ -223,14 +226,15 @@ Json camera_json(const CameraReport& camera) {
 }
 
 std::string in_words(const RobotReport& robot) {
-  const std::string pace = format(" of %.0f s in %.1f s (%.*f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
-                                  robot.real_time_factor() < 9.5 ? 1 : 0, robot.real_time_factor(), robot.mapped ? "" : "; no map");
+  const std::string pace =
+      format(" of %.0f s in %.1f s (%.*f x real time)%s\n", robot.log_seconds, robot.wall_seconds,
+             robot.real_time_factor() < 9.5 ? 1 : 0, robot.real_time_factor(), robot.mapped ? "" : "; no map");
   if (robot.cameras.empty())
     return format("robot %s: %llu scans", robot.id.str().c_str(), static_cast<unsigned long long>(robot.scans)) + pace;
   std::string text;
   for (const CameraReport& camera : robot.cameras) {
-    text += format("robot %s, camera %s (%s): %llu frames%s", robot.id.str().c_str(), camera.label.c_str(), camera.kind.c_str(),
-                   static_cast<unsigned long long>(camera.frames), pace.c_str());
+    text += format("robot %s, camera %s (%s): %llu frames%s", robot.id.str().c_str(), camera.label.c_str(),
+                   camera.kind.c_str(), static_cast<unsigned long long>(camera.frames), pace.c_str());
     text += format("  %llu tracked, %llu lost; %llu keyframes, %llu landmarks, %llu loops closed; %.1f ms a frame\n",
                    static_cast<unsigned long long>(camera.tracked), static_cast<unsigned long long>(camera.lost),
                    static_cast<unsigned long long>(camera.keyframes), static_cast<unsigned long long>(camera.landmarks),
@@ -254,8 +258,8 @@ std::string in_words(const CoordinationReport& report, const std::optional<Timel
     text += "\n";
   }
   if (timeline && !report.decisions.empty())
-    text +=
-        format("coordinator: all was expected after %.3g s and came after %.3g s\n", report.decisions.back().expected_s, timeline->total_s);
+    text += format("coordinator: all was expected after %.3g s and came after %.3g s\n",
+                   report.decisions.back().expected_s, timeline->total_s);
   return text;
 }
 
@@ -313,19 +317,23 @@ Json summary_json(const Report& report) {
 Json merges_json(const Report& report) {
   Json merges = Json::array();
   for (const FusionReport& edge : report.edges)
-    for (const Verdict& verdict : edge.verdicts) merges.push_back(verdict_json(edge.tier, verdict, audit_of(edge, verdict)));
-  for (const Verdict& verdict : report.team.verdicts) merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
+    for (const Verdict& verdict : edge.verdicts)
+      merges.push_back(verdict_json(edge.tier, verdict, audit_of(edge, verdict)));
+  for (const Verdict& verdict : report.team.verdicts)
+    merges.push_back(verdict_json(report.team.tier, verdict, audit_of(report.team, verdict)));
   return merges;
 }
 
 // Where a map that was merged showed something twice.
 std::string in_words(const fusion::PairAudit& audit) {
   if (!audit.is_ghost || audit.conflicts.empty()) return "";
-  return format("; merged, they would show walls twice: %.0f m, the longest at (%.0f, %.0f) in the map of %s (conflicts.png)",
-                audit.contradicted_m, audit.conflicts.front().x_m, audit.conflicts.front().y_m, audit.a.str().c_str());
+  return format(
+      "; merged, they would show walls twice: %.0f m, the longest at (%.0f, %.0f) in the map of %s (conflicts.png)",
+      audit.contradicted_m, audit.conflicts.front().x_m, audit.conflicts.front().y_m, audit.a.str().c_str());
 }
 
-// Of a pair that matched, but of which one map was taken out of its team since it shows walls twice with a third one; else empty.
+// Of a pair that matched, but of which one map was taken out of its team since it shows walls twice with a third one;
+// else empty.
 std::string taken_apart_in_words(const FusionReport& fusion, const Verdict& verdict) {
   if (verdict.decision != Decision::refused || verdict.reason != Reason::inconsistent) return "";
   for (const fusion::PairAudit& audit : fusion.audits) {
@@ -343,8 +351,10 @@ std::string in_words(const FusionReport& fusion, const std::string& who) {
   for (const Verdict& verdict : fusion.verdicts) {
     const fusion::PairAudit* audit = audit_of(fusion, verdict);
     const std::string taken_apart = taken_apart_in_words(fusion, verdict);
-    text += who + ": " + (taken_apart.empty() ? in_words(verdict) : taken_apart) + (audit != nullptr ? in_words(*audit) : "") + "\n";
-    if (verdict.prior) text += "note: " + verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(*verdict.prior) + "\n";
+    text += who + ": " + (taken_apart.empty() ? in_words(verdict) : taken_apart) +
+            (audit != nullptr ? in_words(*audit) : "") + "\n";
+    if (verdict.prior)
+      text += "note: " + verdict.a.str() + " + " + verdict.b.str() + ": " + in_words(*verdict.prior) + "\n";
   }
   return text;
 }
@@ -353,7 +363,8 @@ std::string in_words(const Report& report, const std::string& folder) {
   std::string text;
   for (const RobotReport& robot : report.robots) {
     text += in_words(robot);
-    if (robot.trouble) text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
+    if (robot.trouble)
+      text += format("robot %s: its stream ended early: %s\n", robot.id.str().c_str(), robot.trouble->what());
   }
   if (report.coordination) text += in_words(*report.coordination, report.timeline);
   for (const FusionReport& edge : report.edges) text += in_words(edge, "edge " + edge.tier.str());
@@ -365,12 +376,13 @@ std::string in_words(const Report& report, const std::string& folder) {
     text += format("the maps form %zu separate teams:", components);
     for (std::size_t i = 0; i < components; ++i) {
       text += i == 0 ? " " : "; ";
-      for (std::size_t j = 0; j < report.team.components[i].size(); ++j) text += (j == 0 ? "" : " + ") + report.team.components[i][j].str();
+      for (std::size_t j = 0; j < report.team.components[i].size(); ++j)
+        text += (j == 0 ? "" : " + ") + report.team.components[i][j].str();
     }
     text += "\n";
   }
-  text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds, static_cast<double>(report.peak_rss_bytes) / 1e6,
-                 folder.c_str());
+  text += format("took %.1f s, at most %.0f MB\nresults: %s\n", report.wall_seconds,
+                 static_cast<double>(report.peak_rss_bytes) / 1e6, folder.c_str());
   if (!report.picture.empty()) text += "picture: " + folder + "/" + report.picture + "\n";
   return text;
 }

@@ -28,7 +28,8 @@ std::string words_of(const Json& verdict, const ReportedPair& pair) {
   const std::string decision = pair.is_accepted                                          ? "merged"
                                : verdict.at("decision").get<std::string>() == "deferred" ? "not decided"
                                                                                          : "kept apart";
-  return pair.a + " + " + pair.b + ": " + decision + (pair.reason == Reason::none ? "" : ": " + std::string(in_words(pair.reason)));
+  return pair.a + " + " + pair.b + ": " + decision +
+         (pair.reason == Reason::none ? "" : ": " + std::string(in_words(pair.reason)));
 }
 
 }  // namespace
@@ -39,14 +40,16 @@ std::optional<ReportedTransform> reported_transform(const Json& b_from_a) {
   Sim3 transform;
   transform.scale = b_from_a.value("scale", 1.0);
   if (b_from_a.contains("yaw")) {
-    transform.pose = spatial(Pose2{b_from_a.at("x").get<double>(), b_from_a.at("y").get<double>(), b_from_a.at("yaw").get<double>()});
+    transform.pose = spatial(
+        Pose2{b_from_a.at("x").get<double>(), b_from_a.at("y").get<double>(), b_from_a.at("yaw").get<double>()});
   } else {
     const auto t = b_from_a.at("t").get<std::vector<double>>(), q = b_from_a.at("q").get<std::vector<double>>();
     if (t.size() != 3 || q.size() != 4) return std::nullopt;
     transform.pose = {{t[0], t[1], t[2]}, Eigen::Quaterniond(q[3], q[0], q[1], q[2])};
   }
   const double length = transform.pose.q.norm();
-  if (!(transform.scale > 1.0 / kLargest && transform.scale < kLargest && length > 0.5 && length < 2.0)) return std::nullopt;
+  if (!(transform.scale > 1.0 / kLargest && transform.scale < kLargest && length > 0.5 && length < 2.0))
+    return std::nullopt;
   transform.pose.q.normalize();
   const Sim3 a_from_b = inverse(transform);
   if (!(a_from_b.pose.t.norm() < kFarthest_m)) return std::nullopt;

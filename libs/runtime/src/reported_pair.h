@@ -46,8 +46,8 @@ ReportedPair reported_pair(const nlohmann::ordered_json& verdict);
 // Of one map in another; near enough to be drawn, else nothing.
 std::optional<ReportedTransform> reported_transform(const nlohmann::ordered_json& b_from_a);
 
-// A page: the decision, each hypothesis with what speaks for and against it, what would help. `rasters`: what is odd about the maps'
-// rasters, a line each.
+// A page: the decision, each hypothesis with what speaks for and against it, what would help. `rasters`: what is odd
+// about the maps' rasters, a line each.
 std::string page(const ReportedPair& pair, const std::vector<std::string>& rasters);
 
 // Lines under a picture of it.

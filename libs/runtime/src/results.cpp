@@ -17,15 +17,18 @@ namespace mapweave::runtime {
 namespace {
 
 // What a component's map rests on.
-mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused, const std::vector<const Map*>& own_maps,
-                         const KeptRequests& requests) {
+mapdb::StoredMaps stored(const fusion::Component& component, const fusion::FusionResult& fused,
+                         const std::vector<const Map*>& own_maps, const KeptRequests& requests) {
   mapdb::StoredMaps result;
   result.maps = {component.map};
   for (const Map* own : own_maps)
-    if (std::binary_search(component.members.begin(), component.members.end(), own->id)) result.members.push_back({component.map.id, *own});
+    if (std::binary_search(component.members.begin(), component.members.end(), own->id))
+      result.members.push_back({component.map.id, *own});
   for (const Judgement& judgement : fused.judgements)
     if (holds(component.map, judgement.a) && holds(component.map, judgement.b)) result.judgements.push_back(judgement);
-  const auto is_member = [&](const MapId& id) { return std::binary_search(component.members.begin(), component.members.end(), id); };
+  const auto is_member = [&](const MapId& id) {
+    return std::binary_search(component.members.begin(), component.members.end(), id);
+  };
   for (const Verdict& verdict : fused.verdicts)
     if (is_member(verdict.a) || is_member(verdict.b)) result.verdicts.push_back(verdict);
   result.metadata["program"] = "mapweave " + program_version();
@@ -35,7 +38,8 @@ mapdb::StoredMaps stored(const fusion::Component& component, const fusion::Fusio
 
 }  // namespace
 
-Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool, Progress& progress)
+Results::Results(const std::filesystem::path& out, bool force, const RunConfiguration& configuration, WorkerPool& pool,
+                 Progress& progress)
     : configuration_(configuration), pool_(pool), progress_(progress), folder_(out, force) {}
 
 OccupancyGrid Results::grid_of(const std::string& title, const Map& map) {
@@ -62,12 +66,14 @@ void Results::draw(const std::string& folder, const std::string& title, bool rob
   const std::size_t notes = notes_.size();
   const bool is_drawn = configuration_.output.png || configuration_.output.pgm;
   const OccupancyGrid grid = is_drawn ? grid_of(title, map) : OccupancyGrid();
-  if (is_drawn && grid.log_odds.empty() && !interrupted_ && notes_.size() == notes) notes_.push_back(title + " is not drawn: nothing was seen");
+  if (is_drawn && grid.log_odds.empty() && !interrupted_ && notes_.size() == notes)
+    notes_.push_back(title + " is not drawn: nothing was seen");
   exporters::write_map_folder(folder_.staging() / folder, map, grid, options);
   if (!map.landmarks.empty() && !grid.empty()) draw_landmarks_on(grid, folder, title, map);
   if (conflicts.empty() || !configuration_.output.png || grid.empty()) return;
   options.picture.title = title + ": walls of a map that was taken apart, seen through by another";
-  write_file(folder_.staging() / folder / "conflicts.png", exporters::map_picture_png(grid, {}, options.picture, conflicts));
+  write_file(folder_.staging() / folder / "conflicts.png",
+             exporters::map_picture_png(grid, {}, options.picture, conflicts));
 }
 
 void Results::add_map(const std::string& folder, const std::string& title, const Map& map) {
@@ -121,15 +127,18 @@ void Results::draw_landmarks(const std::filesystem::path& folder, const std::str
   write_file(top / "map.png", exporters::top_view_png(landmarks, trajectories, picture));
 }
 
-void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder, const std::string& title, const Map& map) {
+void Results::draw_landmarks_on(const OccupancyGrid& grid, const std::filesystem::path& folder,
+                                const std::string& title, const Map& map) {
   if (!configuration_.output.png) return;
   exporters::PictureOptions picture = configuration_.output.picture;
   if (picture.title.empty()) picture.title = title;
-  write_file(folder_.staging() / folder / "map.color.png",
-             exporters::top_view_png(exporters::landmark_cloud(map), exporters::session_trajectories(map), picture, &grid));
+  write_file(
+      folder_.staging() / folder / "map.color.png",
+      exporters::top_view_png(exporters::landmark_cloud(map), exporters::session_trajectories(map), picture, &grid));
 }
 
-void Results::draw_dense(const std::filesystem::path& folder, const std::string& title, const std::vector<DepthTrajectory>& trajectories) {
+void Results::draw_dense(const std::filesystem::path& folder, const std::string& title,
+                         const std::vector<DepthTrajectory>& trajectories) {
   if (interrupted_ || trajectories.empty() || !(configuration_.output.ply || configuration_.output.octomap)) return;
   saw_depth_ = true;
   try {
@@ -141,14 +150,15 @@ void Results::draw_dense(const std::filesystem::path& folder, const std::string&
   }
 }
 
-void Results::add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras) {
+void Results::add_dense(const std::string& folder, const std::string& title, const Map& map,
+                        const CamerasOutcome& cameras) {
   const Stopwatch watch;
   draw_dense(folder, title, depth_trajectories(map, {}, cameras));
   output_seconds_ += watch.seconds();
 }
 
-void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories, const fusion::Component& component,
-                        const std::vector<CamerasOutcome>& cameras) {
+void Results::draw_seen(const std::string& folder, const std::string& title, bool robot_trajectories,
+                        const fusion::Component& component, const std::vector<CamerasOutcome>& cameras) {
   const std::filesystem::path top = folder_.staging() / folder;
   std::filesystem::create_directories(top);
   const auto trajectories = team_trajectories(component, cameras, configuration_.rig.trajectory);
@@ -163,11 +173,13 @@ void Results::draw_seen(const std::string& folder, const std::string& title, boo
   draw_landmarks(folder, title, component.map, trajectories);
 }
 
-void Results::add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras) {
+void Results::add_cameras(const std::string& folder, const std::string& title, bool dense,
+                          const CamerasOutcome& cameras) {
   const Stopwatch watch;
   for (std::size_t i = 0; i < cameras.maps.size(); ++i) {
     const std::string apart = std::to_string(i), name = i == 0 ? title : title + ", apart " + apart;
-    const std::filesystem::path place = i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
+    const std::filesystem::path place =
+        i == 0 ? std::filesystem::path(folder) : std::filesystem::path(folder) / ("apart-" + apart);
     add_camera_map(place, name, cameras.maps[i]);
     if (dense) draw_dense(place, name, depth_trajectories(cameras.maps[i], cameras));
   }
@@ -177,12 +189,14 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
                      " maps that stayed apart: one was lost, went on elsewhere and came to no place that it knew");
   const std::string& first = cameras.maps.front().trajectories.front().label;
   for (const CameraResult& camera : cameras.cameras) {
-    for (const std::string& note : camera.notes) notes_.push_back(title + ", camera " + camera.report.label + ": " + note);
+    for (const std::string& note : camera.notes)
+      notes_.push_back(title + ", camera " + camera.report.label + ": " + note);
     if (!configuration_.output.png || camera.sheet.empty()) continue;
     exporters::ContactSheetOptions sheet;
     sheet.title = title + ", camera " + camera.report.label;
     const std::filesystem::path top = folder_.staging() / folder;
-    const std::filesystem::path place = camera.report.label == first ? top : top / "cameras" / sensor_name(camera.report.label);
+    const std::filesystem::path place =
+        camera.report.label == first ? top : top / "cameras" / sensor_name(camera.report.label);
     std::filesystem::create_directories(place);
     write_file(place / "frames.png", exporters::contact_sheet_png(camera.sheet, sheet));
   }
@@ -191,8 +205,10 @@ void Results::add_cameras(const std::string& folder, const std::string& title, b
 
 namespace {
 
-// Where the component's maps would show walls twice with those that were taken apart from it. Other walls that were seen through moved.
-std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& component, const std::vector<fusion::PairAudit>& audits) {
+// Where the component's maps would show walls twice with those that were taken apart from it. Other walls that were
+// seen through moved.
+std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& component,
+                                                 const std::vector<fusion::PairAudit>& audits) {
   std::vector<exporters::PictureMark> marks;
   for (const fusion::PairAudit& audit : audits) {
     const Pose3* frame = component.team_from_map.find(audit.a);
@@ -207,9 +223,9 @@ std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& compon
 
 }  // namespace
 
-void Results::add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title,
-                             bool robot_trajectories, const fusion::FusionResult& fused, const std::vector<CamerasOutcome>& cameras,
-                             Report& report) {
+void Results::add_components(TierId tier, const std::string& folder, const std::string& further,
+                             const std::string& title, bool robot_trajectories, const fusion::FusionResult& fused,
+                             const std::vector<CamerasOutcome>& cameras, Report& report) {
   const Stopwatch watch;
   const double composing_before = composing_seconds_;
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
@@ -226,7 +242,8 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
         depth.push_back(std::move(trajectory));
     if (tier == cloud_tier()) draw_dense(place, name, depth);
-    mapdb::write_store(folder_.staging() / place / "map.mwdb", stored(fused.components[i], fused, own_maps_, requests_));
+    mapdb::write_store(folder_.staging() / place / "map.mwdb",
+                       stored(fused.components[i], fused, own_maps_, requests_));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
@@ -234,10 +251,12 @@ void Results::add_components(TierId tier, const std::string& folder, const std::
   report.stages.push_back({tier, "composing", composing});
 }
 
-void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs, Report& report) {
+void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,
+                     Report& report) {
   report.notes.insert(report.notes.end(), notes_.begin(), notes_.end());
   if ((configuration_.output.ply || configuration_.output.octomap) && !saw_depth_ && !interrupted_)
-    report.notes.push_back("there is no cloud of depth: nothing was mapped with a depth camera or a stereo pair whose log is here");
+    report.notes.push_back(
+        "there is no cloud of depth: nothing was mapped with a depth camera or a stereo pair whose log is here");
   report.interrupted = report.interrupted || interrupted_;
   report.stages.push_back({TierId(), "output", output_seconds_});
   report.wall_seconds = watch_.seconds();

@@ -12,8 +12,9 @@ namespace mapweave::runtime {
 namespace {
 
 // The laser, at the edge or on the robot.
-void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
-                  Progress& progress, std::optional<LaserOutcome> mapped, RobotResult& result) {
+void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
+                  const std::atomic<bool>& give_up, Progress& progress, std::optional<LaserOutcome> mapped,
+                  RobotResult& result) {
   if (!mapped) {
     LaserTask task(robot, configuration, keep_going, false, progress);
     task.advance(std::nullopt, give_up);
@@ -29,8 +30,9 @@ void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configurati
 }
 
 // Cameras on the robot; with a map of the laser, which is there already, in one graph.
-void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration, bool keep_going,
-                    const std::atomic<bool>& give_up, Progress& progress, std::optional<CamerasOutcome> cameras, RobotResult& result) {
+void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration,
+                    bool keep_going, const std::atomic<bool>& give_up, Progress& progress,
+                    std::optional<CamerasOutcome> cameras, RobotResult& result) {
   if (cameras) {
     result.report.cpu_seconds += cameras->cpu_seconds;
     result.cameras = std::move(*cameras);
@@ -42,7 +44,8 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
   tiers::RobotOutcome& outcome = result.outcome;
   outcome.robot = robot.id;
   if (outcome.map && result.cameras.maps.empty()) {
-    log(LogLevel::warning, "robot " + robot.id.str() + " is mapped by its laser alone: " + std::string(result.cameras.trouble->what()));
+    log(LogLevel::warning,
+        "robot " + robot.id.str() + " is mapped by its laser alone: " + std::string(result.cameras.trouble->what()));
     return;
   }
   if (!outcome.trouble) outcome.trouble = result.cameras.trouble;
@@ -52,9 +55,12 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
   std::vector<Map> seen;
   for (const CameraMap& map : result.cameras.maps) seen.push_back(map.map);
   if (outcome.map && !seen.empty()) {
-    rig::LaserCameraMap both = rig::align_cameras(std::move(*outcome.map), seen, configuration.laser_cameras, configuration.fusion.solve);
+    rig::LaserCameraMap both =
+        rig::align_cameras(std::move(*outcome.map), seen, configuration.laser_cameras, configuration.fusion.solve);
     outcome.map = std::move(both.map);
-    const auto is_apart = [&](const Map& map) { return std::find(both.apart.begin(), both.apart.end(), map.id) != both.apart.end(); };
+    const auto is_apart = [&](const Map& map) {
+      return std::find(both.apart.begin(), both.apart.end(), map.id) != both.apart.end();
+    };
     seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const Map& map) { return !is_apart(map); }), seen.end());
     for (std::size_t i = 0; i < seen.size(); ++i) seen[i].id = MapId(robot.id.str() + "." + std::to_string(i + 1));
     outcome.apart = std::move(seen);
@@ -66,8 +72,9 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
 
 }  // namespace
 
-RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going, const std::atomic<bool>& give_up,
-                      Progress& progress, std::optional<LaserOutcome> laser, std::optional<CamerasOutcome> cameras) {
+RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
+                      const std::atomic<bool>& give_up, Progress& progress, std::optional<LaserOutcome> laser,
+                      std::optional<CamerasOutcome> cameras) {
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;

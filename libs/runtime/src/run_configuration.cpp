@@ -54,8 +54,8 @@ void expect_listed(const std::string& edge, const std::vector<EdgeEntry>& edges,
 }
 
 // Throws Error kBadInput for a name that is none of them.
-void expect_known(const std::string& name, const std::vector<std::string>& known, const std::string& what, const std::string& where,
-                  const std::string& remedy) {
+void expect_known(const std::string& name, const std::vector<std::string>& known, const std::string& what,
+                  const std::string& where, const std::string& remedy) {
   if (std::find(known.begin(), known.end(), name) != known.end()) return;
   const auto nearest = nearest_name(name, known);
   throw Error(ErrorCode::kBadInput, what + " '" + name + "', which there is not", where,
@@ -82,7 +82,8 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
   all.insert(all.end(), tiers.begin(), tiers.end());
   const auto locate = [&](transport::LinkOptions& link, const std::string& where) {
     if (link.trace.empty()) return;
-    const auto path = std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
+    const auto path =
+        std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
     link.trace = path.string();
     transport::Link(link, 0);  // says now what is wrong with it
   };
@@ -93,7 +94,8 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
     const std::string &from = network.links[i].from, &to = network.links[i].to;
     expect_known(from, all, "a wire of", origins.place_of(where + ".from"), "name a robot or an edge of this run");
     const bool is_of_robot = std::find(robots.begin(), robots.end(), from) != robots.end();
-    expect_known(to, is_of_robot ? tiers : all, "a wire of", origins.place_of(where + ".to"), "name an edge of this run, or cloud");
+    expect_known(to, is_of_robot ? tiers : all, "a wire of", origins.place_of(where + ".to"),
+                 "name an edge of this run, or cloud");
     locate(network.links[i], where);
   }
   return network;
@@ -106,14 +108,14 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
     if (name.empty()) return;
     expect_known(name, edges, "an edge", origins.place_of(key), "name an edge of this run, or leave it empty");
     if (edge_entry(configuration, TierId(name)).until_s > 0.0)
-      throw Error(ErrorCode::kBadInput, key + " names edge '" + name + "', which goes before the end (until_s)", origins.place_of(key),
-                  "name an edge that stays, or leave it empty");
+      throw Error(ErrorCode::kBadInput, key + " names edge '" + name + "', which goes before the end (until_s)",
+                  origins.place_of(key), "name an edge that stays, or leave it empty");
   };
   expect_edge(configuration.cloud.at, "cloud.at");
   expect_edge(configuration.coordinator.at, "coordinator.at");
   for (std::size_t i = 0; i < configuration.cloud.push_to.size(); ++i)
-    expect_known(configuration.cloud.push_to[i], robots, "a robot", origins.place_of("cloud.push_to." + std::to_string(i)),
-                 "name a robot of this run");
+    expect_known(configuration.cloud.push_to[i], robots, "a robot",
+                 origins.place_of("cloud.push_to." + std::to_string(i)), "name a robot of this run");
   if (configuration.coordinator.method != Coordination::none && configuration.mode == Mode::cloud_only)
     throw Error(ErrorCode::kBadInput, "a coordinator gives robots to edges, and mode cloud-only has none",
                 origins.place_of("coordinator.method"), "leave out one of them");
@@ -128,15 +130,17 @@ void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, co
     std::uint64_t robots_there = 0;
     for (const PlannedRobot& robot : plan.robots) robots_there += robot.edge == plan.edges[i];
     if (entry.capacity > 0 && robots_there > static_cast<std::uint64_t>(entry.capacity))
-      throw Error(
-          ErrorCode::kBadInput,
-          "edge '" + entry.id + "' takes " + std::to_string(entry.capacity) + " robots, and " + std::to_string(robots_there) + " use it",
-          origins.place_of("edges"), "raise its capacity, or let a coordinator place robots: coordinator: {method: default}");
+      throw Error(ErrorCode::kBadInput,
+                  "edge '" + entry.id + "' takes " + std::to_string(entry.capacity) + " robots, and " +
+                      std::to_string(robots_there) + " use it",
+                  origins.place_of("edges"),
+                  "raise its capacity, or let a coordinator place robots: coordinator: {method: default}");
   }
   if (room < robots.size())
-    throw Error(ErrorCode::kBadInput,
-                "the edges' capacities hold " + std::to_string(room) + " of " + std::to_string(robots.size()) + " robots",
-                origins.place_of("edges"), "raise capacities, or add an edge");
+    throw Error(
+        ErrorCode::kBadInput,
+        "the edges' capacities hold " + std::to_string(room) + " of " + std::to_string(robots.size()) + " robots",
+        origins.place_of("edges"), "raise capacities, or add an edge");
 }
 
 }  // namespace
@@ -145,34 +149,40 @@ TierId cloud_tier() { return TierId("cloud"); }
 
 RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins) {
   if (configuration.robots.empty())
-    throw Error(ErrorCode::kBadInput, "no robots", origins.place_of("robots"), "list them: robots: [{id: alpha, log: alpha.rawlog}]");
+    throw Error(ErrorCode::kBadInput, "no robots", origins.place_of("robots"),
+                "list them: robots: [{id: alpha, log: alpha.rawlog}]");
   RunPlan plan;
   std::map<std::string, std::size_t> seen;  // id -> its place in the list
   for (std::size_t i = 0; i < configuration.robots.size(); ++i) {
     const RobotEntry& robot = configuration.robots[i];
     const std::string where = origins.place_of(key("robots", i, "id")), log_key = key("robots", i, "log");
-    if (robot.log.empty()) throw Error(ErrorCode::kMissing, "a robot without a log", origins.place_of(log_key), "add: log: FILE.rawlog");
+    if (robot.log.empty())
+      throw Error(ErrorCode::kMissing, "a robot without a log", origins.place_of(log_key), "add: log: FILE.rawlog");
     const std::string id = robot.id.empty() ? name_of_file(robot.log) : robot.id;
     expect_name(id, "robot", where);
     if (const auto [other, is_new] = seen.emplace(id, i); !is_new)
       throw Error(ErrorCode::kBadInput,
-                  "two robots are called '" + id + "'; the other one is at " + origins.place_of(key("robots", other->second, "id")), where,
-                  "give one of them another id");
+                  "two robots are called '" + id + "'; the other one is at " +
+                      origins.place_of(key("robots", other->second, "id")),
+                  where, "give one of them another id");
     if (!robot.edge.empty()) {
       const std::string edge_where = origins.place_of(key("robots", i, "edge"));
       expect_name(robot.edge, "edge", edge_where);
       if (robot.edge == cloud_tier().str())
-        throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' is the tier above all edges", edge_where, "call the edge otherwise");
+        throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' is the tier above all edges", edge_where,
+                    "call the edge otherwise");
       expect_listed(robot.edge, configuration.edges, edge_where);
     }
     std::error_code unreadable;
-    const std::filesystem::path log = std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
+    const std::filesystem::path log =
+        std::filesystem::absolute(origins.file_of(log_key).parent_path() / robot.log).lexically_normal();
     if (!std::filesystem::is_regular_file(log, unreadable) && !std::filesystem::is_directory(log, unreadable))
       throw Error(ErrorCode::kMissing, "there is no log " + log.string(), origins.place_of(log_key),
                   origins.file_of(log_key).empty() ? "check its path" : "paths are relative to the configuration file");
     plan.robots.push_back({RobotId(id), TierId(robot.edge), log});
   }
-  std::sort(plan.robots.begin(), plan.robots.end(), [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
+  std::sort(plan.robots.begin(), plan.robots.end(),
+            [](const PlannedRobot& a, const PlannedRobot& b) { return a.id < b.id; });
 
   const std::vector<std::string> edges = edge_names(configuration, origins);
   const bool is_coordinated = configuration.coordinator.method != Coordination::none;
@@ -187,22 +197,25 @@ RunPlan make_plan(const RunConfiguration& configuration, const Origins& origins)
     if (is_coordinated) used.insert(TierId(edge));
   for (std::size_t i = 0; i < configuration.edges.size(); ++i)
     if (used.count(TierId(configuration.edges[i].id)) == 0)
-      throw Error(ErrorCode::kBadInput, "no robot uses edge '" + configuration.edges[i].id + "'", origins.place_of(key("edges", i, "id")),
+      throw Error(ErrorCode::kBadInput, "no robot uses edge '" + configuration.edges[i].id + "'",
+                  origins.place_of(key("edges", i, "id")),
                   "remove it, or give it a robot: {id: ..., log: ..., edge: " + configuration.edges[i].id + "}");
   plan.edges.assign(used.begin(), used.end());
   plan.network = network_of(configuration.network, plan, origins);
   expect_tiers(configuration, plan, origins);
   if (is_coordinated && !configuration.coordinator.model.empty()) {
     const std::string where = "coordinator.model";
-    plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model).lexically_normal();
+    plan.model = std::filesystem::absolute(origins.file_of(where).parent_path() / configuration.coordinator.model)
+                     .lexically_normal();
     scheduling::read_model(plan.model);  // says now what is wrong with it
   }
   return plan;
 }
 
 RobotEntry robot_entry(const RunConfiguration& configuration, const RobotId& robot) {
-  const auto entry = std::find_if(configuration.robots.begin(), configuration.robots.end(),
-                                  [&](const RobotEntry& one) { return (one.id.empty() ? name_of_file(one.log) : one.id) == robot.str(); });
+  const auto entry = std::find_if(configuration.robots.begin(), configuration.robots.end(), [&](const RobotEntry& one) {
+    return (one.id.empty() ? name_of_file(one.log) : one.id) == robot.str();
+  });
   MAPWEAVE_EXPECT(entry != configuration.robots.end(), "robot '" + robot.str() + "' is of this run");
   return *entry;
 }
@@ -240,14 +253,16 @@ RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) 
 }
 
 exporters::MapFolderOptions folder_options(const OutputOptions& output, const std::string& title) {
-  exporters::MapFolderOptions options{{output.png, output.pgm, output.pcd, output.tum, false, output.g2o}, output.picture, output.cloud};
+  exporters::MapFolderOptions options{
+      {output.png, output.pgm, output.pcd, output.tum, false, output.g2o}, output.picture, output.cloud};
   if (options.picture.title.empty()) options.picture.title = title;
   return options;
 }
 
 std::string made_valid(std::string name) {
   for (char& letter : name)
-    if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.') letter = '-';
+    if (std::isalnum(static_cast<unsigned char>(letter)) == 0 && letter != '_' && letter != '-' && letter != '.')
+      letter = '-';
   while (!name.empty() && name.front() == '.') name.erase(0, 1);
   constexpr std::size_t kLongest = 64;
   name.resize(std::min(name.size(), kLongest));
@@ -256,10 +271,12 @@ std::string made_valid(std::string name) {
 
 std::string name_of_file(const std::filesystem::path& path) {
   const auto normal = path.lexically_normal();
-  std::string name = (normal.has_filename() ? normal : normal.parent_path()).filename().string();  // "walk/" is the folder walk
+  std::string name =
+      (normal.has_filename() ? normal : normal.parent_path()).filename().string();  // "walk/" is the folder walk
   const auto cut_one_of = [&name](std::initializer_list<std::string_view> endings) {
     for (const std::string_view ending : endings) {
-      if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0) continue;
+      if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
+        continue;
       name.resize(name.size() - ending.size());
       return;
     }

@@ -34,7 +34,8 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       if (found.laser && laser_is_enough) break;
       if (!found.cameras.empty() && std::filesystem::is_directory(log)) break;  // a folder of pictures is of one camera
       if (anything && seconds_between(*first, record->stamp) > kLook_s) break;
-      found.laser = found.laser || dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record->observation.get()) != nullptr;
+      found.laser =
+          found.laser || dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record->observation.get()) != nullptr;
       if (const auto kind = visual::camera_kind(*record->observation)) {
         CameraKind& known = found.cameras.emplace(record->observation->sensorLabel, *kind).first->second;
         if (worth(*kind) > worth(known)) known = *kind;
@@ -57,7 +58,8 @@ std::string in_words(CameraKind kind) {
 
 std::string in_words(const Found& found) {
   std::string text = found.laser ? "a laser" : "";
-  for (const auto& [label, kind] : found.cameras) text += (text.empty() ? "" : ", ") + in_words(kind) + " '" + label + "'";
+  for (const auto& [label, kind] : found.cameras)
+    text += (text.empty() ? "" : ", ") + in_words(kind) + " '" + label + "'";
   return text.empty() ? "no laser and no camera" : text;
 }
 
@@ -97,7 +99,8 @@ ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfigur
   if (wanted == CameraKind::automatic && configuration.sensor != SensorChoice::cameras)
     return {true, {}};  // a laser may still come, and its absence is reported by who maps with it
   throw Error(ErrorCode::kBadInput,
-              "the log has no " + (wanted == CameraKind::automatic ? "camera" : in_words(wanted)) + "; it has " + in_words(found),
+              "the log has no " + (wanted == CameraKind::automatic ? "camera" : in_words(wanted)) + "; it has " +
+                  in_words(found),
               log.string(), "choose another sensor, or leave the choice to auto");
 }
 

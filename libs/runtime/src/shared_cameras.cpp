@@ -22,14 +22,16 @@ class Link {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
-      agent_.reconnected(*client_, server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
+      agent_.reconnected(
+          *client_, server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
       greeted_ = true;
     }
     for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);
     has_place_ = false;
     if (const auto view = agent_.view(*client_)) {
       has_place_ = true;
-      if (const auto share = server.share(*run, decode_client_view(*view, "view"))) agent_.receive_share(*client_, encode(*share));
+      if (const auto share = server.share(*run, decode_client_view(*view, "view")))
+        agent_.receive_share(*client_, encode(*share));
     }
     count();
   }
@@ -78,7 +80,8 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
     pool.for_each(members.size(), [&](std::size_t i) { members[i].task.advance(moment, give_up); });
     for (Member& member : members) {
       const auto clients = member.task.clients();
-      while (member.links.size() < clients.size()) member.links.emplace_back(clients[member.links.size()], configuration.uplink);
+      while (member.links.size() < clients.size())
+        member.links.emplace_back(clients[member.links.size()], configuration.uplink);
       for (Link& link : member.links) link.publish(server, *moment);
     }
     for (Member& member : members)
@@ -89,8 +92,8 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
 
 }  // namespace
 
-std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan, bool keep_going,
-                                                     WorkerPool& pool, Progress& progress) {
+std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& configuration, const RunPlan& plan,
+                                                     bool keep_going, WorkerPool& pool, Progress& progress) {
   std::map<RobotId, CamerasOutcome> outcomes;
   for (const TierId& edge : plan.edges) {
     std::deque<Member> members;
@@ -98,12 +101,14 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
       if (robot.edge != edge) continue;
       try {
         const ChosenSensors chosen = choose_sensors(robot.log, configuration);
-        if (!chosen.cameras.empty()) members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
+        if (!chosen.cameras.empty())
+          members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
       } catch (const Error&) {  // is told where the robot is mapped
       }
     }
     drive(members, configuration, edge, pool);
-    std::vector<CamerasOutcome> finished = pool.map(members.size(), [&](std::size_t i) { return members[i].task.finish(); });
+    std::vector<CamerasOutcome> finished =
+        pool.map(members.size(), [&](std::size_t i) { return members[i].task.finish(); });
     for (std::size_t i = 0; i < members.size(); ++i) outcomes.emplace(members[i].robot, std::move(finished[i]));
   }
   return outcomes;

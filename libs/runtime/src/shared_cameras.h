@@ -1,6 +1,6 @@
 #pragma once
-// Robots' cameras that publish to their edge's map server what they see while they see it, and receive what others know: by data time, so
-// that neither threads nor the order of robots change a byte.
+// Robots' cameras that publish to their edge's map server what they see while they see it, and receive what others
+// know: by data time, so that neither threads nor the order of robots change a byte.
 
 #include <mapweave/runtime/camera_task.h>
 
@@ -8,8 +8,9 @@
 
 namespace mapweave::runtime {
 
-// Of the robots that have cameras to map with; the others, and those whose logs cannot be read, are left to map_robot(), which says so.
-// Throws Interrupted alone.
-std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going, WorkerPool&, Progress&);
+// Of the robots that have cameras to map with; the others, and those whose logs cannot be read, are left to
+// map_robot(), which says so. Throws Interrupted alone.
+std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration&, const RunPlan&, bool keep_going,
+                                                     WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

@@ -12,7 +12,8 @@ constexpr std::size_t kTrackFrames = 8;
 
 }  // namespace
 
-void SheetCollector::add(const visual::Frame& frame, const std::vector<visual::SeenLandmark>& seen, double since_start_s) {
+void SheetCollector::add(const visual::Frame& frame, const std::vector<visual::SeenLandmark>& seen,
+                         double since_start_s) {
   before_.push_back(seen);
   if (before_.size() > kTrackFrames) before_.pop_front();
   if (count_++ % stride_ != 0) return;
@@ -24,7 +25,8 @@ void SheetCollector::add(const visual::Frame& frame, const std::vector<visual::S
   }
   exporters::SheetFrame picked{frame.grey.width, frame.grey.height, frame.grey.pixels, {}, {}};
   char caption[80];
-  std::snprintf(caption, sizeof caption, "%.1f s, %zu landmarks%s", since_start_s, seen.size(), seen.empty() ? ": not tracked" : "");
+  std::snprintf(caption, sizeof caption, "%.1f s, %zu landmarks%s", since_start_s, seen.size(),
+                seen.empty() ? ": not tracked" : "");
   picked.caption = caption;
   std::map<int, std::size_t> track_of;
   for (const visual::SeenLandmark& landmark : seen) {
@@ -34,7 +36,8 @@ void SheetCollector::add(const visual::Frame& frame, const std::vector<visual::S
   for (const auto& earlier : before_)
     for (const visual::SeenLandmark& landmark : earlier)
       if (const auto found = track_of.find(landmark.landmark); found != track_of.end())
-        picked.tracks[found->second].pixels.emplace_back(static_cast<float>(landmark.pixel.x()), static_cast<float>(landmark.pixel.y()));
+        picked.tracks[found->second].pixels.emplace_back(static_cast<float>(landmark.pixel.x()),
+                                                         static_cast<float>(landmark.pixel.y()));
   frames_.push_back(exporters::shrunk(std::move(picked)));
 }
 

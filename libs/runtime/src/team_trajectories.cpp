@@ -4,7 +4,8 @@
 
 namespace mapweave::runtime {
 
-std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTrajectory& trajectory, const Map& team, double scale) {
+std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTrajectory& trajectory, const Map& team,
+                                       double scale) {
   std::vector<rig::MovedKeyframe> keyframes;
   for (const auto& [id, node] : part.map.nodes) {
     const Node* moved = team.nodes.find(id);
@@ -18,10 +19,12 @@ std::vector<StampedPose> carried_along(const CameraMap& part, const FrameTraject
 }
 
 bool has_keyframes(const Map& map) {
-  return std::any_of(map.nodes.begin(), map.nodes.end(), [](const auto& entry) { return keyframe_of(entry.second) != nullptr; });
+  return std::any_of(map.nodes.begin(), map.nodes.end(),
+                     [](const auto& entry) { return keyframe_of(entry.second) != nullptr; });
 }
 
-std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component, const std::vector<CamerasOutcome>& cameras,
+std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Component& component,
+                                                            const std::vector<CamerasOutcome>& cameras,
                                                             const rig::RobotTrajectoryOptions& options) {
   std::vector<exporters::SessionTrajectory> trajectories;
   std::size_t members = 0;
@@ -42,11 +45,13 @@ std::vector<exporters::SessionTrajectory> team_trajectories(const fusion::Compon
         trajectories.push_back({session, frames});
       } else {
         known->poses.insert(known->poses.end(), frames.begin(), frames.end());
-        std::stable_sort(known->poses.begin(), known->poses.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
+        std::stable_sort(known->poses.begin(), known->poses.end(),
+                         [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
       }
     }
   if (members < component.members.size()) return exporters::session_trajectories(component.map);
-  std::sort(trajectories.begin(), trajectories.end(), [](const auto& a, const auto& b) { return a.session < b.session; });
+  std::sort(trajectories.begin(), trajectories.end(),
+            [](const auto& a, const auto& b) { return a.session < b.session; });
   return trajectories;
 }
 

@@ -17,12 +17,16 @@ class Wires {
  public:
   explicit Wires(const TimelineOptions& options) : options_(options) {}
 
-  double send(const std::string& from, const std::string& to, const transport::LinkOptions& otherwise, double at_s, std::uint64_t bytes) {
+  double send(const std::string& from, const std::string& to, const transport::LinkOptions& otherwise, double at_s,
+              std::uint64_t bytes) {
     auto known = wires_.find({from, to});
     if (known == wires_.end()) {
       std::uint64_t seed = options_.seed;  // one of its own for each wire
       for (const char letter : from + ">" + to) seed = mixed(seed ^ static_cast<unsigned char>(letter));
-      known = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(options_.network, from, to, otherwise), seed)).first;
+      known = wires_
+                  .emplace(std::make_pair(from, to),
+                           transport::Link(wire_between(options_.network, from, to, otherwise), seed))
+                  .first;
     }
     return known->second.send(options_.recorded_s + at_s, bytes) - options_.recorded_s;
   }
@@ -34,8 +38,8 @@ class Wires {
 
 }  // namespace
 
-const transport::LinkOptions& wire_between(const NetworkOptions& network, const std::string& from, const std::string& to,
-                                           const transport::LinkOptions& otherwise) {
+const transport::LinkOptions& wire_between(const NetworkOptions& network, const std::string& from,
+                                           const std::string& to, const transport::LinkOptions& otherwise) {
   const auto named = std::find_if(network.links.begin(), network.links.end(),
                                   [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
   return named != network.links.end() ? *named : otherwise;
@@ -47,7 +51,9 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   const std::string cloud = options.cloud.at.empty() ? kCloud : options.cloud.at;
   std::map<TierId, double> speed;  // of edges
   for (const EdgeWork& edge : work.edges) speed[edge.id] = processors.edge_speed() * edge.speed;
-  const auto speed_of = [&](const TierId& edge) { return speed.count(edge) != 0 ? speed.at(edge) : processors.edge_speed(); };
+  const auto speed_of = [&](const TierId& edge) {
+    return speed.count(edge) != 0 ? speed.at(edge) : processors.edge_speed();
+  };
   Wires wires(options);
   Timeline result;
   result.mode = options.mode;
@@ -71,8 +77,8 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     } else {
       line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot_speed();
       if (is_alone)
-        line.arrived_s =
-            wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge, line.mapped_s, robot.map_bytes);
+        line.arrived_s = wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
+                                    line.mapped_s, robot.map_bytes);
       else
         line.arrived_s = wires.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes);
     }
@@ -87,9 +93,11 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
   }
   // Each map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
   std::map<TierId, std::uint64_t> sent;
-  std::stable_sort(at_edges.begin(), at_edges.end(), [](const Finished& l, const Finished& r) { return l.at_s < r.at_s; });
+  std::stable_sort(at_edges.begin(), at_edges.end(),
+                   [](const Finished& l, const Finished& r) { return l.at_s < r.at_s; });
   for (const auto& [at_s, robot] : at_edges) {
-    maps_there_s = std::max(maps_there_s, wires.send(robot->edge.str(), cloud, network.edge_cloud, at_s, robot->map_bytes));
+    maps_there_s =
+        std::max(maps_there_s, wires.send(robot->edge.str(), cloud, network.edge_cloud, at_s, robot->map_bytes));
     sent[robot->edge] += robot->map_bytes;
   }
   double received_s = 0.0, free_s = 0.0;  // free: where the cloud is an edge, that has fused
@@ -98,12 +106,14 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     const bool is_here = edge.id.str() == cloud;
     line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
     line.arrived_s = is_here ? line.fused_s
-                             : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s, edge.bytes - std::min(edge.bytes, sent[edge.id]));
+                             : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s,
+                                          edge.bytes - std::min(edge.bytes, sent[edge.id]));
     if (is_here) free_s = line.fused_s;
     received_s = std::max(received_s, line.arrived_s);
     result.edges.push_back(line);
   }
-  // Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused their own.
+  // Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused
+  // their own.
   const double cloud_speed = options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud));
   const double planned_s = std::max(maps_there_s, free_s) + work.planning_s / cloud_speed;
   double judged_s = std::max(received_s, planned_s);
@@ -112,16 +122,17 @@ Timeline timeline(const TimelineOptions& options, const Work& work) {
     Timeline::Edge& line = result.edges[i];
     if (edge.judging_s == 0.0 && edge.sent_bytes == 0) continue;
     const bool is_here = edge.id.str() == cloud;
-    const double sent_s = is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.sent_bytes);
+    const double sent_s =
+        is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.sent_bytes);
     const double done_s = std::max(line.fused_s, sent_s) + edge.judging_s / speed_of(edge.id);
     line.judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
     judged_s = std::max(judged_s, line.judged_s);
   }
   result.total_s = judged_s + (work.fusing_s - work.planning_s) / cloud_speed;
   for (const PushWork& push : work.pushes)
-    result.pushes.push_back(
-        {push.robot, wires.send(cloud, push.robot.str(), options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
-                                result.total_s, push.bytes)});
+    result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(),
+                                                    options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
+                                                    result.total_s, push.bytes)});
   return result;
 }
 
@@ -163,8 +174,9 @@ nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work)
   }
   for (const auto& [a, b, degree] : work.overlaps) overlaps.push_back({a.str(), b.str(), degree});
   for (std::size_t i = 0; i < timeline.pushes.size(); ++i)
-    pushes.push_back(
-        {{"robot", timeline.pushes[i].robot.str()}, {"bytes", work.pushes.at(i).bytes}, {"arrived_seconds", timeline.pushes[i].arrived_s}});
+    pushes.push_back({{"robot", timeline.pushes[i].robot.str()},
+                      {"bytes", work.pushes.at(i).bytes},
+                      {"arrived_seconds", timeline.pushes[i].arrived_s}});
   return {{"mode", kModes[static_cast<int>(timeline.mode)]},
           {"robots", robots},
           {"edges", edges},

@@ -17,16 +17,19 @@ std::string names_in_words(const std::vector<MapId>& ids) {
 }
 
 std::string numbers_in_words(double probability, const Verdict& verdict) {
-  return format("%.2f, overlap %.0f %%, conflict %.1f %%", probability, 100.0 * verdict.overlap, 100.0 * verdict.conflict);
+  return format("%.2f, overlap %.0f %%, conflict %.1f %%", probability, 100.0 * verdict.overlap,
+                100.0 * verdict.conflict);
 }
 
-bool is_of_grids(const Verdict& verdict) { return !verdict.hypotheses.empty() && verdict.hypotheses.front().sense == Sense::grids; }
+bool is_of_grids(const Verdict& verdict) {
+  return !verdict.hypotheses.empty() && verdict.hypotheses.front().sense == Sense::grids;
+}
 
 bool is_of_more_than_two(const TeamMerge& merge) { return merge.of.size() + merge.with.size() > 2; }
 
 std::string merge_in_words(const TeamMerge& merge) {
-  return format("the merge of %s with %s has probability %.2f", names_in_words(merge.of).c_str(), names_in_words(merge.with).c_str(),
-                merge.probability);
+  return format("the merge of %s with %s has probability %.2f", names_in_words(merge.of).c_str(),
+                names_in_words(merge.with).c_str(), merge.probability);
 }
 
 // How sure a merge is: what was decided is that of two teams, of which the two maps may be a small part.
@@ -37,14 +40,16 @@ std::string sureness_in_words(const Verdict& verdict) {
   if (!is_by_walls || !verdict.merge)
     text = "probability " + numbers_in_words(verdict.probability, verdict);
   else if (is_of_more_than_two(*verdict.merge))
-    text = merge_in_words(*verdict.merge) + "; these two maps by themselves: probability " + numbers_in_words(verdict.probability, verdict);
+    text = merge_in_words(*verdict.merge) + "; these two maps by themselves: probability " +
+           numbers_in_words(verdict.probability, verdict);
   else {
     text = "probability " + numbers_in_words(verdict.merge->probability, verdict);
     if (std::abs(verdict.merge->probability - verdict.probability) > kSame)
       text += format("; as the team has them, by themselves: %.2f", verdict.probability);
   }
   const std::size_t places = verdict.witnesses.size();
-  if (!is_of_grids(verdict)) text += format(", %zu place%s agree%s", places, places == 1 ? "" : "s", places == 1 ? "s" : "");
+  if (!is_of_grids(verdict))
+    text += format(", %zu place%s agree%s", places, places == 1 ? "" : "s", places == 1 ? "s" : "");
   return text;
 }
 
@@ -75,7 +80,8 @@ std::string in_words(const Verdict& verdict) {
   }
   if (verdict.in_one_map) {
     const std::string how = verdict.merge ? " (" + merge_in_words(*verdict.merge) + ")" : "";
-    return pair + "in one map" + (through.empty() ? "" : ", " + through) + how + "; not matched to each other: " + doubt_in_words(verdict);
+    return pair + "in one map" + (through.empty() ? "" : ", " + through) + how +
+           "; not matched to each other: " + doubt_in_words(verdict);
   }
   return pair + (verdict.decision == Decision::deferred ? "not decided: " : "kept apart: ") + doubt_in_words(verdict);
 }
@@ -83,11 +89,13 @@ std::string in_words(const Verdict& verdict) {
 std::string in_words(const PriorCheck& prior) {
   const double degrees = prior.off_rad.value_or(0.0) * 180.0 / M_PI;
   if (prior.off_m && prior.is_contradicted)
-    return format("the prior is contradicted: the maps lie %.1f m and %.0f degrees from where it puts them", *prior.off_m, degrees);
+    return format("the prior is contradicted: the maps lie %.1f m and %.0f degrees from where it puts them",
+                  *prior.off_m, degrees);
   if (prior.off_m) return format("the maps agree with the prior within %.2f m and %.1f degrees", *prior.off_m, degrees);
   if (prior.is_contradicted)
-    return format("the prior is contradicted: where it puts the maps, %.1f m of walls were seen through, and %.1f m coincide",
-                  prior.contradicted_m, prior.coinciding_m);
+    return format(
+        "the prior is contradicted: where it puts the maps, %.1f m of walls were seen through, and %.1f m coincide",
+        prior.contradicted_m, prior.coinciding_m);
   return "the prior is not confirmed: no place was found that fits as it says";
 }
 

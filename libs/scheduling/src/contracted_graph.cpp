@@ -21,7 +21,8 @@ ContractedGraph contracted(const OverlapGraph& overlaps) {
   return graph;
 }
 
-Contraction contract(const ContractedGraph& fine, const std::vector<std::uint32_t>& labels, std::uint32_t most_robots, RandomBits& random) {
+Contraction contract(const ContractedGraph& fine, const std::vector<std::uint32_t>& labels, std::uint32_t most_robots,
+                     RandomBits& random) {
   constexpr std::uint32_t kAlone = ~std::uint32_t{0};
   const std::uint32_t size = fine.size();
   std::vector<std::uint32_t> order(size), partner(size, kAlone);
@@ -73,7 +74,8 @@ Contraction contract(const ContractedGraph& fine, const std::vector<std::uint32_
     coarse.most_robots = std::max(coarse.most_robots, coarse.robots.back());
   }
   coarse.links.reserve(fine.links.size());
-  std::vector<std::size_t> place(first.size(), 0);  // of the link to a coarse vertex, plus one; old ones lie before this vertex's first
+  std::vector<std::size_t> place(
+      first.size(), 0);  // of the link to a coarse vertex, plus one; old ones lie before this vertex's first
   for (std::uint32_t index = 0; index < first.size(); ++index) {
     const std::size_t start = coarse.links.size();
     for (const std::uint32_t v : {first[index], partner[first[index]]}) {

@@ -1,6 +1,6 @@
 #pragma once
-// The overlap graph as the grouping search works on it: whole numbers for weights, so that sums are exact in any order, and vertices that
-// may stand for several robots.
+// The overlap graph as the grouping search works on it: whole numbers for weights, so that sums are exact in any order,
+// and vertices that may stand for several robots.
 
 #include <mapweave/core/mixed_bits.h>
 #include <mapweave/scheduling/overlap_graph.h>
@@ -17,7 +17,8 @@ class RandomBits {
   std::uint32_t below(std::uint32_t end) { return static_cast<std::uint32_t>(((bits() >> 32) * end) >> 32); }
   template <class Value>
   void shuffle(std::vector<Value>& values) {
-    for (std::size_t i = values.size(); i > 1; --i) std::swap(values[i - 1], values[below(static_cast<std::uint32_t>(i))]);
+    for (std::size_t i = values.size(); i > 1; --i)
+      std::swap(values[i - 1], values[below(static_cast<std::uint32_t>(i))]);
   }
 
  private:
@@ -44,8 +45,9 @@ struct Contraction {
   ContractedGraph graph;
   std::vector<std::uint32_t> vertex_of;  // by vertex of the finer graph
 };
-// Joins pairs along heavy links (weight per product of robots), visited in random order; only pairs of one label, never more than
-// `most_robots` robots in a vertex. Vertices without any link pair up too.
-Contraction contract(const ContractedGraph&, const std::vector<std::uint32_t>& labels, std::uint32_t most_robots, RandomBits&);
+// Joins pairs along heavy links (weight per product of robots), visited in random order; only pairs of one label, never
+// more than `most_robots` robots in a vertex. Vertices without any link pair up too.
+Contraction contract(const ContractedGraph&, const std::vector<std::uint32_t>& labels, std::uint32_t most_robots,
+                     RandomBits&);
 
 }  // namespace mapweave::scheduling

@@ -53,7 +53,8 @@ class Search {
       const Candidate found = kept.size() < kKept || random_.below(habits_.fresh) == 0
                                   ? cycle(std::vector<std::uint32_t>(graph_.size(), 0), nullptr)
                                   : recombine(kept);
-      const bool known = std::any_of(kept.begin(), kept.end(), [&](const Candidate& one) { return one.cut == found.cut; });
+      const bool known =
+          std::any_of(kept.begin(), kept.end(), [&](const Candidate& one) { return one.cut == found.cut; });
       if (kept.size() < kKept)
         kept.push_back(found);
       else if (!known && found.cut < kept.back().cut)
@@ -68,10 +69,12 @@ class Search {
   static constexpr std::uint32_t kSmall = 100;
   static constexpr std::uint32_t kMostDisturbed = 30;
 
-  // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by powers.
+  // In units of TabuSearch, of which there are about 400 to 600 in a microsecond; between these numbers of robots, by
+  // powers.
   std::uint64_t budget(double effort) const {
-    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},    {10, 2e4},    {20, 2.4e5},   {50, 2.6e5},    {100, 2.5e6},
-                                                      {200, 10e6}, {1000, 16e6}, {10'000, 9e8}, {100'000, 2e10}};
+    constexpr std::pair<double, double> kBudgets[] = {{2, 1e3},     {10, 2e4},     {20, 2.4e5},
+                                                      {50, 2.6e5},  {100, 2.5e6},  {200, 10e6},
+                                                      {1000, 16e6}, {10'000, 9e8}, {100'000, 2e10}};
     std::size_t i = 1;
     while (i + 1 < std::size(kBudgets) && graph_.size() > kBudgets[i].first) ++i;
     const auto [robots, units] = kBudgets[i - 1];
@@ -97,8 +100,8 @@ class Search {
     return cycle(std::move(labels), &kept[std::min(a, b)].group_of);
   }
 
-  // Contracts pairs of one label, level by level; groups the coarsest graph (or goes on from `start`, which labels refine); searches on
-  // the way back.
+  // Contracts pairs of one label, level by level; groups the coarsest graph (or goes on from `start`, which labels
+  // refine); searches on the way back.
   Candidate cycle(std::vector<std::uint32_t> labels, const GroupOf* start) {
     std::vector<Contraction> levels;
     const auto groups = static_cast<std::uint32_t>(bounds_.size());
@@ -112,7 +115,8 @@ class Search {
       Contraction next = contract(*graph, labels, heaviest, random_);
       spent_ += 4 * graph->links.size() + 30 * graph->size();
       if (next.graph.size() > 0.9 * graph->size()) break;
-      std::vector<std::uint32_t> coarse_labels(next.graph.size()), coarse_groups(start != nullptr ? next.graph.size() : 0);
+      std::vector<std::uint32_t> coarse_labels(next.graph.size()),
+          coarse_groups(start != nullptr ? next.graph.size() : 0);
       for (std::uint32_t v = 0; v < graph->size(); ++v) {
         coarse_labels[next.vertex_of[v]] = labels[v];
         if (start != nullptr) coarse_groups[next.vertex_of[v]] = group_of[v];
@@ -146,7 +150,8 @@ class Search {
       }
       TabuSearch search(at, loosened(at), std::move(group_of), random_);
       search.rebalance();
-      if (start != nullptr && level + 1 == graphs.size()) search.disturb(1 + random_.below(std::clamp(at.size() / 8, 2u, kMostDisturbed)));
+      if (start != nullptr && level + 1 == graphs.size())
+        search.disturb(1 + random_.below(std::clamp(at.size() / 8, 2u, kMostDisturbed)));
       search.search(budget_ / 8, habits_.patience + at.size() / habits_.vertices_for_a_step);
       spent_ += search.spent();
       group_of = search.group_of();
@@ -186,11 +191,14 @@ class Search {
 bool is_large(std::size_t robots, std::size_t groups) { return groups > 512 || robots * groups > std::size_t{1} << 24; }
 
 // Of many groups: first a few parts of as many robots as their groups take, then each part by itself.
-GroupOf group_by_parts(const OverlapGraph& graph, const std::vector<std::uint32_t>& sizes, const GroupingOptions& options) {
+GroupOf group_by_parts(const OverlapGraph& graph, const std::vector<std::uint32_t>& sizes,
+                       const GroupingOptions& options) {
   const std::size_t parts = std::min<std::size_t>(16, (sizes.size() + 1) / 2);
   std::vector<std::vector<std::uint32_t>> sizes_of(parts);
   for (std::size_t i = 0; i < sizes.size(); ++i) sizes_of[i % parts].push_back(sizes[i]);
-  const auto sum = [](const std::vector<std::uint32_t>& some) { return std::accumulate(some.begin(), some.end(), std::uint32_t{0}); };
+  const auto sum = [](const std::vector<std::uint32_t>& some) {
+    return std::accumulate(some.begin(), some.end(), std::uint32_t{0});
+  };
   std::stable_sort(sizes_of.begin(), sizes_of.end(), [&](const auto& a, const auto& b) { return sum(a) > sum(b); });
   std::vector<std::uint32_t> sums;
   for (const auto& some : sizes_of) sums.push_back(sum(some));
@@ -236,8 +244,10 @@ double in_group_weight(const OverlapGraph& graph, const GroupOf& group_of) {
   return kept;
 }
 
-GroupOf group_balanced(const OverlapGraph& overlaps, const std::vector<std::uint32_t>& sizes, const GroupingOptions& options) {
-  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == overlaps.size(), "the groups take all vertices");
+GroupOf group_balanced(const OverlapGraph& overlaps, const std::vector<std::uint32_t>& sizes,
+                       const GroupingOptions& options) {
+  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == overlaps.size(),
+                  "the groups take all vertices");
   GroupOf group_of(overlaps.size(), 0);
   if (sizes.size() <= 1) return group_of;
   if (sizes.front() == 1) {
@@ -250,7 +260,8 @@ GroupOf group_balanced(const OverlapGraph& overlaps, const std::vector<std::uint
   // What others find is cheap on small graphs, and then never better than what is found from there.
   constexpr std::size_t kFew = 40;
   std::vector<GroupOf> starts;
-  if (overlaps.size() <= kFew) starts = {group_greedy(overlaps, sizes), group_recslam(overlaps, static_cast<std::uint32_t>(sizes.size()))};
+  if (overlaps.size() <= kFew)
+    starts = {group_greedy(overlaps, sizes), group_recslam(overlaps, static_cast<std::uint32_t>(sizes.size()))};
   const ContractedGraph graph = contracted(overlaps);
   return Search(graph, sizes, options).run(starts);
 }

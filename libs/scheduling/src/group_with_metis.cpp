@@ -16,7 +16,8 @@ namespace mapweave::scheduling {
 
 #if MAPWEAVE_HAVE_METIS
 
-std::optional<GroupOf> group_with_metis(const OverlapGraph& overlaps, const std::vector<std::uint32_t>& sizes, std::uint64_t seed) {
+std::optional<GroupOf> group_with_metis(const OverlapGraph& overlaps, const std::vector<std::uint32_t>& sizes,
+                                        std::uint64_t seed) {
   ContractedGraph graph = contracted(overlaps);
   if (sizes.size() <= 1 || sizes.front() == 1)
     return group_balanced(overlaps, sizes);  // nothing to decide, and METIS complains on standard output
@@ -27,20 +28,23 @@ std::optional<GroupOf> group_with_metis(const OverlapGraph& overlaps, const std:
   }
   std::optional<GroupOf> best;
   for (const bool recursive : {true, false}) {
-    auto vertices = static_cast<idx_t>(graph.size()), constraints = idx_t{1}, groups = static_cast<idx_t>(sizes.size()), cut = idx_t{0};
+    auto vertices = static_cast<idx_t>(graph.size()), constraints = idx_t{1}, groups = static_cast<idx_t>(sizes.size()),
+         cut = idx_t{0};
     std::vector<idx_t> options(METIS_NOPTIONS), parts(graph.size(), 0);
     METIS_SetDefaultOptions(options.data());
     options[METIS_OPTION_UFACTOR] = 1;
     options[METIS_OPTION_SEED] = static_cast<idx_t>(seed & 0x7fffffff);
     const auto divide = recursive ? METIS_PartGraphRecursive : METIS_PartGraphKway;
-    const int status = divide(&vertices, &constraints, begin.data(), to.data(), nullptr, nullptr, weights.data(), &groups, nullptr, nullptr,
-                              options.data(), &cut, parts.data());
+    const int status = divide(&vertices, &constraints, begin.data(), to.data(), nullptr, nullptr, weights.data(),
+                              &groups, nullptr, nullptr, options.data(), &cut, parts.data());
     if (status != METIS_OK) continue;
-    RandomBits random(seed);  // even groups were asked for, since METIS fails at very uneven ones: what capacities change is repaired
+    RandomBits random(
+        seed);  // even groups were asked for, since METIS fails at very uneven ones: what capacities change is repaired
     std::vector<std::uint32_t> by_size(sizes.size());
     std::iota(by_size.begin(), by_size.end(), 0u);
     std::stable_sort(by_size.begin(), by_size.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return std::count(parts.begin(), parts.end(), static_cast<idx_t>(a)) > std::count(parts.begin(), parts.end(), static_cast<idx_t>(b));
+      return std::count(parts.begin(), parts.end(), static_cast<idx_t>(a)) >
+             std::count(parts.begin(), parts.end(), static_cast<idx_t>(b));
     });
     std::vector<SizeBounds> bounds(sizes.size());
     for (std::size_t i = 0; i < sizes.size(); ++i) bounds[by_size[i]] = {sizes[i], sizes[i]};
@@ -54,7 +58,9 @@ std::optional<GroupOf> group_with_metis(const OverlapGraph& overlaps, const std:
 
 #else
 
-std::optional<GroupOf> group_with_metis(const OverlapGraph&, const std::vector<std::uint32_t>&, std::uint64_t) { return std::nullopt; }
+std::optional<GroupOf> group_with_metis(const OverlapGraph&, const std::vector<std::uint32_t>&, std::uint64_t) {
+  return std::nullopt;
+}
 
 #endif
 

@@ -19,11 +19,13 @@ using Links = std::vector<double>;  // [vertex * groups + group]: what a vertex 
 Links links_to_groups(const OverlapGraph& graph, const GroupOf& group_of, std::uint32_t groups) {
   Links linked(graph.size() * groups, 0.0);
   for (std::uint32_t v = 0; v < graph.size(); ++v)
-    for (const Neighbour& neighbour : graph.neighbours(v)) linked[std::size_t{v} * groups + group_of[neighbour.vertex]] += neighbour.weight;
+    for (const Neighbour& neighbour : graph.neighbours(v))
+      linked[std::size_t{v} * groups + group_of[neighbour.vertex]] += neighbour.weight;
   return linked;
 }
 
-void swap_groups(const OverlapGraph& graph, std::uint32_t a, std::uint32_t b, std::uint32_t groups, GroupOf& group_of, Links& linked) {
+void swap_groups(const OverlapGraph& graph, std::uint32_t a, std::uint32_t b, std::uint32_t groups, GroupOf& group_of,
+                 Links& linked) {
   const std::uint32_t of_a = group_of[a], of_b = group_of[b];
   for (const auto& [vertex, sign] : {std::pair(a, 1.0), {b, -1.0}})
     for (const Neighbour& neighbour : graph.neighbours(vertex)) {
@@ -34,9 +36,10 @@ void swap_groups(const OverlapGraph& graph, std::uint32_t a, std::uint32_t b, st
 }
 
 // By how much the cut shrinks.
-double swap_gain(const OverlapGraph& graph, std::uint32_t a, std::uint32_t b, std::uint32_t groups, const GroupOf& group_of,
-                 const Links& linked) {
-  const std::size_t of_a = group_of[a], of_b = group_of[b], row_a = std::size_t{a} * groups, row_b = std::size_t{b} * groups;
+double swap_gain(const OverlapGraph& graph, std::uint32_t a, std::uint32_t b, std::uint32_t groups,
+                 const GroupOf& group_of, const Links& linked) {
+  const std::size_t of_a = group_of[a], of_b = group_of[b], row_a = std::size_t{a} * groups,
+                    row_b = std::size_t{b} * groups;
   const double apart = linked[row_a + of_b] - linked[row_a + of_a] + linked[row_b + of_a] - linked[row_b + of_b];
   return apart > 0.0 ? apart - 2.0 * graph.weight(a, b) : apart;  // an upper bound where it cannot gain
 }
@@ -63,8 +66,8 @@ GroupOf algorithm_1(const OverlapGraph& graph, std::uint32_t groups) {
       double most = 0.0;
       for (std::uint32_t v = 0; v < vertices; ++v) {
         if (!candidate[v]) continue;
-        const double rank =
-            seeding ? -static_cast<double>(neighbours[v]) : linked[std::size_t{v} * groups + group] - to_candidates[v];  // eq. 5
+        const double rank = seeding ? -static_cast<double>(neighbours[v])
+                                    : linked[std::size_t{v} * groups + group] - to_candidates[v];  // eq. 5
         if (chosen == kNobody || rank > most) {
           chosen = v;
           most = rank;
@@ -102,12 +105,14 @@ GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf gro
     for (std::uint32_t a = 0; a < vertices; ++a)
       for (std::uint32_t b = a + 1; b < vertices; ++b) {
         if (group_of[a] == group_of[b]) continue;
-        const std::size_t of_a = group_of[a], of_b = group_of[b], row_a = std::size_t{a} * groups, row_b = std::size_t{b} * groups;
+        const std::size_t of_a = group_of[a], of_b = group_of[b], row_a = std::size_t{a} * groups,
+                          row_b = std::size_t{b} * groups;
         const double apart = linked[row_a + of_b] - linked[row_a + of_a] + linked[row_b + of_a] - linked[row_b + of_b];
         if (apart <= chosen.gain) continue;
         const double gain = apart - 2.0 * graph.weight(a, b);
         if (gain <= chosen.gain) continue;
-        const bool passed_over = options.tabu_filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
+        const bool passed_over =
+            options.tabu_filters && std::find(tabu.begin(), tabu.end(), std::pair(a, b)) != tabu.end();
         constexpr double kNoise = 1e-12;
         if (passed_over && cut - gain >= best_cut - kNoise) continue;
         chosen = {gain, a, b};
@@ -116,12 +121,15 @@ GroupOf algorithm_2(const OverlapGraph& graph, std::uint32_t groups, GroupOf gro
     if (options.tabu_filters) {
       swap_groups(graph, chosen.a, chosen.b, groups, group_of, linked);
       cut -= chosen.gain;
-      if (const auto listed = std::find(tabu.begin(), tabu.end(), std::pair(chosen.a, chosen.b)); listed != tabu.end()) tabu.erase(listed);
+      if (const auto listed = std::find(tabu.begin(), tabu.end(), std::pair(chosen.a, chosen.b)); listed != tabu.end())
+        tabu.erase(listed);
       tabu.emplace_back(chosen.a, chosen.b);
       if (tabu.size() > options.tabu_length) tabu.erase(tabu.begin());
     } else {
-      // S and G grow and are never cleared: what line 11 finds is the best candidate of all iterations, the first of equals.
-      if (cut - chosen.gain >= held_cut) break;  // line 24 brings back what is there already: no later iteration can differ
+      // S and G grow and are never cleared: what line 11 finds is the best candidate of all iterations, the first of
+      // equals.
+      if (cut - chosen.gain >= held_cut)
+        break;  // line 24 brings back what is there already: no later iteration can differ
       swap_groups(graph, chosen.a, chosen.b, groups, group_of, linked);
       cut -= chosen.gain;
       held_cut = cut;
@@ -160,12 +168,14 @@ GroupOf group_recslam(const OverlapGraph& graph, std::uint32_t groups, const Rec
 }
 
 GroupOf group_randomly(std::size_t vertices, const std::vector<std::uint32_t>& sizes, std::uint64_t seed) {
-  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == vertices, "the groups take all vertices");
+  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == vertices,
+                  "the groups take all vertices");
   return dealt(shuffled(vertices, seed), sizes);
 }
 
 GroupOf group_greedy(const OverlapGraph& graph, const std::vector<std::uint32_t>& sizes, std::uint64_t seed) {
-  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == graph.size(), "the groups take all vertices");
+  MAPWEAVE_EXPECT(std::accumulate(sizes.begin(), sizes.end(), std::size_t{0}) == graph.size(),
+                  "the groups take all vertices");
   const auto groups = static_cast<std::uint32_t>(sizes.size()), vertices = static_cast<std::uint32_t>(graph.size());
   GroupOf group_of(vertices, kNobody);
   std::vector<std::uint32_t> left = sizes;
@@ -213,14 +223,15 @@ GroupOf group_exactly(const OverlapGraph& graph, const std::vector<std::uint32_t
     for (const Neighbour& neighbour : graph.neighbours(top))
       if (neighbour.vertex < top && (set >> neighbour.vertex & 1u) != 0) inside[set] += neighbour.weight;
   }
-  // most[set]: of the first groups, where they take exactly this set; taken[set]: what the last of them took. How many robots a set holds
-  // says how many groups there are.
+  // most[set]: of the first groups, where they take exactly this set; taken[set]: what the last of them took. How many
+  // robots a set holds says how many groups there are.
   std::vector<double> most(sets, -1.0);
   std::vector<std::uint32_t> taken(sets, 0), reached{0};
   most[0] = 0.0;
   for (const std::uint32_t size : sizes) {
     std::vector<std::uint32_t> next;
-    const bool all_alike = size == sizes.back();  // from here on: then who comes first of those who are left may as well be in this group
+    const bool all_alike =
+        size == sizes.back();  // from here on: then who comes first of those who are left may as well be in this group
     for (const std::uint32_t set : reached) {
       std::vector<std::uint32_t> rest;
       for (std::uint32_t v = 0; v < vertices; ++v)
@@ -230,7 +241,8 @@ GroupOf group_exactly(const OverlapGraph& graph, const std::vector<std::uint32_t
       // All subsets of `rest` of this size (Gosper's hack), spread over the vertices that are left.
       for (std::uint32_t pick = (1u << chosen) - 1; pick < (1u << rest.size());) {
         std::uint32_t group = first;
-        for (std::uint32_t bits = pick; bits != 0; bits &= bits - 1) group |= 1u << rest[static_cast<std::size_t>(__builtin_ctz(bits))];
+        for (std::uint32_t bits = pick; bits != 0; bits &= bits - 1)
+          group |= 1u << rest[static_cast<std::size_t>(__builtin_ctz(bits))];
         const std::uint32_t together = set | group;
         if (most[together] < 0.0) next.push_back(together);
         if (const double weight = most[set] + inside[group]; weight > most[together]) {

@@ -33,7 +33,8 @@ std::vector<std::uint32_t> spread_seeds(const ContractedGraph& graph, std::size_
 
 }  // namespace
 
-std::vector<std::uint32_t> grow_groups(const ContractedGraph& graph, const std::vector<SizeBounds>& bounds, RandomBits& random) {
+std::vector<std::uint32_t> grow_groups(const ContractedGraph& graph, const std::vector<SizeBounds>& bounds,
+                                       RandomBits& random) {
   const auto groups = static_cast<std::uint32_t>(bounds.size());
   const std::uint32_t size = graph.size();
   std::vector<std::uint32_t> group_of(size, kNobody), waiting(size);
@@ -55,7 +56,9 @@ std::vector<std::uint32_t> grow_groups(const ContractedGraph& graph, const std::
   for (std::uint32_t g = 0; g < seeds.size(); ++g)
     if (group_of[seeds[g]] == kNobody) put(seeds[g], g);
   for (;;) {
-    waiting.erase(std::remove_if(waiting.begin(), waiting.end(), [&](std::uint32_t v) { return group_of[v] != kNobody; }), waiting.end());
+    waiting.erase(
+        std::remove_if(waiting.begin(), waiting.end(), [&](std::uint32_t v) { return group_of[v] != kNobody; }),
+        waiting.end());
     if (waiting.empty()) break;
     const std::size_t before = waiting.size();
     // The emptiest group chooses; it takes who is linked to it and to few who wait.
@@ -69,9 +72,11 @@ std::vector<std::uint32_t> grow_groups(const ContractedGraph& graph, const std::
       for (const std::uint32_t v : waiting) {
         if (group_of[v] != kNobody) continue;
         const std::int64_t gain = 2 * linked[std::size_t{v} * groups + emptiest] - all[v];
-        if (linked[std::size_t{v} * groups + emptiest] == 0 && most > std::numeric_limits<std::int64_t>::min() / 2) continue;
-        const std::int64_t rank =
-            linked[std::size_t{v} * groups + emptiest] > 0 ? gain : std::numeric_limits<std::int64_t>::min() / 2 - all[v];
+        if (linked[std::size_t{v} * groups + emptiest] == 0 && most > std::numeric_limits<std::int64_t>::min() / 2)
+          continue;
+        const std::int64_t rank = linked[std::size_t{v} * groups + emptiest] > 0
+                                      ? gain
+                                      : std::numeric_limits<std::int64_t>::min() / 2 - all[v];
         if (chosen == kNobody || rank > most) {
           most = rank;
           chosen = v;

@@ -23,7 +23,8 @@ Json parse_json(std::string_view text, const std::string& where) {
   std::vector<std::set<std::string>> keys;  // of the objects that are open
   const auto watch = [&](int depth, Json::parse_event_t event, Json& parsed) {
     constexpr int kDeepest = 16;
-    if (depth > kDeepest) refuse("lists and objects stand in each other more than 16 deep", where, "", "see the README of libs/scheduling");
+    if (depth > kDeepest)
+      refuse("lists and objects stand in each other more than 16 deep", where, "", "see the README of libs/scheduling");
     if (event == Json::parse_event_t::object_start) keys.emplace_back();
     if (event == Json::parse_event_t::object_end) keys.pop_back();
     if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second)
@@ -39,7 +40,8 @@ Json parse_json(std::string_view text, const std::string& where) {
   }
 }
 
-void expect_object(const Json& value, std::initializer_list<const char*> known, const std::string& where, const std::string& key) {
+void expect_object(const Json& value, std::initializer_list<const char*> known, const std::string& where,
+                   const std::string& key) {
   if (!value.is_object()) refuse(std::string("an object was expected, not ") + value.type_name(), where, key, "");
   const std::vector<std::string> names(known.begin(), known.end());
   for (const auto& [given, ignored] : value.items()) {
@@ -47,7 +49,8 @@ void expect_object(const Json& value, std::initializer_list<const char*> known, 
     std::string all;
     for (const auto& one : names) all += (all.empty() ? "" : ", ") + one;
     const auto nearest = nearest_name(given, names);
-    refuse("unknown key '" + given.substr(0, 64) + "'", where, key, nearest ? "did you mean '" + *nearest + "'?" : "known keys: " + all);
+    refuse("unknown key '" + given.substr(0, 64) + "'", where, key,
+           nearest ? "did you mean '" + *nearest + "'?" : "known keys: " + all);
   }
 }
 
@@ -57,13 +60,15 @@ const Json& member(const Json& object, const char* name, const std::string& wher
   return *found;
 }
 
-double number(const Json& value, double low, double high, bool above_low, const std::string& where, const std::string& key) {
+double number(const Json& value, double low, double high, bool above_low, const std::string& where,
+              const std::string& key) {
   char range[80];
   if (std::isinf(high))
     std::snprintf(range, sizeof range, above_low ? "above %g" : "of %g or more", low);
   else
     std::snprintf(range, sizeof range, "from %g to %g", low, high);
-  if (!value.is_number()) refuse(std::string("a number ") + range + " was expected, not " + value.type_name(), where, key, "");
+  if (!value.is_number())
+    refuse(std::string("a number ") + range + " was expected, not " + value.type_name(), where, key, "");
   const double given = value.get<double>();
   if (!std::isfinite(given) || given < low || given > high || (above_low && given == low))
     refuse(value.dump() + " is not a number " + range, where, key, "");
@@ -74,7 +79,8 @@ std::string name(const Json& value, const std::string& where, const std::string&
   if (!value.is_string()) refuse(std::string("a name was expected, not ") + value.type_name(), where, key, "");
   const auto text = value.get<std::string>();
   if (!is_valid_name(text))
-    refuse("'" + text.substr(0, 64) + "' is not a name", where, key, "1 to 64 letters, digits, '_', '-' or '.', not beginning with '.'");
+    refuse("'" + text.substr(0, 64) + "' is not a name", where, key,
+           "1 to 64 letters, digits, '_', '-' or '.', not beginning with '.'");
   return text;
 }
 

@@ -55,8 +55,9 @@ void read(const Json& object, const std::vector<Field>& fields, const std::strin
 LatencyModel parse_model(std::string_view json, const std::string& where) {
   const Json root = parse_json(json, where);
   expect_object(root,
-                {"scans", "pack_s_per_scan", "robot_bytes_fixed", "scan_bytes", "robot_bytes_per_s", "robot_delay_s", "slam_s_per_scan",
-                 "map_bytes_per_scan", "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s", "edge_fusion", "cloud_fusion"},
+                {"scans", "pack_s_per_scan", "robot_bytes_fixed", "scan_bytes", "robot_bytes_per_s", "robot_delay_s",
+                 "slam_s_per_scan", "map_bytes_per_scan", "map_bytes_fixed", "edge_bytes_per_map_byte", "cloud_delay_s",
+                 "edge_fusion", "cloud_fusion"},
                 where, "");
   LatencyModel model;
   read(root, fields_of(model), where, "");
@@ -99,7 +100,8 @@ double Latency::shared_scans(const std::vector<std::uint32_t>& robots) const {
   double shared = 0.0;
   for (const std::uint32_t robot : robots)
     for (const Neighbour& other : problem_.overlaps.neighbours(robot))
-      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex)) shared += shared_scans(robot, other);
+      if (other.vertex < robot && std::binary_search(robots.begin(), robots.end(), other.vertex))
+        shared += shared_scans(robot, other);
   return shared;
 }
 
@@ -110,7 +112,8 @@ double Latency::shared_part(std::uint32_t robot, std::uint32_t other, double deg
 
 LatencyTerms::Robot Latency::robot_terms(std::uint32_t robot, std::uint32_t edge) const {
   const auto link = problem_.links.find({robot, edge});
-  const RobotLink wire = link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
+  const RobotLink wire =
+      link != problem_.links.end() ? link->second : RobotLink{model_.robot_bytes_per_s, model_.robot_delay_s};
   const double bytes = model_.robot_bytes_fixed + scans(robot) * model_.scan_bytes;
   return {robot, scans(robot) * model_.pack_s_per_scan, bytes / wire.bytes_per_s + wire.delay_s,
           scans(robot) * model_.slam_s_per_scan / problem_.edges[edge].speed};
@@ -126,7 +129,8 @@ double Latency::fused_bytes(const std::vector<std::uint32_t>& robots) const {
     for (const Neighbour& neighbour : neighbours) {
       if (neighbour.vertex >= robot) break;
       other = std::lower_bound(other, robots.end(), neighbour.vertex);
-      if (other != robots.end() && *other == neighbour.vertex) fresh *= 1.0 - shared_part(robot, neighbour.vertex, neighbour.weight);
+      if (other != robots.end() && *other == neighbour.vertex)
+        fresh *= 1.0 - shared_part(robot, neighbour.vertex, neighbour.weight);
     }
     all += fresh;
   }

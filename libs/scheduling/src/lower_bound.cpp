@@ -1,21 +1,21 @@
-// The relaxation behind lower_bound_seconds. A robot's weight w is its scans in units of their mean. With x the robots of a class at an
-// edge, n their number and s their weight, y how far an edge is used, b its share of the bandwidth B of all edges, M the part of all scans
-// that is on the fullest edge, T the time until the last edge map is in the cloud and C that of fusion there:
+// The relaxation behind lower_bound_seconds. A robot's weight w is its scans in units of their mean. With x the robots
+// of a class at an edge, n their number and s their weight, y how far an edge is used, b its share of the bandwidth B
+// of all edges, M the part of all scans that is on the fullest edge, T the time until the last edge map is in the cloud
+// and C that of fusion there:
 //
 //   minimise  T + C
-//   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a class
-//   (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1
-//   (mean)      sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e)
-//   (edges)     T >= fastest_e y_e + fusion_e + delay y_e + smallest y_e^2 / (B b_e)
-//   (fullest)   T >= what the fullest edge takes, were it the fastest
+//   (classes)   sum_e x_ce = robots of class c                            robots with the same links and scans are a
+//   class (rooms)     n_e <= capacity_e y_e,  n_e >= y_e,  sum y >= the fewest edges that have room,  sum b <= 1 (mean)
+//   sum w T >= sum x w t + sum_e s_e (fusion_e + delay) + sum_e least s_e^2 / (B b_e) (edges)     T >= fastest_e y_e +
+//   fusion_e + delay y_e + smallest y_e^2 / (B b_e) (fullest)   T >= what the fullest edge takes, were it the fastest
 //   (cloud)     C >= what sum y edges have to share where all but one hold one of the smallest robots
 //               C >= what edges that hold at most M have to share, were all used: sum of s_e^2 <= M sum of s_e
 //   (bytes)     T >= the first edge's readiness + the bytes of all maps / B;  T >= what the slowest robot takes alone
 //
-// A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over robots. Pairs on an edge
-// are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n robots of the least weight. What robots on an
-// edge share is taken as nothing: a plan may part all that overlap. Where y is a fraction, terms are their perspectives: y f(s / y). Each
-// is convex, so Ipopt's minimum is the minimum.
+// A plan has x and y of 0 or 1 and a robot is done when its edge is: (mean) is the weighted average of that over
+// robots. Pairs on an edge are (s^2 - sum x w^2) / 2; in (mean), where they are multiplied by s, at least those of n
+// robots of the least weight. What robots on an edge share is taken as nothing: a plan may part all that overlap. Where
+// y is a fraction, terms are their perspectives: y f(s / y). Each is convex, so Ipopt's minimum is the minimum.
 
 #include <mapweave/scheduling/placement.h>
 
@@ -37,8 +37,9 @@ namespace {
 
 using Ipopt::Index;
 using Ipopt::Number;
-constexpr double kUnused = 1e-6;          // y and b of an edge that is not used
-constexpr double kMoreRoom = 1.0 + 1e-4;  // Ipopt searches within bounds, and where all rooms are full nothing is within
+constexpr double kUnused = 1e-6;  // y and b of an edge that is not used
+constexpr double kMoreRoom =
+    1.0 + 1e-4;  // Ipopt searches within bounds, and where all rooms are full nothing is within
 
 struct Relaxation {
   std::size_t edges = 0;
@@ -50,7 +51,8 @@ struct Relaxation {
   FusionTime edge_fusion;                             // by weight
   double fewest_edges = 1.0;                          // that have room for everyone
   double cloud_s = 0.0, cloud_s_per_edge = 0.0;       // with the fewest edges, and each further one
-  double spread_s = 0.0, cloud_pairs_s = 0.0;  // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
+  double spread_s = 0.0,
+         cloud_pairs_s = 0.0;  // cloud: spread_s where every robot is by itself, less cloud_pairs_s for all on one edge
   double full_s = 0.0, full_linear_s = 0.0, full_square_s = 0.0;  // of the fullest edge, by its share of all scans
 };
 
@@ -74,8 +76,10 @@ void add_classes(std::map<std::vector<double>, double>& kinds, Relaxation& resul
   for (std::size_t c = 0; c < result.count.size(); ++c) result.weights += result.count[c] * result.weight[c];
 }
 
-// What is left to the cloud, whoever is where. The slowest of so many edges is no faster than the last of as many fastest ones.
-void add_cloud(const FusionTime& time, const CloudResources& cloud, std::vector<double> scans, double shared, Relaxation& result) {
+// What is left to the cloud, whoever is where. The slowest of so many edges is no faster than the last of as many
+// fastest ones.
+void add_cloud(const FusionTime& time, const CloudResources& cloud, std::vector<double> scans, double shared,
+               Relaxation& result) {
   std::vector<double> speeds = result.speed;
   std::sort(speeds.rbegin(), speeds.rend());
   const auto judges = [&](std::size_t used) {  // how many times as fast as the cloud so many edges are
@@ -90,7 +94,8 @@ void add_cloud(const FusionTime& time, const CloudResources& cloud, std::vector<
   std::size_t fewest = 0;
   while (fewest < rooms.size() && (room < result.robots || fewest == 0)) room += rooms[fewest++];
   const std::size_t most = std::max(fewest, std::min(result.edges, scans.size()));
-  std::vector<double> shares;  // of pairs across edges, where so many edges and one more are used, as the cloud takes for them
+  std::vector<double>
+      shares;  // of pairs across edges, where so many edges and one more are used, as the cloud takes for them
   double alone = 0.0, pairs = 0.0, fastest = 0.0;
   for (std::size_t used = 1; used <= most; ++used) {
     if (used > 1 && used <= scans.size()) {
@@ -151,7 +156,8 @@ Relaxation relaxed(const Latency& latency) {
       result.fastest[edge] = std::min(result.fastest[edge], kind.back());
       const double ready = kind.back() + model.edge_fusion.seconds({scans[robot], 0.0}) / problem.edges[edge].speed;
       first_ready = std::min(first_ready, ready);
-      alone = std::min(alone, ready + latency.sent_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s + result.delay_s[edge]);
+      alone = std::min(
+          alone, ready + latency.sent_bytes(robot) / problem.edges[edge].bandwidth_bytes_per_s + result.delay_s[edge]);
     }
     result.least_seconds = std::max(result.least_seconds, alone);
     all_bytes += latency.sent_bytes(robot);
@@ -162,8 +168,9 @@ Relaxation relaxed(const Latency& latency) {
   }
   result.least_seconds = std::max(result.least_seconds, first_ready + all_bytes / result.bandwidth + least_delay_s);
   const FusionTime& fusion = model.edge_fusion;
-  result.edge_fusion = all_scans > 0.0 ? FusionTime{fusion.fixed_s, fusion.per_scan_s * unit, fusion.per_scan_pair_s * unit * unit}
-                                       : FusionTime{fusion.fixed_s, 0.0, 0.0};
+  result.edge_fusion = all_scans > 0.0
+                           ? FusionTime{fusion.fixed_s, fusion.per_scan_s * unit, fusion.per_scan_pair_s * unit * unit}
+                           : FusionTime{fusion.fixed_s, 0.0, 0.0};
   double first = std::numeric_limits<double>::infinity();
   for (std::size_t e = 0; e < result.edges; ++e) first = std::min(first, result.fastest[e] + result.delay_s[e]);
   result.full_s = first + fusion.fixed_s / highest_speed;
@@ -175,7 +182,8 @@ Relaxation relaxed(const Latency& latency) {
   return result;
 }
 
-// A convex function of one edge's n, s, y and b: value, gradient, lower half of the Hessian (nn, sn, ss, yn, ys, yy, bn, bs, by, bb).
+// A convex function of one edge's n, s, y and b: value, gradient, lower half of the Hessian (nn, sn, ss, yn, ys, yy,
+// bn, bs, by, bb).
 struct OfEdge {
   double value;
   std::array<double, 4> slope;
@@ -213,7 +221,8 @@ class Program : public Ipopt::TNLP {
 
   double objective() const { return values_[time()] + values_[cloud()]; }
 
-  bool get_nlp_info(Index& variables, Index& constraints, Index& jacobian, Index& hessian, IndexStyleEnum& style) override {
+  bool get_nlp_info(Index& variables, Index& constraints, Index& jacobian, Index& hessian,
+                    IndexStyleEnum& style) override {
     variables = static_cast<Index>(values_.size());
     constraints = static_cast<Index>(rows());
     jacobian = static_cast<Index>(row_.size());
@@ -265,7 +274,8 @@ class Program : public Ipopt::TNLP {
     g[used_row()] = -at[used()] - kUnused * static_cast<double>(edges_);
     g[used_row() + 1] = -1.0 - kUnused * static_cast<double>(edges_);
     g[mean_row()] = -at[time()];
-    g[full_row()] = r_.full_s + r_.full_linear_s * at[fullest()] + r_.full_square_s * at[fullest()] * at[fullest()] - at[time()];
+    g[full_row()] =
+        r_.full_s + r_.full_linear_s * at[fullest()] + r_.full_square_s * at[fullest()] * at[fullest()] - at[time()];
     g[cloud_row()] = r_.cloud_s + r_.cloud_s_per_edge * (at[used()] - r_.fewest_edges) - at[cloud()];
     g[cloud_row() + 1] = r_.spread_s - r_.cloud_pairs_s * at[fullest()] - at[cloud()];
     for (std::size_t e = 0; e < edges_; ++e) {
@@ -296,8 +306,8 @@ class Program : public Ipopt::TNLP {
     }
     return true;
   }
-  bool eval_h(Index, const Number* at, bool, Number, Index, const Number* multipliers, bool, Index, Index* row, Index* column,
-              Number* values) override {
+  bool eval_h(Index, const Number* at, bool, Number, Index, const Number* multipliers, bool, Index, Index* row,
+              Index* column, Number* values) override {
     std::size_t next = 0;
     for (std::size_t e = 0; e < edges_; ++e) {
       const std::array<std::size_t, 4> variables = of_edge(e);
@@ -319,8 +329,9 @@ class Program : public Ipopt::TNLP {
       values[next] = 2.0 * multipliers[full_row()] * r_.full_square_s;
     return true;
   }
-  void finalize_solution(Ipopt::SolverReturn, Index count, const Number* at, const Number*, const Number*, Index, const Number*,
-                         const Number*, Number, const Ipopt::IpoptData*, Ipopt::IpoptCalculatedQuantities*) override {
+  void finalize_solution(Ipopt::SolverReturn, Index count, const Number* at, const Number*, const Number*, Index,
+                         const Number*, const Number*, Number, const Ipopt::IpoptData*,
+                         Ipopt::IpoptCalculatedQuantities*) override {
     values_.assign(at, at + count);
   }
 
@@ -351,24 +362,28 @@ class Program : public Ipopt::TNLP {
   OfEdge mean(const Number* at, std::size_t e) const {
     const double many = at[n(e)], heavy = at[s(e)], use = at[y(e)], share = at[b(e)], m = many / use, k = heavy / use,
                  speed = r_.speed[e] * r_.weights, bytes = r_.least_bytes / r_.bandwidth / r_.weights;
-    const double start = r_.delay_s[e] / r_.weights + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
-                 pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed * r_.least_weight * r_.least_weight * r_.least_weight;
+    const double start = r_.delay_s[e] / r_.weights + r_.edge_fusion.fixed_s / speed,
+                 scan = r_.edge_fusion.per_scan_s / speed,
+                 pair =
+                     0.5 * r_.edge_fusion.per_scan_pair_s / speed * r_.least_weight * r_.least_weight * r_.least_weight;
     return {start * heavy + scan * heavy * k + pair * many * (m * m - m) + bytes * heavy * heavy / share,
             {pair * (3.0 * m * m - 2.0 * m), start + 2.0 * scan * k + 2.0 * bytes * heavy / share,
              -scan * k * k - pair * (2.0 * m * m * m - m * m), -bytes * heavy * heavy / (share * share)},
-            {pair * (6.0 * m - 2.0) / use, 0.0, 2.0 * scan / use + 2.0 * bytes / share, -pair * (6.0 * m * m - 2.0 * m) / use,
-             -2.0 * scan * k / use, (2.0 * scan * k * k + pair * (6.0 * m * m * m - 2.0 * m * m)) / use, 0.0,
+            {pair * (6.0 * m - 2.0) / use, 0.0, 2.0 * scan / use + 2.0 * bytes / share,
+             -pair * (6.0 * m * m - 2.0 * m) / use, -2.0 * scan * k / use,
+             (2.0 * scan * k * k + pair * (6.0 * m * m * m - 2.0 * m * m)) / use, 0.0,
              -2.0 * bytes * heavy / (share * share), 0.0, 2.0 * bytes * heavy * heavy / (share * share * share)}};
   }
   OfEdge alone(const Number* at, std::size_t e) const {
     const double heavy = at[s(e)], use = at[y(e)], share = at[b(e)], k = heavy / use, speed = r_.speed[e],
                  bytes = r_.smallest_bytes / r_.bandwidth;
-    const double start = r_.fastest[e] + r_.delay_s[e] + r_.edge_fusion.fixed_s / speed, scan = r_.edge_fusion.per_scan_s / speed,
-                 pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed;
+    const double start = r_.fastest[e] + r_.delay_s[e] + r_.edge_fusion.fixed_s / speed,
+                 scan = r_.edge_fusion.per_scan_s / speed, pair = 0.5 * r_.edge_fusion.per_scan_pair_s / speed;
     return {start * use + scan * heavy + pair * heavy * k + bytes * use * use / share,
-            {0.0, scan + 2.0 * pair * k, start - pair * k * k + 2.0 * bytes * use / share, -bytes * use * use / (share * share)},
-            {0.0, 0.0, 2.0 * pair / use, 0.0, -2.0 * pair * k / use, 2.0 * pair * k * k / use + 2.0 * bytes / share, 0.0, 0.0,
-             -2.0 * bytes * use / (share * share), 2.0 * bytes * use * use / (share * share * share)}};
+            {0.0, scan + 2.0 * pair * k, start - pair * k * k + 2.0 * bytes * use / share,
+             -bytes * use * use / (share * share)},
+            {0.0, 0.0, 2.0 * pair / use, 0.0, -2.0 * pair * k / use, 2.0 * pair * k * k / use + 2.0 * bytes / share,
+             0.0, 0.0, -2.0 * bytes * use / (share * share), 2.0 * bytes * use * use / (share * share * share)}};
   }
 
   // slope(row, variable, derivative), always for the same entries in the same order.
@@ -430,7 +445,8 @@ double lower_bound_seconds(const Latency& latency) {
   Ipopt::ApplicationReturnStatus status = application->Initialize("");
   if (status == Ipopt::Solve_Succeeded) status = application->OptimizeTNLP(program);
   if (status != Ipopt::Solve_Succeeded) {
-    log(LogLevel::warning, "the lower bound of a plan is a simpler one, for Ipopt ended with " + std::to_string(status));
+    log(LogLevel::warning,
+        "the lower bound of a plan is a simpler one, for Ipopt ended with " + std::to_string(status));
     return simple;
   }
   constexpr double kMargin = 1e-5;  // what the solver's tolerance and kUnused may add

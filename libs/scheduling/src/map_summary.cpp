@@ -28,13 +28,15 @@ class Sketch {
     const double columns = std::floor(high_.x / kCell_m) - std::floor(low_.x / kCell_m) + 1.0,
                  rows = std::floor(high_.y / kCell_m) - std::floor(low_.y / kCell_m) + 1.0;
     constexpr double kFarthest_m = 1e6;  // from the frame's origin
-    if (!(columns * rows <= static_cast<double>(MapSummary::kMostCells)) || !(std::max({-low_.x, -low_.y, high_.x, high_.y}) < kFarthest_m))
+    if (!(columns * rows <= static_cast<double>(MapSummary::kMostCells)) ||
+        !(std::max({-low_.x, -low_.y, high_.x, high_.y}) < kFarthest_m))
       return result;
     result.left = cell_of(low_.x), result.bottom = cell_of(low_.y);
     result.columns = static_cast<std::int32_t>(columns), result.rows = static_cast<std::int32_t>(rows);
     std::vector<Count> counts(static_cast<std::size_t>(columns * rows));
     const auto at = [&](double x, double y) -> Count& {
-      return counts[static_cast<std::size_t>(std::int64_t{cell_of(y) - result.bottom} * result.columns + cell_of(x) - result.left)];
+      return counts[static_cast<std::size_t>(std::int64_t{cell_of(y) - result.bottom} * result.columns + cell_of(x) -
+                                             result.left)];
     };
     for (const auto& [from, to] : rays_) {
       const double length = std::hypot(to.x - from.x, to.y - from.y);
@@ -70,14 +72,16 @@ class Sketch {
     const std::vector<Point> walls = walls_of(summary);
     std::vector<Point> from;
     for (const Point& point : path)
-      if (std::none_of(from.begin(), from.end(), [&](const Point& p) { return std::hypot(p.x - point.x, p.y - point.y) < kApart_m; }))
+      if (std::none_of(from.begin(), from.end(),
+                       [&](const Point& p) { return std::hypot(p.x - point.x, p.y - point.y) < kApart_m; }))
         from.push_back(point);
     const std::size_t step = (from.size() + MapSummary::kMostLooks - 1) / MapSummary::kMostLooks;
     for (std::size_t i = 0; i < from.size(); i += step) {
       const auto centimetres = [](double metres) { return static_cast<std::int32_t>(std::lround(100.0 * metres)); };
       Look look{centimetres(from[i].x), centimetres(from[i].y), {}};
       for (const Point& wall : walls)
-        if (const auto ring = static_cast<int>(std::hypot(wall.x - from[i].x, wall.y - from[i].y) / Look::kRing_m); ring < Look::kRings)
+        if (const auto ring = static_cast<int>(std::hypot(wall.x - from[i].x, wall.y - from[i].y) / Look::kRing_m);
+            ring < Look::kRings)
           look.walls[static_cast<std::size_t>(ring)] =
               static_cast<std::uint8_t>(std::min(255, look.walls[static_cast<std::size_t>(ring)] + 1));
       summary.looks.push_back(look);
@@ -103,7 +107,8 @@ void see(const Node& node, const OccupancyGrid& grid, Sketch& sketch) {
     for (std::int32_t column = 0; column < grid.columns; ++column) {
       const std::int16_t odds = grid.at(column, row);
       if (odds == OccupancyGrid::kUnknown) continue;
-      const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m, y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
+      const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m,
+                   y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
       sketch.see({from.x + c * x - s * y, from.y + s * x + c * y}, odds > 0);
     }
 }
@@ -132,7 +137,8 @@ MapSummary summary_of(const Map& map) {
     if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) {
       see(node, *grid, sketch);
     } else {
-      if (last && std::hypot(pose.x - last->x, pose.y - last->y) < kMoved_m && std::abs(wrap_angle(pose.phi - last->phi)) < kTurned_rad)
+      if (last && std::hypot(pose.x - last->x, pose.y - last->y) < kMoved_m &&
+          std::abs(wrap_angle(pose.phi - last->phi)) < kTurned_rad)
         continue;
       if (const auto* scan = std::get_if<PackedScan>(node.payload.get())) see(node, *scan, sketch);
     }
@@ -162,15 +168,15 @@ MapSummary summary_of_route(const std::vector<Waypoint>& route, double range_m) 
   for (std::size_t i = 0; i < route.size(); ++i) {  // around each leg
     const Waypoint &from = route[i == 0 ? 0 : i - 1], &to = route[i];
     const double dx = to.x_m - from.x_m, dy = to.y_m - from.y_m, squared = dx * dx + dy * dy;
-    for (std::int32_t row = cell_of(std::min(from.y_m, to.y_m) - range_m); row <= cell_of(std::max(from.y_m, to.y_m) + range_m); ++row)
-      for (std::int32_t column = cell_of(std::min(from.x_m, to.x_m) - range_m); column <= cell_of(std::max(from.x_m, to.x_m) + range_m);
-           ++column) {
+    for (std::int32_t row = cell_of(std::min(from.y_m, to.y_m) - range_m);
+         row <= cell_of(std::max(from.y_m, to.y_m) + range_m); ++row)
+      for (std::int32_t column = cell_of(std::min(from.x_m, to.x_m) - range_m);
+           column <= cell_of(std::max(from.x_m, to.x_m) + range_m); ++column) {
         const double x = (column + 0.5) * kCell_m - from.x_m, y = (row + 0.5) * kCell_m - from.y_m;
         const double along = squared > 0.0 ? std::clamp((x * dx + y * dy) / squared, 0.0, 1.0) : 0.0;
         if (std::hypot(x - along * dx, y - along * dy) <= range_m)
-          summary
-              .cells[static_cast<std::size_t>(row - bottom) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column - left)] =
-              Cell::free;
+          summary.cells[static_cast<std::size_t>(row - bottom) * static_cast<std::size_t>(columns) +
+                        static_cast<std::size_t>(column - left)] = Cell::free;
       }
   }
   return summary;

@@ -25,14 +25,15 @@ Agreement agreement(const MapSummary& a, const std::vector<CellPoint>& walls_of_
   Agreement result;
   const double c = std::cos(a_from_b.phi), s = std::sin(a_from_b.phi);
   for (const CellPoint& wall : walls_of_b) {
-    const std::int32_t column = cell_of(a_from_b.x + c * wall.x - s * wall.y), row = cell_of(a_from_b.y + s * wall.x + c * wall.y);
+    const std::int32_t column = cell_of(a_from_b.x + c * wall.x - s * wall.y),
+                       row = cell_of(a_from_b.y + s * wall.x + c * wall.y);
     const Cell there = a.at(column, row);
     if (there == Cell::unknown) continue;
     ++result.known;
     if (there == Cell::wall) {
       result.walls += 2;
-    } else if (a.at(column + 1, row) == Cell::wall || a.at(column - 1, row) == Cell::wall || a.at(column, row + 1) == Cell::wall ||
-               a.at(column, row - 1) == Cell::wall) {
+    } else if (a.at(column + 1, row) == Cell::wall || a.at(column - 1, row) == Cell::wall ||
+               a.at(column, row + 1) == Cell::wall || a.at(column, row - 1) == Cell::wall) {
       ++result.walls;
     } else {
       ++result.contradictions;
@@ -78,7 +79,8 @@ std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b, const st
     Guess best{0, {}};
     for (int heading = 0; heading < kHeadings; ++heading) {
       const double phi = wrap_angle(2.0 * M_PI * heading / kHeadings), c = std::cos(phi), s = std::sin(phi);
-      const double x = 0.01 * (to.x_cm - c * from.x_cm + s * from.y_cm), y = 0.01 * (to.y_cm - s * from.x_cm - c * from.y_cm);
+      const double x = 0.01 * (to.x_cm - c * from.x_cm + s * from.y_cm),
+                   y = 0.01 * (to.y_cm - s * from.x_cm - c * from.y_cm);
       for (int shift = 0; shift < 9; ++shift) {
         const Pose2 pose{x + (shift % 3 - 1) * kShift_m, y + (shift / 3 - 1) * kShift_m, phi};
         if (const int score = agreement(a, walls_of_b, pose).score(); score > best.score) best = {score, pose};
@@ -86,7 +88,8 @@ std::vector<Guess> guesses_of(const MapSummary& a, const MapSummary& b, const st
     }
     if (best.score > 0) guesses.push_back(best);
   }
-  std::stable_sort(guesses.begin(), guesses.end(), [](const Guess& one, const Guess& other) { return one.score > other.score; });
+  std::stable_sort(guesses.begin(), guesses.end(),
+                   [](const Guess& one, const Guess& other) { return one.score > other.score; });
   guesses.resize(std::min(kKept, guesses.size()));
   return guesses;
 }
@@ -101,7 +104,8 @@ void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess
       for (int step = 0; step < 27; ++step) {
         const Pose2 pose{around.x + (step % 3 - 1) * step_m, around.y + (step / 3 % 3 - 1) * step_m,
                          wrap_angle(around.phi + (step / 9 - 1) * step_rad)};
-        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score) guess = {score, pose}, is_better = true;
+        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score)
+          guess = {score, pose}, is_better = true;
       }
     }
 }
@@ -131,7 +135,8 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
   const std::vector<CellPoint> walls = walls_of(b);
   std::vector<CellPoint> some;  // spread evenly
   constexpr std::size_t kSome = 60;
-  for (std::size_t i = 0; i < std::min(kSome, walls.size()); ++i) some.push_back(walls[i * walls.size() / std::min(kSome, walls.size())]);
+  for (std::size_t i = 0; i < std::min(kSome, walls.size()); ++i)
+    some.push_back(walls[i * walls.size() / std::min(kSome, walls.size())]);
   std::vector<Guess> guesses = guesses_of(a, b, some);
   Guess best{0, {}};
   for (Guess& guess : guesses) {
@@ -141,7 +146,8 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
   const Agreement found = agreement(a, walls, best.a_from_b);
   constexpr int kLeastWalls = 24;              // of twice the cells: six metres
   constexpr double kMostContradicting = 0.08;  // of the walls that fall on what is known
-  if (best.score <= 0 || found.walls < kLeastWalls || found.contradictions > kMostContradicting * found.known) return std::nullopt;
+  if (best.score <= 0 || found.walls < kLeastWalls || found.contradictions > kMostContradicting * found.known)
+    return std::nullopt;
   return EstimatedOverlap{best.a_from_b, overlap_degree(a, b, best.a_from_b)};
 }
 
@@ -155,8 +161,8 @@ void OverlapEstimator::put(const RobotId& robot, MapSummary summary) {
   entry.summary = std::move(summary);
 }
 
-// Up to a few dozen maps all pairs; of more, for each map those that share most words. A word is how many walls stand near, farther and
-// far.
+// Up to a few dozen maps all pairs; of more, for each map those that share most words. A word is how many walls stand
+// near, farther and far.
 std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
   std::vector<std::pair<RobotId, RobotId>> pairs;
   constexpr std::size_t kAllPairs = 24, kMostAlike = 8;
@@ -169,7 +175,8 @@ std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
   const auto word_of = [](const MapSummary::Look& look) {
     constexpr int kWalls = 8;  // of a step
     Word word{};
-    for (std::size_t ring = 0; ring < look.walls.size(); ++ring) word[ring * word.size() / look.walls.size()] += look.walls[ring];
+    for (std::size_t ring = 0; ring < look.walls.size(); ++ring)
+      word[ring * word.size() / look.walls.size()] += look.walls[ring];
     for (int& part : word) part /= kWalls;
     return word;
   };
@@ -199,8 +206,10 @@ std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
     for (const Word& word : words[a]) {
       const auto& others = seen_by.at(word);
       constexpr std::size_t kCommon = 64;  // a word of so many tells nothing, but is asked of those beside
-      const std::size_t at = static_cast<std::size_t>(std::lower_bound(others.begin(), others.end(), a) - others.begin());
-      const std::size_t first = at > kCommon / 2 ? at - kCommon / 2 : 0, last = std::min(others.size(), first + kCommon);
+      const std::size_t at =
+          static_cast<std::size_t>(std::lower_bound(others.begin(), others.end(), a) - others.begin());
+      const std::size_t first = at > kCommon / 2 ? at - kCommon / 2 : 0,
+                        last = std::min(others.size(), first + kCommon);
       for (std::size_t i = first; i < last; ++i)
         if (others[i] != a) votes[others[i]] += 1.0 / static_cast<double>(others.size());
     }

@@ -21,9 +21,10 @@ bool fits(const Latency& latency, const Groups& groups, std::size_t group, std::
               "method default makes groups that follow capacities");
 }
 
-// Edge by group where all of `seconds` (group by group, edges in a row) that are used are at most `limit`; empty where there is none.
-// Augmenting paths, each found breadth first.
-std::vector<std::uint32_t> assignment_below(const std::vector<double>& seconds, std::size_t groups, std::size_t edges, double limit) {
+// Edge by group where all of `seconds` (group by group, edges in a row) that are used are at most `limit`; empty where
+// there is none. Augmenting paths, each found breadth first.
+std::vector<std::uint32_t> assignment_below(const std::vector<double>& seconds, std::size_t groups, std::size_t edges,
+                                            double limit) {
   std::vector<std::uint32_t> edge_of(groups, kNobody), group_of(edges, kNobody), from(edges);
   for (std::uint32_t start = 0; start < groups; ++start) {
     std::vector<std::uint32_t> queue{start};

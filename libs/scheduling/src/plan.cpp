@@ -43,7 +43,8 @@ Groups grouped(const Problem& problem, const PlanOptions& options) {
     case PlanMethod::exact:
       if (graph.size() > kMostExact)
         throw Error(ErrorCode::kBadInput,
-                    std::to_string(graph.size()) + " robots are too many for the exact method, which takes " + std::to_string(kMostExact),
+                    std::to_string(graph.size()) + " robots are too many for the exact method, which takes " +
+                        std::to_string(kMostExact),
                     "--method exact", "choose default");
       group_of = group_exactly(graph, sizes);
       break;
@@ -64,7 +65,8 @@ std::vector<std::uint32_t> placed(const Latency& latency, const Groups& groups, 
     constexpr auto kAny = std::numeric_limits<std::uint32_t>::max();
     return edges[a].capacity.value_or(kAny) > edges[b].capacity.value_or(kAny);
   });
-  std::stable_sort(by_size.begin(), by_size.end(), [&](std::uint32_t a, std::uint32_t b) { return groups[a].size() > groups[b].size(); });
+  std::stable_sort(by_size.begin(), by_size.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return groups[a].size() > groups[b].size(); });
   for (std::size_t i = 0; i < by_size.size(); ++i) edge_of[by_size[i]] = by_room[i];
   return edge_of;
 }
@@ -80,8 +82,8 @@ void offload_to_further_edges(const Latency& latency, std::uint32_t edges_per_ro
     rooms += room.back();
   }
   if (edges_per_robot > edges.size() || rooms < std::uint64_t{robots} * edges_per_robot)
-    throw Error(ErrorCode::kBadInput, "the edges cannot take each robot " + std::to_string(edges_per_robot) + " times", "--edges-per-robot",
-                "add edges, raise capacities, or ask for fewer");
+    throw Error(ErrorCode::kBadInput, "the edges cannot take each robot " + std::to_string(edges_per_robot) + " times",
+                "--edges-per-robot", "add edges, raise capacities, or ask for fewer");
   for (std::uint32_t copy = 1; copy < edges_per_robot; ++copy)
     for (std::uint32_t robot = 0; robot < robots; ++robot) {
       double least = std::numeric_limits<double>::infinity();
@@ -98,7 +100,8 @@ void offload_to_further_edges(const Latency& latency, std::uint32_t edges_per_ro
         }
       }
       if (chosen == edges.size())
-        throw Error(ErrorCode::kBadInput, "no further edge has room for robot '" + latency.problem().robots[robot].str() + "'",
+        throw Error(ErrorCode::kBadInput,
+                    "no further edge has room for robot '" + latency.problem().robots[robot].str() + "'",
                     "--edges-per-robot", "raise capacities, or ask for fewer");
       auto& there = robots_at[chosen];
       there.insert(std::lower_bound(there.begin(), there.end(), robot), robot);
@@ -132,7 +135,8 @@ Plan make_plan(const Problem& problem, const PlanOptions& options) {
   }
   if (options.edges_per_robot > 1) offload_to_further_edges(latency, options.edges_per_robot, plan, robots_at);
   plan.algorithm_seconds = processor_seconds() - start;
-  groups.erase(std::remove_if(groups.begin(), groups.end(), [](const auto& group) { return group.empty(); }), groups.end());
+  groups.erase(std::remove_if(groups.begin(), groups.end(), [](const auto& group) { return group.empty(); }),
+               groups.end());
   std::sort(groups.begin(), groups.end());
   plan.groups = std::move(groups);
   plan.cut_weight = cut_weight(problem.overlaps, group_of);

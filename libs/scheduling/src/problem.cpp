@@ -53,16 +53,18 @@ const Json& list_of(const Json& object, const char* list, const std::string& whe
   return value;
 }
 
-void expect_items(const Json& value, std::size_t count, const char* what, const std::string& where, const std::string& key) {
-  if (!value.is_array() || value.size() != count) refuse(std::string("a list ") + what + " was expected", where, key, "");
+void expect_items(const Json& value, std::size_t count, const char* what, const std::string& where,
+                  const std::string& key) {
+  if (!value.is_array() || value.size() != count)
+    refuse(std::string("a list ") + what + " was expected", where, key, "");
 }
 
 EdgeResources edge_of(const Json& value, const std::string& where, const std::string& key) {
   expect_object(value, {"id", "bandwidth_bytes_per_s", "speed", "capacity", "delay_s"}, where, key);
   EdgeResources edge;
   edge.id = TierId(name(member(value, "id", where, key), where, key + ".id"));
-  edge.bandwidth_bytes_per_s =
-      number(member(value, "bandwidth_bytes_per_s", where, key), 0.0, kInfinity, true, where, key + ".bandwidth_bytes_per_s");
+  edge.bandwidth_bytes_per_s = number(member(value, "bandwidth_bytes_per_s", where, key), 0.0, kInfinity, true, where,
+                                      key + ".bandwidth_bytes_per_s");
   if (value.contains("speed")) edge.speed = number(value["speed"], 0.0, kInfinity, true, where, key + ".speed");
   if (value.contains("delay_s")) edge.delay_s = number(value["delay_s"], 0.0, 1e9, false, where, key + ".delay_s");
   if (value.contains("capacity") && !value["capacity"].is_null()) {
@@ -95,8 +97,8 @@ OverlapGraph overlaps_of(const Json& list, std::size_t count, const Names& robot
     const std::uint32_t a = robots.find(list[i][0], key), b = robots.find(list[i][1], key);
     if (a == b) refuse("robot '" + list[i][0].get<std::string>() + "' overlaps with itself", where, key, "remove it");
     if (!seen.emplace(std::minmax(a, b)).second)
-      refuse("'" + list[i][0].get<std::string>() + "' and '" + list[i][1].get<std::string>() + "' stand there twice", where, key,
-             "give each pair once, in either order");
+      refuse("'" + list[i][0].get<std::string>() + "' and '" + list[i][1].get<std::string>() + "' stand there twice",
+             where, key, "give each pair once, in either order");
     constexpr double kLargest = 1e12;  // far from where sums lose their digits
     links.push_back({a, b, number(list[i][2], 0.0, kLargest, false, where, key)});
   }
@@ -104,7 +106,8 @@ OverlapGraph overlaps_of(const Json& list, std::size_t count, const Names& robot
 }
 
 void read_scans(const Json& object, const Names& robots, Problem& problem, const std::string& where) {
-  if (!object.is_object()) refuse(std::string("an object was expected, not ") + object.type_name(), where, "robot_scans", "");
+  if (!object.is_object())
+    refuse(std::string("an object was expected, not ") + object.type_name(), where, "robot_scans", "");
   for (const auto& [robot, scans] : object.items())
     problem.scans[robots.find(robot, "robot_scans")] = number(scans, 0.0, 1e12, false, where, "robot_scans." + robot);
 }
@@ -115,10 +118,12 @@ void read_links(const Json& list, const Names& robots, const Names& edges, Probl
     const std::string key = at("links", i);
     expect_items(list[i], 4, "[robot, edge, bytes per second, delay in seconds]", where, key);
     const std::pair between(robots.find(list[i][0], key), edges.find(list[i][1], key));
-    const RobotLink link{number(list[i][2], 0.0, kInfinity, true, where, key), number(list[i][3], 0.0, 1e9, false, where, key)};
+    const RobotLink link{number(list[i][2], 0.0, kInfinity, true, where, key),
+                         number(list[i][3], 0.0, 1e9, false, where, key)};
     if (!problem.links.emplace(between, link).second)
-      refuse("the link from '" + list[i][0].get<std::string>() + "' to '" + list[i][1].get<std::string>() + "' stands there twice", where,
-             key, "keep one of them");
+      refuse("the link from '" + list[i][0].get<std::string>() + "' to '" + list[i][1].get<std::string>() +
+                 "' stands there twice",
+             where, key, "keep one of them");
   }
 }
 
@@ -131,7 +136,8 @@ Problem parse_problem(std::string_view json, const std::string& where) {
   Names robots("robot", where), edges("edge", where);
   const Json& listed = list_of(root, "robots", where);
   if (listed.empty()) refuse("there are no robots", where, "robots", "name at least one");
-  if (listed.size() > kMostRobots) refuse("there are more than a million robots", where, "robots", "plan for fewer at a time");
+  if (listed.size() > kMostRobots)
+    refuse("there are more than a million robots", where, "robots", "plan for fewer at a time");
   for (std::size_t i = 0; i < listed.size(); ++i) {
     const std::string id = name(listed[i], where, at("robots", i));
     robots.add(id, at("robots", i));
@@ -167,8 +173,8 @@ std::vector<std::uint32_t> group_sizes(const Problem& problem, const std::string
     all += rooms.back();
   }
   if (all < robots)
-    refuse("the edges' capacities hold " + std::to_string(all) + " of " + std::to_string(robots) + " robots", where, "edges",
-           "raise capacities, or add an edge");
+    refuse("the edges' capacities hold " + std::to_string(all) + " of " + std::to_string(robots) + " robots", where,
+           "edges", "raise capacities, or add an edge");
   // The smallest rooms first: each takes its share of those who are left, or is full.
   std::sort(rooms.begin(), rooms.end());
   std::vector<std::uint32_t> sizes;

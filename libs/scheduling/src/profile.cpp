@@ -72,12 +72,15 @@ std::map<std::string, RobotOfRun> robots_of(const Json& root, const std::string&
   return robots;
 }
 
-Sample of_fusion(const FusedScans& fused, double seconds) { return {fused.scans, seconds, {1.0, fused.scans, fused.pairs, fused.shared}}; }
+Sample of_fusion(const FusedScans& fused, double seconds) {
+  return {fused.scans, seconds, {1.0, fused.scans, fused.pairs, fused.shared}};
+}
 
 void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const std::string& where, Samples& samples) {
   constexpr const char* kKey = "timeline.robots";
   const double scans = robot.scans, packing_s = field(line, "packing_cpu_seconds", where, kKey),
-               mapping_s = field(line, "mapping_cpu_seconds", where, kKey), sensed_bytes = field(line, "sensed_bytes", where, kKey),
+               mapping_s = field(line, "mapping_cpu_seconds", where, kKey),
+               sensed_bytes = field(line, "sensed_bytes", where, kKey),
                map_bytes = field(line, "map_bytes", where, kKey);
   if (!robot.mapped || scans == 0.0) return;
   samples.scans += scans;
@@ -94,8 +97,10 @@ std::vector<std::tuple<std::string, std::string, double>> overlaps_of(const Json
   if (!timeline.contains("overlaps")) return overlaps;  // of a program before they were told
   for (const Json& given : list(timeline, "overlaps", where)) {
     constexpr const char* kKey = "timeline.overlaps";
-    if (!given.is_array() || given.size() != 3) refuse("two robots and their overlap degree were expected", where, kKey, "");
-    overlaps.emplace_back(name(given[0], where, kKey), name(given[1], where, kKey), number(given[2], 0.0, 0.5, false, where, kKey));
+    if (!given.is_array() || given.size() != 3)
+      refuse("two robots and their overlap degree were expected", where, kKey, "");
+    overlaps.emplace_back(name(given[0], where, kKey), name(given[1], where, kKey),
+                          number(given[2], 0.0, 0.5, false, where, kKey));
   }
   return overlaps;
 }
@@ -108,7 +113,8 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   if (!root.is_object()) refuse("an object was expected", where, "", "");
   const auto robots = robots_of(root, where);
   if (!root.contains("timeline")) {
-    samples.notes.push_back(where + " has no timeline, which only runs of teams to their end have: nothing is learnt from it");
+    samples.notes.push_back(where +
+                            " has no timeline, which only runs of teams to their end have: nothing is learnt from it");
     return;
   }
   const Json& timeline = root["timeline"];
@@ -155,22 +161,23 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
       samples.edge_bytes.push_back({map_bytes[id], bytes, {map_bytes[id]}});
     }
   }
-  const double seconds =
-      longest_judging_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds", where, "timeline.cloud");
+  const double seconds = longest_judging_s + field(member(timeline, "cloud", where, "timeline"), "fusing_cpu_seconds",
+                                                   where, "timeline.cloud");
   for (const auto& [ignored, fused] : at) all.add(fused.scans);
   if (longest_judging_s > 0.0) all.share_out(static_cast<double>(at.size()));
   if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));
 }
 
 // Fits seconds (or bytes) to their basis, and tells a few predictions. Nothing without samples.
-std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples, Profile& profile,
-                                          const char* basis = "scans") {
+std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples,
+                                          Profile& profile, const char* basis = "scans") {
   if (samples.empty()) {
     profile.notes.push_back(name + " is not told by these runs: its default stands");
     return std::nullopt;
   }
   std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.at < b.at; });
-  Eigen::MatrixXd rows(static_cast<Eigen::Index>(samples.size()), static_cast<Eigen::Index>(samples.front().basis.size()));
+  Eigen::MatrixXd rows(static_cast<Eigen::Index>(samples.size()),
+                       static_cast<Eigen::Index>(samples.front().basis.size()));
   Eigen::VectorXd measured(static_cast<Eigen::Index>(samples.size()));
   for (std::size_t i = 0; i < samples.size(); ++i) {
     for (std::size_t k = 0; k < samples[i].basis.size(); ++k)
@@ -183,7 +190,8 @@ std::optional<std::vector<double>> fitted(const std::string& name, const std::st
     if (samples[i].value > 0.0) off.push_back(std::abs(term.regression.residuals[i]) / samples[i].value);
   std::sort(off.begin(), off.end());
   if (!off.empty()) term.median_off = off[off.size() / 2];
-  for (const Sample& sample : samples) term.samples.push_back({sample.at, sample.value, term.regression.interval(sample.basis)});
+  for (const Sample& sample : samples)
+    term.samples.push_back({sample.at, sample.value, term.regression.interval(sample.basis)});
   for (const Sample* shown : {&samples.front(), &samples[samples.size() / 2], &samples.back()})
     if (term.shown.empty() || shown->at > term.shown.back().at)
       term.shown.push_back({shown->at, term.regression.at(shown->basis), term.regression.interval(shown->basis)});
@@ -201,11 +209,13 @@ Profile profile_runs(const std::vector<std::filesystem::path>& folders) {
                 "give folders of results of `mapweave run` that came to its end");
   Profile profile;
   profile.notes = samples.notes;
-  if (samples.cameras) profile.notes.push_back("some robots have cameras: nothing is learnt of fusing their maps, nor of what they send");
+  if (samples.cameras)
+    profile.notes.push_back("some robots have cameras: nothing is learnt of fusing their maps, nor of what they send");
   LatencyModel& model = profile.model;
   if (samples.robots > 0.0) model.scans = samples.scans / samples.robots;
   if (const auto found = fitted("packing", "s", samples.packing_s, profile)) model.pack_s_per_scan = found->front();
-  if (const auto found = fitted("what robots send", "bytes", samples.sensed_bytes, profile)) model.scan_bytes = found->front();
+  if (const auto found = fitted("what robots send", "bytes", samples.sensed_bytes, profile))
+    model.scan_bytes = found->front();
   if (const auto found = fitted("SLAM", "s", samples.slam_s, profile)) model.slam_s_per_scan = found->front();
   if (const auto found = fitted("size of a robot's map", "bytes", samples.map_bytes, profile)) {
     model.map_bytes_fixed = (*found)[0];

@@ -35,7 +35,8 @@ double Regression::interval(const std::vector<double>& basis, double probability
 }
 
 double student_quantile(double probability, std::size_t degrees_of_freedom) {
-  MAPWEAVE_EXPECT(probability >= 0.5 && probability < 1.0 && degrees_of_freedom >= 1, "a probability and degrees of freedom");
+  MAPWEAVE_EXPECT(probability >= 0.5 && probability < 1.0 && degrees_of_freedom >= 1,
+                  "a probability and degrees of freedom");
   // Bisection on the distribution, integrated by the exact finite series in theta = atan(t / sqrt(n)) (Abramowitz and
   // Stegun 26.7.3, 26.7.4).
   const auto n = degrees_of_freedom;
@@ -73,7 +74,8 @@ Regression fit(const Eigen::MatrixXd& basis, const Eigen::VectorXd& measured) {
     const bool nothing = std::any_of(free.begin(), free.end(), [&](Eigen::Index i) { return norms[i] == 0.0; });
     if (nothing || static_cast<Eigen::Index>(free.size()) > rows) continue;
     Eigen::MatrixXd part(rows, static_cast<Eigen::Index>(free.size()));
-    for (std::size_t i = 0; i < free.size(); ++i) part.col(static_cast<Eigen::Index>(i)) = basis.col(free[i]) / norms[free[i]];
+    for (std::size_t i = 0; i < free.size(); ++i)
+      part.col(static_cast<Eigen::Index>(i)) = basis.col(free[i]) / norms[free[i]];
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> solver(part);
     if (solver.rank() < part.cols()) continue;
     const Eigen::VectorXd found = solver.solve(measured), off = measured - part * found;
@@ -93,7 +95,8 @@ Regression fit(const Eigen::MatrixXd& basis, const Eigen::VectorXd& measured) {
     best.degrees_of_freedom = static_cast<std::size_t>(rows) - free.size();
   }
   best.residuals.assign(left.data(), left.data() + left.size());
-  if (best.degrees_of_freedom > 0) best.standard_error = std::sqrt(least / static_cast<double>(best.degrees_of_freedom));
+  if (best.degrees_of_freedom > 0)
+    best.standard_error = std::sqrt(least / static_cast<double>(best.degrees_of_freedom));
   best.r_squared = explained(measured, left);
   return best;
 }

@@ -12,7 +12,9 @@ struct CellPoint {
   double x, y;
 };
 
-inline std::int32_t cell_of(double metres) { return static_cast<std::int32_t>(std::floor(metres / MapSummary::kCell_m)); }
+inline std::int32_t cell_of(double metres) {
+  return static_cast<std::int32_t>(std::floor(metres / MapSummary::kCell_m));
+}
 
 // Middles of the cells that are walls, row by row.
 inline std::vector<CellPoint> walls_of(const MapSummary& summary) {

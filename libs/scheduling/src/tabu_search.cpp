@@ -5,8 +5,8 @@
 
 namespace mapweave::scheduling {
 
-TabuSearch::TabuSearch(const ContractedGraph& graph, std::vector<SizeBounds> bounds, std::vector<std::uint32_t> group_of,
-                       RandomBits& random)
+TabuSearch::TabuSearch(const ContractedGraph& graph, std::vector<SizeBounds> bounds,
+                       std::vector<std::uint32_t> group_of, RandomBits& random)
     : graph_(graph),
       bounds_(std::move(bounds)),
       group_of_(std::move(group_of)),
@@ -29,7 +29,8 @@ TabuSearch::TabuSearch(const ContractedGraph& graph, std::vector<SizeBounds> bou
     place_[v] = static_cast<std::uint32_t>(members_[own].size());
     members_[own].push_back(v);
     robots_[own] += graph.robots[v];
-    for (std::size_t i = graph.begin[v]; i < graph.begin[v + 1]; ++i) linked(v, group_of_[graph.links[i].to]) += graph.links[i].weight;
+    for (std::size_t i = graph.begin[v]; i < graph.begin[v + 1]; ++i)
+      linked(v, group_of_[graph.links[i].to]) += graph.links[i].weight;
     for (std::uint32_t g = 0; g < groups_; ++g) all_[v] += linked(v, g);
     cut_ += all_[v] - linked(v, own);
   }
@@ -98,8 +99,10 @@ void TabuSearch::consider(std::uint32_t a, std::uint32_t b, Step& step) {
   }
   const Best there = best_known(a, b), back = best_known(b, a);
   const bool some = there.vertex != kNobody, others = back.vertex != kNobody;
-  if (some && there.gain > step.gain && may_resize(a, b, graph_.robots[there.vertex])) step = {there.gain, there.vertex, kNobody, b};
-  if (others && back.gain > step.gain && may_resize(b, a, graph_.robots[back.vertex])) step = {back.gain, back.vertex, kNobody, a};
+  if (some && there.gain > step.gain && may_resize(a, b, graph_.robots[there.vertex]))
+    step = {there.gain, there.vertex, kNobody, b};
+  if (others && back.gain > step.gain && may_resize(b, a, graph_.robots[back.vertex]))
+    step = {back.gain, back.vertex, kNobody, a};
   if (!some || !others) return;
   const std::int64_t most = std::int64_t{there.gain} + back.gain;
   if (most <= step.gain) return;
@@ -117,11 +120,14 @@ void TabuSearch::consider(std::uint32_t a, std::uint32_t b, Step& step) {
 void TabuSearch::look_for_partner(std::uint32_t v, std::uint32_t to, Step& step) {
   const std::uint32_t own = group_of_[v];
   const std::int64_t gain = linked(v, to) - linked(v, own), robots = graph_.robots[v];
-  for (std::size_t i = graph_.begin[v]; i < graph_.begin[v + 1]; ++i) link_to_[graph_.links[i].to] = graph_.links[i].weight;
+  for (std::size_t i = graph_.begin[v]; i < graph_.begin[v + 1]; ++i)
+    link_to_[graph_.links[i].to] = graph_.links[i].weight;
   for (std::uint32_t i = 0; i < active_[to]; ++i) {
     const std::uint32_t u = members_[to][i];
     const std::int64_t both = gain + linked(u, own) - linked(u, to) - 2 * std::int64_t{link_to_[u]};
-    if (both <= step.gain || held_[u] || (graph_.robots[u] != robots && !may_resize(own, to, robots - graph_.robots[u]))) continue;
+    if (both <= step.gain || held_[u] ||
+        (graph_.robots[u] != robots && !may_resize(own, to, robots - graph_.robots[u])))
+      continue;
     step = {both, v, u, to};
   }
   for (std::size_t i = graph_.begin[v]; i < graph_.begin[v + 1]; ++i) link_to_[graph_.links[i].to] = 0;
@@ -212,7 +218,8 @@ void TabuSearch::rebalance() {
   const auto beyond = [&](std::uint32_t g, std::int64_t robots) {
     return std::max<std::int64_t>({0, bounds_[g].low - robots, robots - bounds_[g].high});
   };
-  // The move that costs least among those that bring sizes nearer to the bounds. With single robots there is one until all are within.
+  // The move that costs least among those that bring sizes nearer to the bounds. With single robots there is one until
+  // all are within.
   while (!within_bounds()) {
     std::uint32_t chosen = kNobody, to = 0;
     std::int64_t most = 0;
@@ -222,7 +229,8 @@ void TabuSearch::rebalance() {
         const std::int64_t now = beyond(from, robots_[from]) + beyond(other, robots_[other]);
         for (const std::uint32_t v : members_[from]) {
           const std::int64_t robots = graph_.robots[v], gain = linked(v, other) - linked(v, from);
-          if ((chosen != kNobody && gain <= most) || beyond(from, robots_[from] - robots) + beyond(other, robots_[other] + robots) >= now)
+          if ((chosen != kNobody && gain <= most) ||
+              beyond(from, robots_[from] - robots) + beyond(other, robots_[other] + robots) >= now)
             continue;
           most = gain;
           chosen = v;

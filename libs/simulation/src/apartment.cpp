@@ -14,11 +14,13 @@ constexpr double kDoorMargin = 0.15;  // of wall on either side of a door
 
 class Apartment {
  public:
-  Apartment(const ApartmentOptions& options, std::uint64_t seed) : options_(options), numbers_(RandomStream(seed, "apartment").at(0)) {}
+  Apartment(const ApartmentOptions& options, std::uint64_t seed)
+      : options_(options), numbers_(RandomStream(seed, "apartment").at(0)) {}
 
   FloorPlan build() {
     const double width = options_.width_m, height = options_.height_m, corridor = options_.corridor_width_m;
-    for (const Side& side : sides_seen_from_inside({0.0, 0.0, width, height})) add_line(plan_, side.from, side.at(side.length_m, 0.0));
+    for (const Side& side : sides_seen_from_inside({0.0, 0.0, width, height}))
+      add_line(plan_, side.from, side.at(side.length_m, 0.0));
     if (height < 2.0 * kLeastDepth + corridor) {  // one row behind one corridor
       add_row(0.0, width, corridor, height, corridor);
       return std::move(plan_);
@@ -33,9 +35,10 @@ class Apartment {
       const std::size_t first = plan_.rooms.size();
       add_row(low_x, high_x, low, middle - 0.5 * corridor, middle - 0.5 * corridor);
       add_row(low_x, high_x, middle + 0.5 * corridor, high, middle + 0.5 * corridor);
-      std::stable_sort(plan_.rooms.begin() + static_cast<std::ptrdiff_t>(first), plan_.rooms.end(), [&](const Room& a, const Room& b) {
-        return band % 2 == 0 ? a.inside.low_x < b.inside.low_x : a.inside.low_x > b.inside.low_x;
-      });
+      std::stable_sort(plan_.rooms.begin() + static_cast<std::ptrdiff_t>(first), plan_.rooms.end(),
+                       [&](const Room& a, const Room& b) {
+                         return band % 2 == 0 ? a.inside.low_x < b.inside.low_x : a.inside.low_x > b.inside.low_x;
+                       });
       if (bands > 1) {
         for (const double x : {low_x, high_x}) {
           add_wall(plan_, {x, low}, {x, middle - 0.5 * corridor}, options_.wall_thickness_m);
@@ -85,7 +88,8 @@ class Apartment {
       for (const std::size_t wall : {i, i + 1}) {
         if (wall == 0 || passages[wall - 1].to == 0.0) continue;
         const Interval passage = passages[wall - 1];
-        keep_free.push_back({cuts[wall] - kBeforeDoor, low_y + passage.from - 0.1, cuts[wall] + kBeforeDoor, low_y + passage.to + 0.1});
+        keep_free.push_back(
+            {cuts[wall] - kBeforeDoor, low_y + passage.from - 0.1, cuts[wall] + kBeforeDoor, low_y + passage.to + 0.1});
       }
       add_furniture(plan_, inside, keep_free, options_.furniture, numbers_);
       plan_.rooms.push_back({"room " + std::to_string(plan_.rooms.size()), inside});
@@ -99,6 +103,8 @@ class Apartment {
 
 }  // namespace
 
-FloorPlan make_apartment_plan(const ApartmentOptions& options, std::uint64_t seed) { return Apartment(options, seed).build(); }
+FloorPlan make_apartment_plan(const ApartmentOptions& options, std::uint64_t seed) {
+  return Apartment(options, seed).build();
+}
 
 }  // namespace mapweave::simulation

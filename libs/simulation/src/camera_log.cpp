@@ -22,15 +22,16 @@ std::string seconds_text(Stamp stamp) {
 // Not by write_file: nobody waits for a picture to reach the disk. The folder of the whole is committed at once.
 void write_picture(const std::filesystem::path& path, const cv::Mat& picture, int jpeg_quality) {
   const bool is_jpeg = path.extension() == ".jpg";
-  const std::vector<int> parameters =
-      is_jpeg ? std::vector<int>{cv::IMWRITE_JPEG_QUALITY, jpeg_quality} : std::vector<int>{cv::IMWRITE_PNG_COMPRESSION, 1};
+  const std::vector<int> parameters = is_jpeg ? std::vector<int>{cv::IMWRITE_JPEG_QUALITY, jpeg_quality}
+                                              : std::vector<int>{cv::IMWRITE_PNG_COMPRESSION, 1};
   std::vector<std::uint8_t> bytes;
   if (!cv::imencode(path.extension().string(), picture, bytes, parameters))
     throw Error(ErrorCode::kInternal, "the picture cannot be encoded", path.string());
   std::ofstream file(path, std::ios::binary);
   file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   file.close();
-  if (!file) throw Error(ErrorCode::kCannotWrite, "cannot be written", path.string(), "check that the disk has space left");
+  if (!file)
+    throw Error(ErrorCode::kCannotWrite, "cannot be written", path.string(), "check that the disk has space left");
 }
 
 void write_picture(const std::filesystem::path& path, const Picture& picture, int jpeg_quality) {
@@ -54,11 +55,12 @@ std::string camera_yaml(const CameraOptions& options) {
   const CameraIntrinsics c = options.intrinsics();
   const auto& d = c.distortion;
   const Pose3 pose = options.robot_from_camera();
-  std::string text = format("robot_from_camera: [%.9g, %.9g, %.9g, %.9f, %.9f, %.9f, %.9f]\n", pose.t.x(), pose.t.y(), pose.t.z(),
-                             pose.q.x(), pose.q.y(), pose.q.z(), pose.q.w());
-  text += format("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width, c.height, c.fx, c.fy,
-                  c.cx, c.cy);
-  text += format("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2], d[3], d[4]);
+  std::string text = format("robot_from_camera: [%.9g, %.9g, %.9g, %.9f, %.9f, %.9f, %.9f]\n", pose.t.x(), pose.t.y(),
+                            pose.t.z(), pose.q.x(), pose.q.y(), pose.q.z(), pose.q.w());
+  text += format("camera_model: pinhole\nwidth: %d\nheight: %d\nfx: %.9g\nfy: %.9g\ncx: %.9g\ncy: %.9g\n", c.width,
+                 c.height, c.fx, c.fy, c.cx, c.cy);
+  text += format("distortion_model: radial-tangential\ndistortion: [%.9g, %.9g, %.9g, %.9g, %.9g]\n", d[0], d[1], d[2],
+                 d[3], d[4]);
   if (options.kind == SimulatedCameraKind::rgbd) text += "depth_scale: 5000.0\ndepth_registered_to_color: true\n";
   return text + format("rate_hz: %.9g\n", options.frames_per_second);
 }
@@ -66,12 +68,16 @@ std::string camera_yaml(const CameraOptions& options) {
 }  // namespace
 
 std::string tum_line(Stamp stamp, const Pose3& pose) {
-  return seconds_text(stamp) + format(" %.6f %.6f %.6f %.6f %.6f %.6f %.6f\n", pose.t.x() + 0.0, pose.t.y() + 0.0, pose.t.z() + 0.0,
-                                       pose.q.x() + 0.0, pose.q.y() + 0.0, pose.q.z() + 0.0, pose.q.w() + 0.0);
+  return seconds_text(stamp) + format(" %.6f %.6f %.6f %.6f %.6f %.6f %.6f\n", pose.t.x() + 0.0, pose.t.y() + 0.0,
+                                      pose.t.z() + 0.0, pose.q.x() + 0.0, pose.q.y() + 0.0, pose.q.z() + 0.0,
+                                      pose.q.w() + 0.0);
 }
 
 CameraLog::CameraLog(const World& world, std::size_t robot, std::size_t camera, std::filesystem::path folder)
-    : options_(world.options().logs), recording_(world, robot, camera), folder_(std::move(folder)), robot_(world.robot_id(robot).str()) {
+    : options_(world.options().logs),
+      recording_(world, robot, camera),
+      folder_(std::move(folder)),
+      robot_(world.robot_id(robot).str()) {
   const CameraOptions& of_camera = recording_.options();
   own_folder_ = folder_ / (robot_ + "_" + of_camera.id);
   if (has_rawlog() && options_.pictures != PictureFormat::embedded) make_folder(folder_ / (robot_ + "_Images"));
@@ -97,7 +103,8 @@ bool CameraLog::has_rawlog() const { return options_.layout != LogLayout::folder
 
 // Beside the rawlog, in the folder where readers look for what a log of this name keeps outside.
 std::string CameraLog::picture_file(std::size_t frame, const char* side) const {
-  return recording_.options().id + format("_%06zu%s.%s", frame, side, options_.pictures == PictureFormat::jpeg ? "jpg" : "png");
+  return recording_.options().id +
+         format("_%06zu%s.%s", frame, side, options_.pictures == PictureFormat::jpeg ? "jpg" : "png");
 }
 
 CameraLog::Entry CameraLog::make(std::size_t number, CameraRecording::Workspace& workspace) const {
@@ -146,7 +153,8 @@ void CameraLog::add(const Entry& entry) {
     const Pose3 first_from_camera = compose(*first_from_world_, entry.world_from_camera);
     const Eigen::Matrix3d r = first_from_camera.q.toRotationMatrix();
     for (int row = 0; row < 3; ++row)
-      poses_ += format("%.9e %.9e %.9e %.9e%s", r(row, 0), r(row, 1), r(row, 2), first_from_camera.t[row], row < 2 ? " " : "\n");
+      poses_ += format("%.9e %.9e %.9e %.9e%s", r(row, 0), r(row, 1), r(row, 2), first_from_camera.t[row],
+                       row < 2 ? " " : "\n");
     return;
   }
   const std::string ending = options_.pictures == PictureFormat::jpeg ? ".jpg" : ".png";
@@ -166,9 +174,10 @@ void CameraLog::close() {
     const CameraIntrinsics c = camera.intrinsics();
     std::string calibration;
     for (const double baseline : {0.0, camera.baseline_m}) {
-      calibration += format("P%d: %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 ",
-                             baseline > 0.0 ? 1 : 0, c.fx, c.cx, -c.fx * baseline, c.fy, c.cy) +
-                     "0.000000000000e+00 0.000000000000e+00 1.000000000000e+00 0.000000000000e+00\n";
+      calibration +=
+          format("P%d: %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 %.12e %.12e 0.000000000000e+00 ",
+                 baseline > 0.0 ? 1 : 0, c.fx, c.cx, -c.fx * baseline, c.fy, c.cy) +
+          "0.000000000000e+00 0.000000000000e+00 1.000000000000e+00 0.000000000000e+00\n";
     }
     write_file(own_folder_ / "calib.txt", calibration);
     write_file(own_folder_ / "times.txt", times_);

@@ -21,7 +21,8 @@ bool CameraIntrinsics::is_distorted() const {
 }
 
 CameraModel::CameraModel(const CameraIntrinsics& intrinsics) : intrinsics_(intrinsics) {
-  MAPWEAVE_EXPECT(intrinsics.width > 0 && intrinsics.height > 0 && intrinsics.fx > 0.0 && intrinsics.fy > 0.0, "a camera sees something");
+  MAPWEAVE_EXPECT(intrinsics.width > 0 && intrinsics.height > 0 && intrinsics.fx > 0.0 && intrinsics.fy > 0.0,
+                  "a camera sees something");
   const auto padded = [](int count, int step) { return (count + step - 1) / step * step; };
   stride_ = padded(intrinsics.width, kTileWidth);
   rows_ = padded(intrinsics.height, kTileHeight);
@@ -29,9 +30,11 @@ CameraModel::CameraModel(const CameraIntrinsics& intrinsics) : intrinsics_(intri
   y_.resize(x_.size());
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < stride_; ++column) {
-      const int u = std::min(column, intrinsics.width - 1), v = std::min(row, intrinsics.height - 1);  // padding repeats the rim
+      const int u = std::min(column, intrinsics.width - 1),
+                v = std::min(row, intrinsics.height - 1);  // padding repeats the rim
       const Eigen::Vector2d p = normalised(u, v);
-      const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) + static_cast<std::size_t>(column);
+      const std::size_t at =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) + static_cast<std::size_t>(column);
       x_[at] = static_cast<float>(p.x());
       y_[at] = static_cast<float>(p.y());
       greatest_square_ = std::max(greatest_square_, p.squaredNorm());
@@ -43,7 +46,8 @@ CameraModel::CameraModel(const CameraIntrinsics& intrinsics) : intrinsics_(intri
     for (int left = 0; left < stride_; left += kTileWidth) {
       Bounds tile{infinite, -infinite, infinite, -infinite};
       const auto include = [](Bounds& b, float low_x, float high_x, float low_y, float high_y) {
-        b = {std::min(b.low_x, low_x), std::max(b.high_x, high_x), std::min(b.low_y, low_y), std::max(b.high_y, high_y)};
+        b = {std::min(b.low_x, low_x), std::max(b.high_x, high_x), std::min(b.low_y, low_y),
+             std::max(b.high_y, high_y)};
       };
       for (int row = top; row < top + kTileHeight; ++row) {
         for (int column = left; column < left + kTileWidth; ++column)
@@ -61,8 +65,8 @@ std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point
   if (p.squaredNorm() > greatest_square_ * 1.01) return std::nullopt;  // where distortion may fold the plane over
   const Eigen::Vector2d d = distorted(p, intrinsics_.distortion);
   const Eigen::Vector2d pixel(intrinsics_.fx * d.x() + intrinsics_.cx, intrinsics_.fy * d.y() + intrinsics_.cy);
-  const bool is_inside =
-      pixel.x() >= -0.5 && pixel.y() >= -0.5 && pixel.x() < intrinsics_.width - 0.5 && pixel.y() < intrinsics_.height - 0.5;
+  const bool is_inside = pixel.x() >= -0.5 && pixel.y() >= -0.5 && pixel.x() < intrinsics_.width - 0.5 &&
+                         pixel.y() < intrinsics_.height - 0.5;
   return is_inside ? std::optional(pixel) : std::nullopt;
 }
 
@@ -82,7 +86,8 @@ Eigen::Vector2d CameraModel::normalised(double u, double v) const {
   }
   const double miss = (distorted(p, intrinsics_.distortion) - wanted).norm();
   if (miss < 1e-9 && p.norm() < 10.0) return p;
-  throw Error(ErrorCode::kBadInput, "the distortion folds the picture over itself at pixel " + std::to_string(u) + ", " + std::to_string(v),
+  throw Error(ErrorCode::kBadInput,
+              "the distortion folds the picture over itself at pixel " + std::to_string(u) + ", " + std::to_string(v),
               "camera", "check k1, k2, p1, p2, k3");
 }
 

@@ -41,10 +41,12 @@ class Motion {
 
 void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from_first, const Pose3& world_from_middle,
           const Pose3& world_from_last, std::vector<float>& blurred) {
-  // No pixel moves by more than its turn and its shift could, at the nearest depth, in a picture of up to 1 rad beside its axis.
+  // No pixel moves by more than its turn and its shift could, at the nearest depth, in a picture of up to 1 rad beside
+  // its axis.
   const Pose3 motion = between(world_from_first, world_from_last);
   const float nearest = *std::max_element(view.inverse_depth.begin(), view.inverse_depth.end());
-  const double most = camera.intrinsics().fx * (4.0 * motion.q.vec().norm() + 2.0 * motion.t.norm() * static_cast<double>(nearest));
+  const double most =
+      camera.intrinsics().fx * (4.0 * motion.q.vec().norm() + 2.0 * motion.t.norm() * static_cast<double>(nearest));
   if (most < static_cast<double>(kLeastBlur)) return;
   const Motion first(between(world_from_first, world_from_middle)), last(between(world_from_last, world_from_middle));
   const float fx = static_cast<float>(camera.intrinsics().fx), fy = static_cast<float>(camera.intrinsics().fy);
@@ -81,7 +83,8 @@ void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from
         const float u = std::clamp(static_cast<float>(column) + t * motion_u, 0.0f, last_u - 0.001f);
         const float v = std::clamp(static_cast<float>(row) + t * motion_v, 0.0f, last_v - 0.001f);
         if (samples > 4) {
-          const float* pixel = view.values.data() + view.at(static_cast<int>(v + 0.5f), static_cast<int>(u + 0.5f)) * channels;
+          const float* pixel =
+              view.values.data() + view.at(static_cast<int>(v + 0.5f), static_cast<int>(u + 0.5f)) * channels;
           for (std::size_t c = 0; c < channels; ++c) sum[c] += pixel[c];
           continue;
         }
@@ -113,8 +116,8 @@ std::vector<float> vignette(const CameraIntrinsics& camera, double vignetting) {
   return shares;
 }
 
-void expose(const RenderedView& view, const std::vector<float>& vignette, double gain, double noise, const RandomStream& numbers,
-            std::uint64_t frame, Picture& picture) {
+void expose(const RenderedView& view, const std::vector<float>& vignette, double gain, double noise,
+            const RandomStream& numbers, std::uint64_t frame, Picture& picture) {
   picture.width = view.width;
   picture.height = view.height;
   picture.channels = view.channels;
@@ -126,7 +129,8 @@ void expose(const RenderedView& view, const std::vector<float>& vignette, double
     const float* in = view.values.data() + view.at(row, 0) * static_cast<std::size_t>(view.channels);
     const float* share = vignette.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(view.width);
     std::uint8_t* out = picture.values.data() + static_cast<std::size_t>(row) * static_cast<std::size_t>(count);
-    if (sigma > 0.0f) normal_table().fill(numbers.at(frame * 8192 + static_cast<std::uint64_t>(row)), grain.data(), count);
+    if (sigma > 0.0f)
+      normal_table().fill(numbers.at(frame * 8192 + static_cast<std::uint64_t>(row)), grain.data(), count);
     for (int i = 0; i < count; ++i) {
       const float value = in[i] * share[i / view.channels] * factor + grain[static_cast<std::size_t>(i)] * sigma;
       out[i] = static_cast<std::uint8_t>(std::clamp(value, 0.0f, 255.0f) + 0.5f);
@@ -134,8 +138,8 @@ void expose(const RenderedView& view, const std::vector<float>& vignette, double
   }
 }
 
-void measure_depth(const RenderedView& view, const CameraModel& camera, const DepthNoiseOptions& options, const RandomStream& numbers,
-                   std::uint64_t frame, std::vector<std::uint16_t>& depth) {
+void measure_depth(const RenderedView& view, const CameraModel& camera, const DepthNoiseOptions& options,
+                   const RandomStream& numbers, std::uint64_t frame, std::vector<std::uint16_t>& depth) {
   const std::size_t width = static_cast<std::size_t>(view.width);
   depth.assign(width * static_cast<std::size_t>(view.height), 0);
   const float a = static_cast<float>(options.noise_m), b = static_cast<float>(options.noise_per_m2),
@@ -146,14 +150,15 @@ void measure_depth(const RenderedView& view, const CameraModel& camera, const De
   const std::uint64_t least_luck = static_cast<std::uint64_t>(options.dropouts * 65536.0);
 
   std::vector<float> inverse_steepness;  // of each surface: 1 / |inverse depth's gradient|
-  for (const RenderedView::Shown& surface : view.surfaces) inverse_steepness.push_back(1.0f / surface.inverse_depth.norm());
+  for (const RenderedView::Shown& surface : view.surfaces)
+    inverse_steepness.push_back(1.0f / surface.inverse_depth.norm());
 
   // Rows of white noise, of which 3 x 3 are averaged.
   std::array<std::vector<float>, 3> white;
   for (auto& row : white) row.resize(width + 2);
   const auto draw_row = [&](int row) {
-    normal_table().fill(numbers.at(frame * 8192 + static_cast<std::uint64_t>(row + 1)), white[static_cast<std::size_t>(row + 1) % 3].data(),
-                        view.width + 2);
+    normal_table().fill(numbers.at(frame * 8192 + static_cast<std::uint64_t>(row + 1)),
+                        white[static_cast<std::size_t>(row + 1) % 3].data(), view.width + 2);
   };
   std::vector<float> sums(width + 2);
   draw_row(-1);
@@ -166,7 +171,8 @@ void measure_depth(const RenderedView& view, const CameraModel& camera, const De
     const float* inverse = view.inverse_depth.data() + view.at(row, 0);
     const std::int32_t* shown = view.surface.data() + view.at(row, 0);
     std::uint16_t* out = depth.data() + static_cast<std::size_t>(row) * width;
-    float lit_from = std::numeric_limits<float>::infinity();  // the projector's column of what is lit, from right to left
+    float lit_from =
+        std::numeric_limits<float>::infinity();  // the projector's column of what is lit, from right to left
     for (int column = view.width - 1; column >= 0; --column) {
       if (column % 4 == 3 || column == view.width - 1) bits = luck.bits();
       const std::uint64_t draw = bits & 65535;
@@ -177,7 +183,8 @@ void measure_depth(const RenderedView& view, const CameraModel& camera, const De
       lit_from = std::min(lit_from, projected);
       if (!is_lit || draw < least_luck) continue;
       const float x = camera.x(row)[column], y = camera.y(row)[column];
-      const float cosine = inverse[column] * inverse_steepness[static_cast<std::size_t>(shown[column])] / std::sqrt(x * x + y * y + 1.0f);
+      const float cosine = inverse[column] * inverse_steepness[static_cast<std::size_t>(shown[column])] /
+                           std::sqrt(x * x + y * y + 1.0f);
       if (cosine < least_cosine) continue;
       const float true_z = 1.0f / inverse[column];
       const std::size_t i = static_cast<std::size_t>(column);

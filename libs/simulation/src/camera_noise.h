@@ -8,16 +8,17 @@
 
 namespace mapweave::simulation {
 
-// Averages the view's values along each pixel's motion during the exposure, of which the view shows the middle. `blurred` gives its memory.
-void blur(RenderedView&, const CameraModel&, const Pose3& world_from_first, const Pose3& world_from_middle, const Pose3& world_from_last,
-          std::vector<float>& blurred);
+// Averages the view's values along each pixel's motion during the exposure, of which the view shows the middle.
+// `blurred` gives its memory.
+void blur(RenderedView&, const CameraModel&, const Pose3& world_from_first, const Pose3& world_from_middle,
+          const Pose3& world_from_last, std::vector<float>& blurred);
 
 // Light that falls on the corners, as a share of that in the middle: one per pixel, row by row.
 std::vector<float> vignette(const CameraIntrinsics&, double vignetting);
 
-void expose(const RenderedView&, const std::vector<float>& vignette, double gain, double noise, const RandomStream& numbers,
-            std::uint64_t frame, Picture&);
-void measure_depth(const RenderedView&, const CameraModel&, const DepthNoiseOptions&, const RandomStream& numbers, std::uint64_t frame,
-                   std::vector<std::uint16_t>& depth);
+void expose(const RenderedView&, const std::vector<float>& vignette, double gain, double noise,
+            const RandomStream& numbers, std::uint64_t frame, Picture&);
+void measure_depth(const RenderedView&, const CameraModel&, const DepthNoiseOptions&, const RandomStream& numbers,
+                   std::uint64_t frame, std::vector<std::uint16_t>& depth);
 
 }  // namespace mapweave::simulation

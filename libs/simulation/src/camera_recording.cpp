@@ -67,8 +67,8 @@ Pose3 CameraRecording::world_from_camera(double seconds) const {
   return compose(world_->world_from_robot(robot_, seconds), robot_from_camera_);
 }
 
-void CameraRecording::take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream& noise, std::uint64_t frame,
-                           Workspace& workspace, Picture& picture) const {
+void CameraRecording::take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream& noise,
+                           std::uint64_t frame, Workspace& workspace, Picture& picture) const {
   RenderedView& view = workspace.view;
   std::vector<Surface> moving;
   const Scene& scene = world_->scene(world_->building_of(robot_));
@@ -79,7 +79,8 @@ void CameraRecording::take(double seconds, const Pose3& left_from_camera, double
   render(scene, moving, model_, pose(seconds), options_.colour ? Channels::colour : Channels::grey, view);
   const double half = 0.5e-3 * options_.image.exposure_ms;
   const Pose3 first = pose(seconds - half), last = pose(seconds + half), motion = between(first, last);
-  if (motion.t.norm() > 1e-5 || motion.q.vec().norm() > 1e-5) blur(view, model_, first, pose(seconds), last, workspace.blurred);
+  if (motion.t.norm() > 1e-5 || motion.q.vec().norm() > 1e-5)
+    blur(view, model_, first, pose(seconds), last, workspace.blurred);
   expose(view, vignette_, gain, options_.image.noise, noise, frame, picture);
 }
 
@@ -94,8 +95,8 @@ CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) cons
   const double gain = is_covered ? 0.0 : std::exp(options_.image.exposure_change * wandering(stream("exposure"), at));
   take(at, {}, gain, stream("left picture"), frame, workspace, result.left);
   if (options_.kind == SimulatedCameraKind::stereo)
-    take(at, {{options_.baseline_m, 0.0, 0.0}, Eigen::Quaterniond::Identity()}, gain, stream("right picture"), frame, workspace,
-         result.right);
+    take(at, {{options_.baseline_m, 0.0, 0.0}, Eigen::Quaterniond::Identity()}, gain, stream("right picture"), frame,
+         workspace, result.right);
   if (options_.kind != SimulatedCameraKind::rgbd) return result;
 
   const double offset = depth_offset(options_.depth, stream("depth offset"), at);

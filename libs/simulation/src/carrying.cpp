@@ -5,7 +5,8 @@
 
 namespace mapweave::simulation {
 
-SimulatedTrajectory carried_away(const SimulatedTrajectory& planned, const RobotOptions& robot, std::vector<Carry>& carries) {
+SimulatedTrajectory carried_away(const SimulatedTrajectory& planned, const RobotOptions& robot,
+                                 std::vector<Carry>& carries) {
   std::vector<SimulatedTrajectory::Knot> knots;
   double path_m = 0.0, delay_s = 0.0;
   auto next = robot.kidnappings.begin();
@@ -41,7 +42,8 @@ FloorWaves::FloorWaves(double tilt_deg, std::uint64_t seed) {
   constexpr int kWaves = 12;
   RandomNumbers numbers = RandomStream(seed, "floor waves").at(0);
   for (int i = 0; i < kWaves; ++i) {
-    const double length = 0.4 * std::pow(3.0 / 0.4, static_cast<double>(i) / (kWaves - 1)), angle = numbers.uniform(0.0, 2.0 * M_PI);
+    const double length = 0.4 * std::pow(3.0 / 0.4, static_cast<double>(i) / (kWaves - 1)),
+                 angle = numbers.uniform(0.0, 2.0 * M_PI);
     const double number = 2.0 * M_PI / length;
     // A slope's share along any one direction is half of its square, and a cosine's mean square is a half.
     waves_.push_back({number * std::cos(angle), number * std::sin(angle), numbers.uniform(0.0, 2.0 * M_PI),
@@ -54,12 +56,14 @@ Pose3 FloorWaves::on_floor(const Pose2& world_from_robot) const {
   if (waves_.empty()) return pose;
   double slope_x = 0.0, slope_y = 0.0;
   for (const Wave& wave : waves_) {
-    const double number = std::hypot(wave.x, wave.y), phase = wave.x * world_from_robot.x + wave.y * world_from_robot.y + wave.phase;
+    const double number = std::hypot(wave.x, wave.y),
+                 phase = wave.x * world_from_robot.x + wave.y * world_from_robot.y + wave.phase;
     pose.t.z() += wave.slope / number * std::sin(phase);
     slope_x += wave.slope * std::cos(phase) * wave.x / number;
     slope_y += wave.slope * std::cos(phase) * wave.y / number;
   }
-  pose.q = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-slope_x, -slope_y, 1.0)) * pose.q;
+  pose.q =
+      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(-slope_x, -slope_y, 1.0)) * pose.q;
   return pose;
 }
 

@@ -14,7 +14,8 @@ struct Carry {
   double from_s, to_s;  // since the robot's start
 };
 
-// Takes the skipped parts of the way out and notes when the robot was in the air. What lies beyond the end of the way is left out.
+// Takes the skipped parts of the way out and notes when the robot was in the air. What lies beyond the end of the way
+// is left out.
 SimulatedTrajectory carried_away(const SimulatedTrajectory&, const RobotOptions&, std::vector<Carry>& carries);
 
 // A floor that is not quite flat: a sum of waves, the same for everyone who drives over it.

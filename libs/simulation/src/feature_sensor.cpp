@@ -49,14 +49,16 @@ Descriptor descriptor_of(const SimulatedLandmark& landmark) {
 }
 
 // Landmarks belong to places on textures, so that what looks the same has the same ones.
-LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const FeatureOptions& options) : walls_(obstacles(scene)) {
+LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const FeatureOptions& options)
+    : walls_(obstacles(scene)) {
   const Box box = bounds(plan);
   const RandomStream numbers(0, "landmarks");
   for (const Surface& surface : scene.surfaces()) {
     const Look& look = surface.look;
     const Texture& texture = scene.texture(look.texture);
     const bool is_plane = surface.corners.empty();
-    const double per_m2 = is_plane ? 0.1 * options.landmarks_per_m2 : options.landmarks_per_m2, side_m = 1.0 / std::sqrt(per_m2);
+    const double per_m2 = is_plane ? 0.1 * options.landmarks_per_m2 : options.landmarks_per_m2,
+                 side_m = 1.0 / std::sqrt(per_m2);
     const double cell_u = side_m * look.u.norm(), cell_v = side_m * look.v.norm();  // texels
     double low_u = 1e18, high_u = -1e18, low_v = 1e18, high_v = -1e18;
     const auto include = [&](const Vector3d& p) {
@@ -75,23 +77,29 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
     // Whole cells in a texture, so that they repeat as it does.
     const int columns = std::max(1, static_cast<int>(std::lround(texture.width() / cell_u))),
               rows = std::max(1, static_cast<int>(std::lround(texture.height() / cell_v)));
-    const double step_u = static_cast<double>(texture.width()) / columns, step_v = static_cast<double>(texture.height()) / rows;
-    const auto folded = [](std::int64_t index, int count) { return static_cast<std::uint64_t>(((index % count) + count) % count); };
-    for (auto row = static_cast<std::int64_t>(std::floor(low_v / step_v)); row <= static_cast<std::int64_t>(std::floor(high_v / step_v));
-         ++row) {
+    const double step_u = static_cast<double>(texture.width()) / columns,
+                 step_v = static_cast<double>(texture.height()) / rows;
+    const auto folded = [](std::int64_t index, int count) {
+      return static_cast<std::uint64_t>(((index % count) + count) % count);
+    };
+    for (auto row = static_cast<std::int64_t>(std::floor(low_v / step_v));
+         row <= static_cast<std::int64_t>(std::floor(high_v / step_v)); ++row) {
       for (auto column = static_cast<std::int64_t>(std::floor(low_u / step_u));
            column <= static_cast<std::int64_t>(std::floor(high_u / step_u)); ++column) {
-        const std::uint64_t key = (static_cast<std::uint64_t>(look.texture) << 40) ^ (folded(row, rows) << 20) ^ folded(column, columns);
+        const std::uint64_t key =
+            (static_cast<std::uint64_t>(look.texture) << 40) ^ (folded(row, rows) << 20) ^ folded(column, columns);
         RandomNumbers of_cell = numbers.at(key);
         const double u = (static_cast<double>(column) + of_cell.uniform()) * step_u,
                      v = (static_cast<double>(row) + of_cell.uniform()) * step_v;
-        const double size =
-            options.least_size_m * std::pow(std::max(1.0, options.greatest_size_m / options.least_size_m), of_cell.uniform());
+        const double size = options.least_size_m *
+                            std::pow(std::max(1.0, options.greatest_size_m / options.least_size_m), of_cell.uniform());
         const std::uint64_t bits = of_cell.bits();
-        // The point of the plane with these texel coordinates: both axes are perpendicular to each other and to the normal.
-        const double origin_u = look.u.dot(surface.point) + look.first_u, origin_v = look.v.dot(surface.point) + look.first_v;
-        const Vector3d point =
-            surface.point + look.u * ((u - origin_u) / look.u.squaredNorm()) + look.v * ((v - origin_v) / look.v.squaredNorm());
+        // The point of the plane with these texel coordinates: both axes are perpendicular to each other and to the
+        // normal.
+        const double origin_u = look.u.dot(surface.point) + look.first_u,
+                     origin_v = look.v.dot(surface.point) + look.first_v;
+        const Vector3d point = surface.point + look.u * ((u - origin_u) / look.u.squaredNorm()) +
+                               look.v * ((v - origin_v) / look.v.squaredNorm());
         if (is_plane ? !box.contains({point.x(), point.y()}) : !is_within(surface, point)) continue;
         landmarks_.push_back({point, surface.normal, size, bits});
       }
@@ -107,8 +115,8 @@ LandmarkField::LandmarkField(const Scene& scene, const FloorPlan& plan, const Fe
     const Vector3d& p = landmarks_[i].point_in_world;
     const int column = std::clamp(static_cast<int>((p.x() - low_x_) / kCell), 0, columns_ - 1),
               row = std::clamp(static_cast<int>((p.y() - low_y_) / kCell), 0, rows_ - 1);
-    cells[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)].push_back(
-        static_cast<std::uint32_t>(i));
+    cells[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column)]
+        .push_back(static_cast<std::uint32_t>(i));
   }
   for (const auto& cell : cells) {
     first_.push_back(static_cast<std::uint32_t>(members_.size()));
@@ -130,14 +138,15 @@ void LandmarkField::for_each_in(const Box& box, Visit&& visit) const {
   };
   for (int row = index(box.low_y, low_y_, rows_); row <= index(box.high_y, low_y_, rows_); ++row) {
     for (int column = index(box.low_x, low_x_, columns_); column <= index(box.high_x, low_x_, columns_); ++column) {
-      const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
+      const std::size_t cell =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
       for (std::uint32_t i = first_[cell]; i < first_[cell + 1]; ++i) visit(members_[i]);
     }
   }
 }
 
-FeatureRecording::FeatureRecording(const World& world, const LandmarkField& field, const FeatureOptions& options, std::size_t robot,
-                                   std::size_t camera)
+FeatureRecording::FeatureRecording(const World& world, const LandmarkField& field, const FeatureOptions& options,
+                                   std::size_t robot, std::size_t camera)
     : world_(&world),
       field_(&field),
       options_(options),
@@ -146,7 +155,8 @@ FeatureRecording::FeatureRecording(const World& world, const LandmarkField& fiel
       model_(camera_.intrinsics()),
       robot_from_camera_(camera_.robot_from_camera()),
       frame_count_(static_cast<std::size_t>(world.trajectory(robot).duration_s() * camera_.frames_per_second) + 1),
-      numbers_(static_cast<std::uint64_t>(world.options().seed), "features", world.robot_id(robot).str() + "/" + camera_.id) {
+      numbers_(static_cast<std::uint64_t>(world.options().seed), "features",
+               world.robot_id(robot).str() + "/" + camera_.id) {
   check(options);
 }
 
@@ -199,19 +209,22 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
     if (pixel) candidates.push_back({landmark.look, i, octave, pixel->x(), pixel->y(), p.z()});
   });
   // The strongest ones first; how strong is up to the landmark, so that the same ones are found again and again.
-  std::sort(candidates.begin(), candidates.end(),
-            [](const Candidate& a, const Candidate& b) { return a.luck != b.luck ? a.luck < b.luck : a.landmark < b.landmark; });
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.luck != b.luck ? a.luck < b.luck : a.landmark < b.landmark;
+  });
 
   std::vector<Body> bodies;
   for (const Body& body : world_->bodies_around(robot_, seconds)) {
-    if (std::hypot(body.world_from_body.x - eye.x(), body.world_from_body.y - eye.y()) < options_.farthest_m) bodies.push_back(body);
+    if (std::hypot(body.world_from_body.x - eye.x(), body.world_from_body.y - eye.y()) < options_.farthest_m)
+      bodies.push_back(body);
   }
   const auto is_behind_body = [&](const Vector3d& point) {
     if (bodies.empty()) return false;
     const double dx = point.x() - eye.x(), dy = point.y() - eye.y(), length = std::hypot(dx, dy);
     return length > 0.0 && std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
-             const double distance = distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,
-                                                        {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
+             const double distance =
+                 distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,
+                                    {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
              return distance < length && eye.z() + (point.z() - eye.z()) * distance / length < body.height_m;
            });
   };
@@ -227,8 +240,10 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
     if (camera_.kind == SimulatedCameraKind::rgbd) {
       const DepthNoiseOptions& depth = camera_.depth;
       const double measured =
-          z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) * numbers.normal();
-      feature.depth_m = measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
+          z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) *
+                  numbers.normal();
+      feature.depth_m =
+          measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
     } else if (camera_.kind == SimulatedCameraKind::stereo) {
       const double right = u - focal * camera_.baseline_m / z + noise * numbers.normal();
       feature.right_u = right >= 0.0 ? static_cast<float>(right) : -1.0f;
@@ -244,8 +259,8 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
     feature.landmark = landmark;
     frame.features.push_back(feature);
   };
-  const int outliers =
-      static_cast<int>(options_.outliers * std::min(static_cast<double>(options_.most_features), static_cast<double>(candidates.size())));
+  const int outliers = static_cast<int>(options_.outliers * std::min(static_cast<double>(options_.most_features),
+                                                                     static_cast<double>(candidates.size())));
   const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - outliers));
   for (const Candidate& candidate : candidates) {
     if (frame.features.size() >= most) break;
@@ -256,8 +271,8 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
   for (int i = 0; i < outliers; ++i) {
     Descriptor descriptor;
     for (std::uint64_t& word : descriptor) word = numbers.bits();
-    add(numbers.uniform(0.0, camera_.width - 1.0), numbers.uniform(0.0, camera_.height - 1.0), numbers.uniform(0.5, 5.0),
-        numbers.integer(0, options_.octaves - 1), descriptor, kNoLandmark);
+    add(numbers.uniform(0.0, camera_.width - 1.0), numbers.uniform(0.0, camera_.height - 1.0),
+        numbers.uniform(0.5, 5.0), numbers.integer(0, options_.octaves - 1), descriptor, kNoLandmark);
   }
   return frame;
 }

@@ -32,9 +32,12 @@ std::optional<Place> take_place(std::vector<Side>& sides, double length_m, doubl
     double position = numbers.uniform(0.0, total);
     auto side = sides.begin();
     while (std::next(side) != sides.end() && position > side->length_m) position -= (side++)->length_m;
-    const Interval wanted{position, position + length_m}, with_margin{position - margin_m, position + length_m + margin_m};
+    const Interval wanted{position, position + length_m},
+        with_margin{position - margin_m, position + length_m + margin_m};
     if (with_margin.from < 0.0 || with_margin.to > side->length_m) continue;
-    if (std::any_of(side->taken.begin(), side->taken.end(), [&](const Interval& other) { return other.overlaps(with_margin); })) continue;
+    if (std::any_of(side->taken.begin(), side->taken.end(),
+                    [&](const Interval& other) { return other.overlaps(with_margin); }))
+      continue;
     side->taken.push_back(wanted);
     return Place{&*side, wanted};
   }
@@ -47,7 +50,8 @@ void add_stretches(FloorPlan& plan, const Box& along, int count, const std::stri
     const double from = static_cast<double>(i) / count, to = static_cast<double>(i + 1) / count;
     Box inside = along;
     (is_flat ? inside.low_x : inside.low_y) += from * (is_flat ? along.width() : along.height());
-    (is_flat ? inside.high_x : inside.high_y) = is_flat ? along.low_x + to * along.width() : along.low_y + to * along.height();
+    (is_flat ? inside.high_x : inside.high_y) =
+        is_flat ? along.low_x + to * along.width() : along.low_y + to * along.height();
     plan.rooms.push_back({name + " " + std::to_string(plan.rooms.size()), inside});
   }
 }
@@ -73,8 +77,8 @@ FloorPlan row_of_rooms(const RoomRowOptions& options, std::uint64_t seed, bool i
   add_line(room, {door, -half}, {door, half});
   add_line(room, {door + options.door_width_m, half}, {door + options.door_width_m, -half});
   add_line(room, {door + options.door_width_m, -half}, {options.room_width_m, -half});
-  add_furniture(room, inside, {{door - 0.1, inside.low_y, door + options.door_width_m + 0.1, inside.low_y + kPassage}}, options.furniture,
-                numbers);
+  add_furniture(room, inside, {{door - 0.1, inside.low_y, door + options.door_width_m + 0.1, inside.low_y + kPassage}},
+                options.furniture, numbers);
 
   room.lintels.push_back({door, -half, door + options.door_width_m, half});
 
@@ -85,17 +89,21 @@ FloorPlan row_of_rooms(const RoomRowOptions& options, std::uint64_t seed, bool i
     const double x = i * options.room_width_m;
     const bool is_image = is_mirrored && i % 2 == 1;
     const int first_piece = static_cast<int>(plan.pieces.size());
-    const auto placed = [&](Point2 p) { return Point2{x + (is_image ? options.room_width_m - p.x : p.x), corridor_top + p.y}; };
+    const auto placed = [&](Point2 p) {
+      return Point2{x + (is_image ? options.room_width_m - p.x : p.x), corridor_top + p.y};
+    };
     for (const Wall& wall : room.walls) {
       plan.walls.push_back({placed(wall.from), placed(wall.to), wall.piece < 0 ? -1 : first_piece + wall.piece,
                             static_cast<int>(&wall - room.walls.data())});
     }
-    const auto placed_box = [&](const Box& box) { return box_of(placed({box.low_x, box.low_y}), placed({box.high_x, box.high_y})); };
+    const auto placed_box = [&](const Box& box) {
+      return box_of(placed({box.low_x, box.low_y}), placed({box.high_x, box.high_y}));
+    };
     for (const Piece& piece : room.pieces)
       plan.pieces.push_back({placed_box(piece.footprint), piece.shape, static_cast<int>(&piece - room.pieces.data())});
     for (const Box& lintel : room.lintels) plan.lintels.push_back(placed_box(lintel));
-    plan.rooms.push_back(
-        {"room " + std::to_string(i), box_of(placed({inside.low_x, inside.low_y}), placed({inside.high_x, inside.high_y}))});
+    plan.rooms.push_back({"room " + std::to_string(i),
+                          box_of(placed({inside.low_x, inside.low_y}), placed({inside.high_x, inside.high_y}))});
   }
   add_line(plan, {0.0, 0.0}, {length, 0.0});
   add_line(plan, {0.0, 0.0}, {0.0, options.corridor_width_m});
@@ -123,7 +131,9 @@ FloorPlan moved(FloorPlan plan, double x_m, double y_m) {
   for (Wall& wall : plan.walls) {
     for (Point2* p : {&wall.from, &wall.to}) *p = {p->x + x_m, p->y + y_m};
   }
-  const auto moved_box = [&](const Box& box) { return Box{box.low_x + x_m, box.low_y + y_m, box.high_x + x_m, box.high_y + y_m}; };
+  const auto moved_box = [&](const Box& box) {
+    return Box{box.low_x + x_m, box.low_y + y_m, box.high_x + x_m, box.high_y + y_m};
+  };
   for (Room& room : plan.rooms) {
     room.inside = moved_box(room.inside);
   }
@@ -174,7 +184,9 @@ void add_piece(FloorPlan& plan, const Piece& piece) {
   plan.pieces.push_back(piece);
 }
 
-Box box_of(Point2 a, Point2 b) { return {std::min(a.x, b.x), std::min(a.y, b.y), std::max(a.x, b.x), std::max(a.y, b.y)}; }
+Box box_of(Point2 a, Point2 b) {
+  return {std::min(a.x, b.x), std::min(a.y, b.y), std::max(a.x, b.x), std::max(a.y, b.y)};
+}
 
 void add_wall(FloorPlan& plan, Point2 from, Point2 to, double thickness_m, const std::vector<Interval>& openings) {
   const double length = std::hypot(to.x - from.x, to.y - from.y);
@@ -191,7 +203,8 @@ void add_wall(FloorPlan& plan, Point2 from, Point2 to, double thickness_m, const
   double done = 0.0;
   for (const Interval& opening : openings) {
     add_stretch(done, opening.from);
-    plan.lintels.push_back(box_of(middle.at(opening.from, -0.5 * thickness_m), middle.at(opening.to, 0.5 * thickness_m)));
+    plan.lintels.push_back(
+        box_of(middle.at(opening.from, -0.5 * thickness_m), middle.at(opening.to, 0.5 * thickness_m)));
     done = opening.to;
   }
   add_stretch(done, length);
@@ -202,7 +215,8 @@ void add_sides_with_closed_doors(FloorPlan& plan, std::vector<Side>& sides, int 
     if (!take_place(sides, kClosedDoorWidth, 0.2, numbers)) break;
   }
   for (Side& side : sides) {
-    std::sort(side.taken.begin(), side.taken.end(), [](const Interval& a, const Interval& b) { return a.from < b.from; });
+    std::sort(side.taken.begin(), side.taken.end(),
+              [](const Interval& a, const Interval& b) { return a.from < b.from; });
     double done = 0.0;
     for (const Interval& door : side.taken) {
       add_line(plan, side.at(done, 0.0), side.at(door.from, 0.0));
@@ -226,7 +240,8 @@ void add_clutter(FloorPlan& plan, std::vector<Side>& sides, int boxes, double de
   }
 }
 
-void add_furniture(FloorPlan& plan, const Box& room, const std::vector<Box>& keep_free, int pieces_at_most, RandomNumbers& numbers) {
+void add_furniture(FloorPlan& plan, const Box& room, const std::vector<Box>& keep_free, int pieces_at_most,
+                   RandomNumbers& numbers) {
   const double greatest_depth = std::min(0.8, 0.5 * (std::min(room.width(), room.height()) - kPassage));
   if (greatest_depth < 0.2 || pieces_at_most == 0) return;
   std::vector<Side> sides = sides_seen_from_inside(room);
@@ -238,7 +253,8 @@ void add_furniture(FloorPlan& plan, const Box& room, const std::vector<Box>& kee
     const auto place = take_place(sides, length, 0.0, numbers);
     if (!place) continue;
     const Box piece = box_of(place->side->at(place->interval.from, 0.0), place->side->at(place->interval.to, depth));
-    if (std::any_of(occupied.begin(), occupied.end(), [&](const Box& other) { return other.overlaps(piece); })) continue;
+    if (std::any_of(occupied.begin(), occupied.end(), [&](const Box& other) { return other.overlaps(piece); }))
+      continue;
     occupied.push_back(piece);
     add_piece(plan, {piece, has_legs ? PieceShape::table : PieceShape::box});
   }
@@ -257,8 +273,12 @@ FloorPlan make_corridor_plan(const CorridorOptions& options, std::uint64_t seed)
   return plan;
 }
 
-FloorPlan make_repeated_rooms_plan(const RoomRowOptions& options, std::uint64_t seed) { return row_of_rooms(options, seed, false); }
-FloorPlan make_mirrored_rooms_plan(const RoomRowOptions& options, std::uint64_t seed) { return row_of_rooms(options, seed, true); }
+FloorPlan make_repeated_rooms_plan(const RoomRowOptions& options, std::uint64_t seed) {
+  return row_of_rooms(options, seed, false);
+}
+FloorPlan make_mirrored_rooms_plan(const RoomRowOptions& options, std::uint64_t seed) {
+  return row_of_rooms(options, seed, true);
+}
 
 FloorPlan make_hall_plan(const HallOptions& options, std::uint64_t seed) {
   RandomNumbers numbers = RandomStream(seed, "hall").at(0);
@@ -284,11 +304,13 @@ FloorPlan make_hall_plan(const HallOptions& options, std::uint64_t seed) {
       const double size = numbers.uniform(0.3, 0.8);
       const Point2 corner{numbers.uniform(0.0, options.width_m), numbers.uniform(0.0, options.height_m)};
       const Box pillar{corner.x, corner.y, corner.x + size, corner.y + size};
-      const Box with_passage{corner.x - kPassage, corner.y - kPassage, pillar.high_x + kPassage, pillar.high_y + kPassage};
+      const Box with_passage{corner.x - kPassage, corner.y - kPassage, pillar.high_x + kPassage,
+                             pillar.high_y + kPassage};
       if (with_passage.low_x < 0.5 || with_passage.low_y < 0.5 || with_passage.high_x > options.width_m - 0.5 ||
           with_passage.high_y > options.height_m - 0.5)
         continue;
-      if (std::any_of(occupied.begin(), occupied.end(), [&](const Box& other) { return other.overlaps(pillar); })) continue;
+      if (std::any_of(occupied.begin(), occupied.end(), [&](const Box& other) { return other.overlaps(pillar); }))
+        continue;
       occupied.push_back(with_passage);
       add_box(plan, pillar);
       break;
@@ -305,7 +327,8 @@ FloorPlan make_ring_plan(const RingOptions& options, std::uint64_t seed) {
   }
   RandomNumbers numbers = RandomStream(seed, "ring").at(0);
   FloorPlan plan;
-  const Box outer{0.0, 0.0, options.width_m, options.height_m}, inner{width, width, options.width_m - width, options.height_m - width};
+  const Box outer{0.0, 0.0, options.width_m, options.height_m},
+      inner{width, width, options.width_m - width, options.height_m - width};
   std::vector<Side> sides = sides_seen_from_inside(outer);
   add_sides_with_closed_doors(plan, sides, options.doors, numbers);
   add_box(plan, inner);
@@ -316,7 +339,8 @@ FloorPlan make_ring_plan(const RingOptions& options, std::uint64_t seed) {
     FloorPlan stretches;
     add_stretches(stretches, arm, stretches_of(std::max(arm.width(), arm.height())), "stretch");
     if (is_backwards) std::reverse(stretches.rooms.begin(), stretches.rooms.end());
-    for (const Room& room : stretches.rooms) plan.rooms.push_back({"stretch " + std::to_string(plan.rooms.size()), room.inside});
+    for (const Room& room : stretches.rooms)
+      plan.rooms.push_back({"stretch " + std::to_string(plan.rooms.size()), room.inside});
   };
   add_arm({0.0, 0.0, inner.high_x, width}, false);
   add_arm({inner.high_x, 0.0, outer.high_x, inner.high_y}, false);

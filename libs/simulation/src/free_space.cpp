@@ -41,11 +41,14 @@ FreeSpace::FreeSpace(const FloorPlan& plan, double clearance_m) : clearance_m_(c
   for (const Wall& wall : plan.walls) {
     const auto column = [&](double x) { return std::clamp(static_cast<int>((x - low_x_) / kCell), 0, columns_ - 1); };
     const auto row = [&](double y) { return std::clamp(static_cast<int>((y - low_y_) / kCell), 0, rows_ - 1); };
-    for (int r = row(std::min(wall.from.y, wall.to.y) - reach); r <= row(std::max(wall.from.y, wall.to.y) + reach); ++r) {
-      for (int c = column(std::min(wall.from.x, wall.to.x) - reach); c <= column(std::max(wall.from.x, wall.to.x) + reach); ++c) {
-        const std::size_t cell = static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c);
-        distances[cell] =
-            std::min(distances[cell], static_cast<float>(std::max(0.0, distance_to_wall(wall, centre_of(cell)) - kWithinCell)));
+    for (int r = row(std::min(wall.from.y, wall.to.y) - reach); r <= row(std::max(wall.from.y, wall.to.y) + reach);
+         ++r) {
+      for (int c = column(std::min(wall.from.x, wall.to.x) - reach);
+           c <= column(std::max(wall.from.x, wall.to.x) + reach); ++c) {
+        const std::size_t cell =
+            static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c);
+        distances[cell] = std::min(
+            distances[cell], static_cast<float>(std::max(0.0, distance_to_wall(wall, centre_of(cell)) - kWithinCell)));
       }
     }
   }
@@ -78,7 +81,8 @@ std::size_t FreeSpace::cell_of(Point2 p) const {
 
 Point2 FreeSpace::centre_of(std::size_t cell) const {
   const std::size_t columns = static_cast<std::size_t>(columns_);
-  return {low_x_ + (static_cast<double>(cell % columns) + 0.5) * kCell, low_y_ + (static_cast<double>(cell / columns) + 0.5) * kCell};
+  return {low_x_ + (static_cast<double>(cell % columns) + 0.5) * kCell,
+          low_y_ + (static_cast<double>(cell / columns) + 0.5) * kCell};
 }
 
 double FreeSpace::distance_to_walls(Point2 p) const {
@@ -117,7 +121,8 @@ bool FreeSpace::is_straight_path_free(Point2 from, Point2 to, double distance_m)
 
 std::optional<std::vector<Point2>> FreeSpace::path(Point2 from, Point2 to) const {
   const std::size_t start = cell_of(from), goal = cell_of(to);
-  MAPWEAVE_EXPECT(distance_to_walls(from) >= clearance_m_ && distance_to_walls(to) >= clearance_m_, "both ends of a path are free");
+  MAPWEAVE_EXPECT(distance_to_walls(from) >= clearance_m_ && distance_to_walls(to) >= clearance_m_,
+                  "both ends of a path are free");
   const auto column_of = [&](std::size_t cell) { return static_cast<int>(cell % static_cast<std::size_t>(columns_)); };
   const auto row_of = [&](std::size_t cell) { return static_cast<int>(cell / static_cast<std::size_t>(columns_)); };
   const auto least_cost = [&](std::size_t cell) {
@@ -139,7 +144,8 @@ std::optional<std::vector<Point2>> FreeSpace::path(Point2 from, Point2 to) const
     for (std::size_t i = 0; i < kNeighbours.size(); ++i) {
       const int column = column_of(cell) + kNeighbours[i].column, row = row_of(cell) + kNeighbours[i].row;
       if (column < 0 || row < 0 || column >= columns_ || row >= rows_) continue;
-      const std::size_t next = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
+      const std::size_t next =
+          static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
       const double distance = static_cast<double>(distance_m_[next]);
       if (distance < clearance_m_) continue;
       const int dislike = 10 + static_cast<int>(20.0 * std::max(0.0, 1.0 - distance / kPreferred));

@@ -6,8 +6,9 @@
 namespace mapweave::simulation {
 namespace {
 
-constexpr double kGravity = 9.81;    // m/s^2
-constexpr double kSmoothing = 0.03;  // seconds before and after: the unit's own filter, and paths are made of straight pieces
+constexpr double kGravity = 9.81;  // m/s^2
+constexpr double kSmoothing =
+    0.03;  // seconds before and after: the unit's own filter, and paths are made of straight pieces
 
 Eigen::Vector3d normal_vector(RandomNumbers& numbers) {
   const double x = numbers.normal(), y = numbers.normal(), z = numbers.normal();
@@ -32,7 +33,9 @@ double ImuRecording::seconds(std::size_t reading) const {
   return std::round(static_cast<double>(reading) * 1e6 / options_.readings_per_second) * 1e-6;
 }
 
-Stamp ImuRecording::stamp() const { return Stamp{world_->first_stamp(robot_).ns + std::llround(seconds(next_) * 1e6) * 1000}; }
+Stamp ImuRecording::stamp() const {
+  return Stamp{world_->first_stamp(robot_).ns + std::llround(seconds(next_) * 1e6) * 1000};
+}
 
 std::optional<ImuReading> ImuRecording::next() {
   if (next_ >= count_) return std::nullopt;
@@ -42,7 +45,8 @@ std::optional<ImuReading> ImuRecording::next() {
   const Pose3 now = world_->world_from_robot(robot_, at);
   Eigen::Vector3d push(0.0, 0.0, kGravity);           // world frame
   if (!world_->is_carried(robot_, at, kSmoothing)) {  // else it is held still, as far as it can tell
-    const Pose3 before = world_->world_from_robot(robot_, at - kSmoothing), after = world_->world_from_robot(robot_, at + kSmoothing);
+    const Pose3 before = world_->world_from_robot(robot_, at - kSmoothing),
+                after = world_->world_from_robot(robot_, at + kSmoothing);
     const Eigen::AngleAxisd turn(before.q.conjugate() * after.q);
     const double angle = wrap_angle(turn.angle());
     reading.turn_rad_per_s = turn.axis() * (angle / (2.0 * kSmoothing));

@@ -1,5 +1,6 @@
 #pragma once
-// Normal numbers to be looked up by 12 random bits: five for each number of a stream. Mean 0 and standard deviation 1 exactly.
+// Normal numbers to be looked up by 12 random bits: five for each number of a stream. Mean 0 and standard deviation 1
+// exactly.
 
 #include <mapweave/simulation/random.h>
 

@@ -38,7 +38,8 @@ mrpt::img::TCamera camera_of(const CameraOptions& options) {
   camera.ncols = static_cast<std::uint32_t>(intrinsics.width);
   camera.nrows = static_cast<std::uint32_t>(intrinsics.height);
   camera.setIntrinsicParamsFromValues(intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy);
-  camera.distortion = intrinsics.is_distorted() ? mrpt::img::DistortionModel::plumb_bob : mrpt::img::DistortionModel::none;
+  camera.distortion =
+      intrinsics.is_distorted() ? mrpt::img::DistortionModel::plumb_bob : mrpt::img::DistortionModel::none;
   std::copy(intrinsics.distortion.begin(), intrinsics.distortion.end(), camera.dist.begin());
   camera.cameraName = options.id;
   return camera;
@@ -60,7 +61,8 @@ mrpt::obs::CObservationOdometry::Ptr odometry_observation(const SimulatedStep& s
   return observation;
 }
 
-mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep& step, const SimulatedLaserOptions& options) {
+mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep& step,
+                                                         const SimulatedLaserOptions& options) {
   MAPWEAVE_EXPECT(step.ranges.size() == static_cast<std::size_t>(options.rays), "a scan has the laser's rays");
   auto observation = mrpt::obs::CObservation2DRangeScan::Create();
   observation->timestamp = rawlog::to_mrpt_time(step.stamp);
@@ -69,8 +71,8 @@ mrpt::obs::CObservation2DRangeScan::Ptr scan_observation(const SimulatedStep& st
   observation->rightToLeft = true;
   observation->maxRange = static_cast<float>(options.max_range_m);
   observation->stdError = static_cast<float>(options.noise_m);
-  observation->sensorPose =
-      mrpt::poses::CPose3D(mrpt::math::TPose3D(options.x_m, options.y_m, 0.0, options.robot_from_laser().phi, 0.0, 0.0));
+  observation->sensorPose = mrpt::poses::CPose3D(
+      mrpt::math::TPose3D(options.x_m, options.y_m, 0.0, options.robot_from_laser().phi, 0.0, 0.0));
   observation->resizeScan(step.ranges.size());
   for (std::size_t ray = 0; ray < step.ranges.size(); ++ray) {
     observation->setScanRange(ray, step.ranges[ray]);
@@ -92,7 +94,8 @@ mrpt::obs::CObservationIMU::Ptr imu_observation(const ImuReading& reading) {
   return observation;
 }
 
-mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const CameraOptions& options, const PictureFiles& files) {
+mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const CameraOptions& options,
+                                                const PictureFiles& files) {
   mrpt::obs::CObservation::Ptr result;
   switch (options.kind) {
     case SimulatedCameraKind::mono: {
@@ -124,7 +127,8 @@ mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame& frame, const 
       for (int row = 0; row < options.height; ++row) {
         for (int column = 0; column < options.width; ++column)
           observation->rangeImage(row, column) =
-              frame.depth[static_cast<std::size_t>(row) * static_cast<std::size_t>(options.width) + static_cast<std::size_t>(column)];
+              frame.depth[static_cast<std::size_t>(row) * static_cast<std::size_t>(options.width) +
+                          static_cast<std::size_t>(column)];
       }
       observation->intensityImage = image_of(frame.left, files.left);
       observation->intensityImageChannel = mrpt::obs::CObservation3DRangeScan::CH_VISIBLE;

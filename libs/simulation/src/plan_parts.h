@@ -36,11 +36,13 @@ Box box_of(Point2 corner, Point2 opposite);
 // A wall with openings (ascending, along the wall from `from`); thickness 0: a mere line.
 void add_wall(FloorPlan&, Point2 from, Point2 to, double thickness_m, const std::vector<Interval>& openings = {});
 
-// Set-back doors at random places of the sides that are not taken; as many as find room. Draws the sides' walls as well.
+// Set-back doors at random places of the sides that are not taken; as many as find room. Draws the sides' walls as
+// well.
 void add_sides_with_closed_doors(FloorPlan&, std::vector<Side>& sides, int doors, RandomNumbers&);
 // Boxes against the sides where they are not taken, up to `depth_m` deep; none where that is under 0.1 m.
 void add_clutter(FloorPlan&, std::vector<Side>& sides, int boxes, double depth_m, RandomNumbers&);
-// Pieces along the walls of a room: its middle (1.1 m wide at least) and the boxes `keep_free` before its doors stay free.
+// Pieces along the walls of a room: its middle (1.1 m wide at least) and the boxes `keep_free` before its doors stay
+// free.
 void add_furniture(FloorPlan&, const Box& room, const std::vector<Box>& keep_free, int pieces_at_most, RandomNumbers&);
 
 }  // namespace mapweave::simulation

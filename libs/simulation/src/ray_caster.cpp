@@ -26,7 +26,8 @@ bool touches(const Wall& wall, const Box& box) {
 double distance_along_ray(Point2 origin, double dx, double dy, const Wall& wall) {
   const double wall_x = wall.to.x - wall.from.x, wall_y = wall.to.y - wall.from.y;
   const double from_x = wall.from.x - origin.x, from_y = wall.from.y - origin.y;
-  const double cross = dx * wall_y - dy * wall_x, along = from_x * dy - from_y * dx;  // the latter in units of the former
+  const double cross = dx * wall_y - dy * wall_x,
+               along = from_x * dy - from_y * dx;  // the latter in units of the former
   const bool is_met = cross > 0.0 ? along >= 0.0 && along <= cross : cross < 0.0 && along <= 0.0 && along >= cross;
   if (!is_met) return kNoHit;  // nor a wall parallel to the ray: seen edge-on, it has no width
   const double distance = (from_x * wall_y - from_y * wall_x) / cross;
@@ -55,10 +56,12 @@ RayCaster::RayCaster(const std::vector<Wall>& walls) {
     const Wall& wall = walls[i];
     const auto column = [&](double x) { return std::clamp(static_cast<int>((x - low_x_) / cell_m_), 0, columns_ - 1); };
     const auto row = [&](double y) { return std::clamp(static_cast<int>((y - low_y_) / cell_m_), 0, rows_ - 1); };
-    for (int r = row(std::min(wall.from.y, wall.to.y) - kMargin); r <= row(std::max(wall.from.y, wall.to.y) + kMargin); ++r) {
-      for (int c = column(std::min(wall.from.x, wall.to.x) - kMargin); c <= column(std::max(wall.from.x, wall.to.x) + kMargin); ++c) {
-        const Box cell{low_x_ + c * cell_m_ - kMargin, low_y_ + r * cell_m_ - kMargin, low_x_ + (c + 1) * cell_m_ + kMargin,
-                       low_y_ + (r + 1) * cell_m_ + kMargin};
+    for (int r = row(std::min(wall.from.y, wall.to.y) - kMargin); r <= row(std::max(wall.from.y, wall.to.y) + kMargin);
+         ++r) {
+      for (int c = column(std::min(wall.from.x, wall.to.x) - kMargin);
+           c <= column(std::max(wall.from.x, wall.to.x) + kMargin); ++c) {
+        const Box cell{low_x_ + c * cell_m_ - kMargin, low_y_ + r * cell_m_ - kMargin,
+                       low_x_ + (c + 1) * cell_m_ + kMargin, low_y_ + (r + 1) * cell_m_ + kMargin};
         if (!touches(wall, cell)) continue;
         cells[static_cast<std::size_t>(r) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(c)].push_back(
             static_cast<std::uint32_t>(i));
@@ -96,17 +99,22 @@ void RayCaster::walk(Point2 origin, double dx, double dy, double max_range_m, Vi
     clip(origin.y, dy, low_y_, high_y);
     if (entry > exit) return;
   }
-  const double start_x = (origin.x + entry * dx - low_x_) / cell_m_, start_y = (origin.y + entry * dy - low_y_) / cell_m_;
-  int column = std::clamp(static_cast<int>(start_x), 0, columns_ - 1), row = std::clamp(static_cast<int>(start_y), 0, rows_ - 1);
+  const double start_x = (origin.x + entry * dx - low_x_) / cell_m_,
+               start_y = (origin.y + entry * dy - low_y_) / cell_m_;
+  int column = std::clamp(static_cast<int>(start_x), 0, columns_ - 1),
+      row = std::clamp(static_cast<int>(start_y), 0, rows_ - 1);
   const int step_column = dx > 0.0 ? 1 : -1, step_row = dy > 0.0 ? 1 : -1;
   double next_x = dx == 0.0 ? kNoHit : (low_x_ + (column + (dx > 0.0 ? 1 : 0)) * cell_m_ - origin.x) * inverse_x;
   double next_y = dy == 0.0 ? kNoHit : (low_y_ + (row + (dy > 0.0 ? 1 : 0)) * cell_m_ - origin.y) * inverse_y;
-  const double step_x = dx == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_x), step_y = dy == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_y);
+  const double step_x = dx == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_x),
+               step_y = dy == 0.0 ? kNoHit : cell_m_ * std::abs(inverse_y);
 
   while (true) {
-    const std::size_t cell = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
+    const std::size_t cell =
+        static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
     const double leaves_at = std::min(next_x, next_y);
-    if (visit(walls_.data() + first_[cell], walls_.data() + first_[cell + 1], leaves_at) || leaves_at > max_range_m) break;
+    if (visit(walls_.data() + first_[cell], walls_.data() + first_[cell + 1], leaves_at) || leaves_at > max_range_m)
+      break;
     if (next_x < next_y) {
       next_x += step_x;
       column += step_column;
@@ -131,7 +139,8 @@ double RayCaster::distance(Point2 origin, double dx, double dy, double max_range
 bool RayCaster::is_in_sight(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
   const double length = (to - from).head<2>().norm();
   if (length == 0.0) return true;
-  const double dx = (to.x() - from.x()) / length, dy = (to.y() - from.y()) / length, rise = (to.z() - from.z()) / length;
+  const double dx = (to.x() - from.x()) / length, dy = (to.y() - from.y()) / length,
+               rise = (to.z() - from.z()) / length;
   bool is_hidden = false;
   walk({from.x(), from.y()}, dx, dy, length, [&](const Wall* wall, const Wall* end, double) {
     for (; wall != end && !is_hidden; ++wall) {

@@ -29,8 +29,9 @@ struct Prepared {
   int edge_count = 0;
   std::array<Vector3f, kMostCorners> edges;
   Vector3f inverse_depth, u, v;
-  float first_u, first_v, first_detail_u, first_detail_v, detail_scale;  // the last: detail texels in one of the texture
-  float nearest;                                                         // greatest 1/z
+  float first_u, first_v, first_detail_u, first_detail_v,
+      detail_scale;  // the last: detail texels in one of the texture
+  float nearest;     // greatest 1/z
   CameraModel::Bounds bounds;
   const Look* look;
 };
@@ -40,7 +41,10 @@ float wrapped(double texels, int size) { return static_cast<float>(texels - size
 class Rasteriser {
  public:
   Rasteriser(const Scene& scene, const CameraModel& camera, const Pose3& world_from_camera)
-      : scene_(scene), camera_(camera), eye_(world_from_camera.t), camera_from_world_(world_from_camera.q.conjugate()) {}
+      : scene_(scene),
+        camera_(camera),
+        eye_(world_from_camera.t),
+        camera_from_world_(world_from_camera.q.conjugate()) {}
 
   void add(const Surface& surface, std::int32_t number) {
     const double distance = surface.normal.dot(surface.point - eye_);
@@ -49,15 +53,16 @@ class Rasteriser {
     prepared.inverse_depth = (camera_from_world_ * surface.normal / distance).cast<float>();
     if (!cut_out(surface, prepared)) return;
     const CameraModel::Bounds& view = camera_.bounds();
-    if (prepared.bounds.low_x > view.high_x || prepared.bounds.high_x < view.low_x || prepared.bounds.low_y > view.high_y ||
-        prepared.bounds.high_y < view.low_y)
+    if (prepared.bounds.low_x > view.high_x || prepared.bounds.high_x < view.low_x ||
+        prepared.bounds.low_y > view.high_y || prepared.bounds.high_y < view.low_y)
       return;
     prepared.number = number;
     prepared.look = &surface.look;
     const Texture& texture = scene_.texture(surface.look.texture);
     prepared.u = (camera_from_world_ * surface.look.u).cast<float>();
     prepared.v = (camera_from_world_ * surface.look.v).cast<float>();
-    const double first_u = surface.look.u.dot(eye_) + surface.look.first_u, first_v = surface.look.v.dot(eye_) + surface.look.first_v;
+    const double first_u = surface.look.u.dot(eye_) + surface.look.first_u,
+                 first_v = surface.look.v.dot(eye_) + surface.look.first_v;
     prepared.first_u = kAhead + wrapped(first_u, texture.width());
     prepared.first_v = kAhead + wrapped(first_v, texture.height());
     const double detail_scale = 1.0 / (Scene::kDetailTexel * surface.look.u.norm());
@@ -68,8 +73,9 @@ class Rasteriser {
   }
 
   void sort() {  // the nearest first, so that the rest is mostly hidden
-    std::sort(surfaces_.begin(), surfaces_.end(),
-              [](const Prepared& a, const Prepared& b) { return a.nearest != b.nearest ? a.nearest > b.nearest : a.number < b.number; });
+    std::sort(surfaces_.begin(), surfaces_.end(), [](const Prepared& a, const Prepared& b) {
+      return a.nearest != b.nearest ? a.nearest > b.nearest : a.number < b.number;
+    });
   }
 
   void draw(RenderedView& view) const {
@@ -132,7 +138,8 @@ class Rasteriser {
     float farthest = 0.0f;  // least 1/z in the tile
     for (std::size_t i = 0; i < surfaces_.size(); ++i) {
       const Prepared& s = surfaces_[i];
-      if (s.bounds.low_x > tile.high_x || s.bounds.high_x < tile.low_x || s.bounds.low_y > tile.high_y || s.bounds.high_y < tile.low_y)
+      if (s.bounds.low_x > tile.high_x || s.bounds.high_x < tile.low_x || s.bounds.low_y > tile.high_y ||
+          s.bounds.high_y < tile.low_y)
         continue;
       if (s.edge_count > 0 && s.nearest <= farthest) continue;
       bool is_out = false;  // all of the tile beyond one edge
@@ -150,13 +157,14 @@ class Rasteriser {
     }
     for (int row = 0; row < kTileHeight; ++row) {
       const std::size_t at = view.at(tile_row * kTileHeight + row, tile_column * kTileWidth);
-      std::copy(std::begin(nearest[row]), std::end(nearest[row]), view.inverse_depth.begin() + static_cast<std::ptrdiff_t>(at));
+      std::copy(std::begin(nearest[row]), std::end(nearest[row]),
+                view.inverse_depth.begin() + static_cast<std::ptrdiff_t>(at));
       std::copy(std::begin(shown[row]), std::end(shown[row]), view.surface.begin() + static_cast<std::ptrdiff_t>(at));
     }
   }
 
-  void draw_in_tile(const Prepared& s, std::int32_t number, int top, int left, float (&nearest)[kTileHeight][kTileWidth],
-                    std::int32_t (&shown)[kTileHeight][kTileWidth]) const {
+  void draw_in_tile(const Prepared& s, std::int32_t number, int top, int left,
+                    float (&nearest)[kTileHeight][kTileWidth], std::int32_t (&shown)[kTileHeight][kTileWidth]) const {
     for (int row = 0; row < kTileHeight; ++row) {
       const float* x = camera_.x(top + row) + left;
       const float* y = camera_.y(top + row) + left;
@@ -191,8 +199,10 @@ class Sampler {
       : inverse_depth_(s.inverse_depth), u_(s.u), v_(s.v), first_u_(s.first_u), first_v_(s.first_v) {
     const float z = depth(x, y);
     const float u = (u_.x() * x + u_.y() * y + u_.z()) * z, v = (v_.x() * x + v_.y() * y + v_.z()) * z;
-    const float ux = (u_.x() - u * inverse_depth_.x()) * z * pixel_x, vx = (v_.x() - v * inverse_depth_.x()) * z * pixel_x;
-    const float uy = (u_.y() - u * inverse_depth_.y()) * z * pixel_y, vy = (v_.y() - v * inverse_depth_.y()) * z * pixel_y;
+    const float ux = (u_.x() - u * inverse_depth_.x()) * z * pixel_x,
+                vx = (v_.x() - v * inverse_depth_.x()) * z * pixel_x;
+    const float uy = (u_.y() - u * inverse_depth_.y()) * z * pixel_y,
+                vy = (v_.y() - v * inverse_depth_.y()) * z * pixel_y;
     const float across = std::sqrt(ux * ux + vx * vx), down = std::sqrt(uy * uy + vy * vy);
     const bool is_across_longer = across > down;
     const float longer = std::max({across, down, 1e-3f}), shorter = std::max(std::min(across, down), 1e-3f);
@@ -237,7 +247,8 @@ class Sampler {
     }
     float value = static_cast<float>(sum) * share_;
     if (detail_weight_ > 0.0f) {
-      const int sample = detail_.sample(from_u * detail_scale_ + first_detail_u_, from_v * detail_scale_ + first_detail_v_);
+      const int sample =
+          detail_.sample(from_u * detail_scale_ + first_detail_u_, from_v * detail_scale_ + first_detail_v_);
       value += detail_weight_ * static_cast<float>(sample - 128 * 256);
     }
     return std::clamp(value, 0.0f, 255.0f);
@@ -297,7 +308,8 @@ class Shader {
       for (int column = 0; column < view.width; ++column) {
         const int left = std::max(0, column - 1), right = std::min(view.width - 1, column + 1);
         const std::int32_t number = here[column];
-        if (number == here[left] && number == here[right] && number == above[column] && number == below[column]) continue;
+        if (number == here[left] && number == here[right] && number == above[column] && number == below[column])
+          continue;
         std::array<std::int32_t, 9> around{above[left], above[column], above[right],  here[left],  number,
                                            here[right], below[left],   below[column], below[right]};
         std::sort(around.begin(), around.end());
@@ -323,12 +335,14 @@ class Shader {
             greatest = inverse;
           }
           if (nearest == nullptr) continue;
-          Mixer(*nearest->look, view.channels)(Sampler(scene_, *nearest, x, y, pixel_x_, pixel_y_)(x, y), sample.data());
+          Mixer(*nearest->look, view.channels)(Sampler(scene_, *nearest, x, y, pixel_x_, pixel_y_)(x, y),
+                                               sample.data());
           for (int channel = 0; channel < view.channels; ++channel)
             sum[static_cast<std::size_t>(channel)] += 0.25f * sample[static_cast<std::size_t>(channel)];
         }
         std::copy_n(sum.begin(), view.channels,
-                    view.values.begin() + static_cast<std::ptrdiff_t>(view.at(row, column) * static_cast<std::size_t>(view.channels)));
+                    view.values.begin() +
+                        static_cast<std::ptrdiff_t>(view.at(row, column) * static_cast<std::size_t>(view.channels)));
       }
     }
   }
@@ -367,8 +381,8 @@ class Shader {
 
 }  // namespace
 
-void render(const Scene& scene, const std::vector<Surface>& moving, const CameraModel& camera, const Pose3& world_from_camera,
-            Channels channels, RenderedView& view) {
+void render(const Scene& scene, const std::vector<Surface>& moving, const CameraModel& camera,
+            const Pose3& world_from_camera, Channels channels, RenderedView& view) {
   view.width = camera.intrinsics().width;
   view.height = camera.intrinsics().height;
   view.stride = camera.stride();

@@ -25,7 +25,8 @@ Colour shaded(const Colour& c, double by) {
 
 // One lamp for all: surfaces of different directions differ, so that corners show where nothing is painted.
 double brightness(const Vector3d& normal) {
-  return 0.84 + 0.1 * std::abs(normal.x()) - 0.04 * std::abs(normal.y()) + (normal.z() < 0.0 ? 0.08 : -0.06) * std::abs(normal.z());
+  return 0.84 + 0.1 * std::abs(normal.x()) - 0.04 * std::abs(normal.y()) +
+         (normal.z() < 0.0 ? 0.08 : -0.06) * std::abs(normal.z());
 }
 
 }  // namespace
@@ -89,14 +90,16 @@ class SceneBuilder {
     RandomNumbers numbers = RandomStream(seed_, "look").at(key);
     const bool is_blank = wanted == Pattern::wall && numbers.chance(options_.blank_walls);
     const auto [dark, light] = colours(wanted == Pattern::furniture, numbers);
-    const Painted result{{static_cast<int>(jobs_.size()) - 1, next_m_}, dark, light, is_blank ? Pattern::blank : wanted};
+    const Painted result{
+        {static_cast<int>(jobs_.size()) - 1, next_m_}, dark, light, is_blank ? Pattern::blank : wanted};
     jobs_.back().push_back({{next_m_, 0.0, length_m, options_.ceiling_m}, result.pattern, key});
     next_m_ += length_m + 4.0 * texel_m_;
     if (twin >= 0) twins_.emplace(twin, result);
     return result;
   }
 
-  Look look_of(const Painted& painted, const Vector3d& origin, const Vector3d& right, const Vector3d& down, const Vector3d& normal) const {
+  Look look_of(const Painted& painted, const Vector3d& origin, const Vector3d& right, const Vector3d& down,
+               const Vector3d& normal) const {
     Look look;
     look.texture = static_cast<int>(kBefore) + painted.place.strip;
     look.u = right / texel_m_;
@@ -132,7 +135,8 @@ class SceneBuilder {
       high_y = std::max(high_y, p.y);
     }
     const Vector3d normal(0.0, 0.0, faces_up ? 1.0 : -1.0);
-    add_surface(std::move(corners), normal, look_of(painted, {low_x, high_y, height}, {1.0, 0.0, 0.0}, {0.0, -1.0, 0.0}, normal));
+    add_surface(std::move(corners), normal,
+                look_of(painted, {low_x, high_y, height}, {1.0, 0.0, 0.0}, {0.0, -1.0, 0.0}, normal));
   }
 
   void add_planes() {
@@ -169,7 +173,8 @@ class SceneBuilder {
       const std::int64_t twin = wall.twin >= 0 ? std::int64_t{wall.twin} * 64 + span : -1;
       const Painted painted_span = painted(length / spans, Pattern::wall, twin);
       add_upright(from, to, 0.0, options_.ceiling_m, painted_span);
-      if (painted_span.pattern != Pattern::blank) add_posters(from, to, length / spans, twin, number * 64 + static_cast<std::size_t>(span));
+      if (painted_span.pattern != Pattern::blank)
+        add_posters(from, to, length / spans, twin, number * 64 + static_cast<std::size_t>(span));
     }
   }
 
@@ -208,13 +213,16 @@ class SceneBuilder {
   }
 
   void add_lintel(const Box& box) {
-    const std::vector<Point2> outline{{box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+    const std::vector<Point2> outline{
+        {box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
     for (std::size_t i = 0; i < 4; ++i) {
       const Point2 from = outline[i], to = outline[(i + 1) % 4];
       const double length = std::hypot(to.x - from.x, to.y - from.y);
-      if (length > 1e-6) add_upright(from, to, options_.door_m, options_.ceiling_m, painted(length, Pattern::blank, -1));
+      if (length > 1e-6)
+        add_upright(from, to, options_.door_m, options_.ceiling_m, painted(length, Pattern::blank, -1));
     }
-    if (box.width() > 1e-6 && box.height() > 1e-6) add_flat(outline, options_.door_m, painted(box.width(), Pattern::blank, -1), false);
+    if (box.width() > 1e-6 && box.height() > 1e-6)
+      add_flat(outline, options_.door_m, painted(box.width(), Pattern::blank, -1), false);
   }
 
   void add_piece_surfaces(std::size_t number) {
@@ -223,7 +231,8 @@ class SceneBuilder {
     const double height = height_of(piece, number, seed_);
     const std::int64_t twins = piece.twin >= 0 ? (std::int64_t{1} << 32) + std::int64_t{piece.twin} * 64 : -1;
     const auto twin = [&](int part) { return twins >= 0 ? twins + part : -1; };
-    const std::vector<Point2> corners{{box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+    const std::vector<Point2> corners{
+        {box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
     if (piece.shape == PieceShape::cylinder) {
       std::vector<Point2> outline;
       for (const Wall& wall : plan_.walls) {
@@ -247,7 +256,8 @@ class SceneBuilder {
     for (std::size_t i = 0; i < 4; ++i) {
       const Point2 from = corners[i], to = corners[(i + 1) % 4];
       const double length = std::hypot(to.x - from.x, to.y - from.y);
-      add_upright(from, to, piece.shape == PieceShape::table ? kSlabLow : 0.0, height, painted(length, Pattern::furniture, twin(part++)));
+      add_upright(from, to, piece.shape == PieceShape::table ? kSlabLow : 0.0, height,
+                  painted(length, Pattern::furniture, twin(part++)));
     }
     add_flat(corners, height, painted(box.width(), Pattern::furniture, twin(part++)), true);
   }
@@ -264,7 +274,8 @@ class SceneBuilder {
       if (i < kBefore + strips) {
         Canvas canvas(kStripWidth, kStripHeight, texel_m_);
         const RandomStream walls(seed_, "wall picture");
-        for (const Job& job : jobs_[i - kBefore]) paint_wall(canvas, job.area, job.pattern, options_.contrast, walls.at(job.key));
+        for (const Job& job : jobs_[i - kBefore])
+          paint_wall(canvas, job.area, job.pattern, options_.contrast, walls.at(job.key));
         return Texture(kStripWidth, kStripHeight, canvas.take());
       }
       return poster_texture(RandomStream(posters_[i - kBefore - strips], "poster").at(0));
@@ -284,7 +295,8 @@ class SceneBuilder {
   std::vector<std::size_t> poster_surfaces_;
 };
 
-Scene::Scene(const FloorPlan& plan, const LookOptions& options, std::uint64_t seed, WorkerPool& pool) : ceiling_m_(options.ceiling_m) {
+Scene::Scene(const FloorPlan& plan, const LookOptions& options, std::uint64_t seed, WorkerPool& pool)
+    : ceiling_m_(options.ceiling_m) {
   SceneBuilder(*this, plan, options, seed).build(pool);
 }
 
@@ -293,12 +305,14 @@ std::vector<Surface> Scene::surfaces_of(const Body& body) const {
   std::vector<Surface> surfaces;
   const auto corner = [&](int i, double z) {
     const double angle = body.world_from_body.phi + 2.0 * M_PI * i / kSides;
-    return Vector3d(body.world_from_body.x + body.radius_m * std::cos(angle), body.world_from_body.y + body.radius_m * std::sin(angle), z);
+    return Vector3d(body.world_from_body.x + body.radius_m * std::cos(angle),
+                    body.world_from_body.y + body.radius_m * std::sin(angle), z);
   };
   RandomNumbers numbers = RandomStream(0, "body").at(static_cast<std::uint64_t>(body.number));
   const auto [dark, light] = colours(true, numbers);
   const int texture = static_cast<int>(kFirstBody) + numbers.integer(0, static_cast<int>(kBodies) - 1);
-  const auto add = [&](std::vector<Vector3d> corners, const Vector3d& normal, const Vector3d& u, const Vector3d& v, double first_u) {
+  const auto add = [&](std::vector<Vector3d> corners, const Vector3d& normal, const Vector3d& u, const Vector3d& v,
+                       double first_u) {
     Look look;
     look.texture = texture;
     look.u = u;
@@ -314,8 +328,8 @@ std::vector<Surface> Scene::surfaces_of(const Body& body) const {
   for (int i = 0; i < kSides; ++i) {
     const Vector3d from = corner(i, body.height_m), to = corner(i + 1, body.height_m), down(0.0, 0.0, -body.height_m);
     const Vector3d right = (to - from).normalized(), normal(right.y(), -right.x(), 0.0);
-    add({from, to, to + down, from + down}, normal, right * (256.0 / kSides / (to - from).norm()), {0.0, 0.0, -256.0 / body.height_m},
-        256.0 / kSides * i);
+    add({from, to, to + down, from + down}, normal, right * (256.0 / kSides / (to - from).norm()),
+        {0.0, 0.0, -256.0 / body.height_m}, 256.0 / kSides * i);
     top.push_back(from);
   }
   add(std::move(top), {0.0, 0.0, 1.0}, {200.0, 0.0, 0.0}, {0.0, -200.0, 0.0}, 0.0);

@@ -93,7 +93,9 @@ Texture body_texture(RandomNumbers numbers) {
 std::pair<Colour, Colour> colours(bool is_vivid, RandomNumbers& numbers) {
   const float spread = is_vivid ? 0.35f : 0.07f;
   const auto around = [&](float middle) {
-    const auto channel = [&] { return std::clamp(middle + spread * static_cast<float>(numbers.uniform(-1.0, 1.0)), 0.0f, 1.0f); };
+    const auto channel = [&] {
+      return std::clamp(middle + spread * static_cast<float>(numbers.uniform(-1.0, 1.0)), 0.0f, 1.0f);
+    };
     const float red = channel(), green = channel(), blue = channel();
     return Colour{red, green, blue};
   };

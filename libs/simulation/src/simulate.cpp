@@ -14,7 +14,8 @@
 namespace mapweave::simulation {
 namespace {
 
-// The records of one robot in the order of their stamps; of equal stamps odometry, the scan, the inertial unit, then cameras.
+// The records of one robot in the order of their stamps; of equal stamps odometry, the scan, the inertial unit, then
+// cameras.
 class RobotLog {
  public:
   RobotLog(const World& world, std::size_t robot, const std::filesystem::path& folder)
@@ -43,7 +44,9 @@ class RobotLog {
       for (Item& item : items_) {
         if (item.camera != nullptr) frames.push_back(&item);
       }
-      pool.for_each(frames.size(), [&](std::size_t i) { frames[i]->entry = frames[i]->camera->log.make(frames[i]->frame, workspaces[i]); });
+      pool.for_each(frames.size(), [&](std::size_t i) {
+        frames[i]->entry = frames[i]->camera->log.make(frames[i]->frame, workspaces[i]);
+      });
       for (Item& item : items_) {
         if (item.camera != nullptr) item.camera->log.add(item.entry);
         const auto& observation = item.camera != nullptr ? item.entry.observation : item.ready;
@@ -78,10 +81,12 @@ class RobotLog {
     for (std::size_t frames = 0; frames < frames_at_once && items_.size() < kMostItems;) {
       Camera* earliest = nullptr;
       for (Camera& camera : cameras_) {
-        if (camera.next < camera.log.recording().frame_count() && (earliest == nullptr || next_stamp(camera) < next_stamp(*earliest)))
+        if (camera.next < camera.log.recording().frame_count() &&
+            (earliest == nullptr || next_stamp(camera) < next_stamp(*earliest)))
           earliest = &camera;
       }
-      if (step_ && (!reading_ || step_->stamp <= reading_->stamp) && (earliest == nullptr || step_->stamp <= next_stamp(*earliest))) {
+      if (step_ && (!reading_ || step_->stamp <= reading_->stamp) &&
+          (earliest == nullptr || step_->stamp <= next_stamp(*earliest))) {
         add_step(*step_);
         step_ = recording_.next();
       } else if (reading_ && (earliest == nullptr || reading_->stamp <= next_stamp(*earliest))) {
@@ -122,7 +127,8 @@ class RobotLog {
 };
 
 std::string run_configuration(const WorldOptions& options) {
-  std::string text = "# A simulated world, seed " + std::to_string(options.seed) + ": mapweave run run.yaml --out DIR\nrobots:\n";
+  std::string text =
+      "# A simulated world, seed " + std::to_string(options.seed) + ": mapweave run run.yaml --out DIR\nrobots:\n";
   int turn = 0;
   for (const RobotOptions& robot : options.robots) {
     const std::string edge = robot.edge.empty() ? "edge" + std::to_string(turn++ % options.edges) : robot.edge;
@@ -133,9 +139,11 @@ std::string run_configuration(const WorldOptions& options) {
 
 }  // namespace
 
-std::vector<SimulatedLog> simulate(const WorldOptions& options, const std::filesystem::path& folder, WorkerPool& pool, Progress& progress) {
+std::vector<SimulatedLog> simulate(const WorldOptions& options, const std::filesystem::path& folder, WorkerPool& pool,
+                                   Progress& progress) {
   const World world(options, pool);
-  auto logs = pool.map(world.robot_count(), [&](std::size_t robot) { return RobotLog(world, robot, folder).write(pool, progress); });
+  auto logs = pool.map(world.robot_count(),
+                       [&](std::size_t robot) { return RobotLog(world, robot, folder).write(pool, progress); });
   write_file(folder / "run.yaml", run_configuration(world.options()));
   return logs;
 }

@@ -20,8 +20,10 @@ int log2_of(int size) {
 
 }  // namespace
 
-Texture::Texture(int width, int height, std::vector<std::uint8_t> texels) : width_(width), height_(height), texels_(std::move(texels)) {
-  MAPWEAVE_EXPECT(texels_.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height), "a texture has its texels");
+Texture::Texture(int width, int height, std::vector<std::uint8_t> texels)
+    : width_(width), height_(height), texels_(std::move(texels)) {
+  MAPWEAVE_EXPECT(texels_.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+                  "a texture has its texels");
   int log2_width = log2_of(width), log2_height = log2_of(height);
   std::size_t first = 0;
   for (float scale = 256.0f;; scale *= 0.5f) {
@@ -50,16 +52,21 @@ Texture::Texture(int width, int height, std::vector<std::uint8_t> texels) : widt
 }
 
 Canvas::Canvas(int width, int height, double texel_m)
-    : width_(width), height_(height), texel_m_(texel_m), texels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 128) {}
+    : width_(width),
+      height_(height),
+      texel_m_(texel_m),
+      texels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 128) {}
 
 // Adds to the texels inside; low and high in metres, reaching beyond the clip at will.
 template <class Inside>
-void Canvas::change(const Area& clip, double low_x, double high_x, double low_y, double high_y, int by, Inside&& inside) {
+void Canvas::change(const Area& clip, double low_x, double high_x, double low_y, double high_y, int by,
+                    Inside&& inside) {
   const auto texel = [&](double metres) { return static_cast<int>(std::lround(metres / texel_m_)); };
   const int left = texel(std::max(low_x, clip.left_m)), right = texel(std::min(high_x, clip.left_m + clip.width_m));
   const int top = texel(std::max(low_y, clip.top_m)), bottom = texel(std::min(high_y, clip.top_m + clip.height_m));
   for (int row = top; row < bottom; ++row) {
-    std::uint8_t* texels = texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
+    std::uint8_t* texels =
+        texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
     for (int column = left; column < right; ++column) {
       if (!inside((column + 0.5) * texel_m_, (row + 0.5) * texel_m_)) continue;
       std::uint8_t& at = texels[column & (width_ - 1)];
@@ -72,7 +79,8 @@ void Canvas::fill(const Area& area, int value) {
   const auto texel = [&](double metres) { return static_cast<int>(std::lround(metres / texel_m_)); };
   const int left = texel(area.left_m), right = texel(area.left_m + area.width_m);
   for (int row = texel(area.top_m); row < texel(area.top_m + area.height_m); ++row) {
-    std::uint8_t* texels = texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
+    std::uint8_t* texels =
+        texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
     for (int column = left; column < right; ++column) texels[column & (width_ - 1)] = static_cast<std::uint8_t>(value);
   }
 }
@@ -81,8 +89,8 @@ void Canvas::add_gradient(const Area& area, int from_left, int to_right) {
   constexpr int kSteps = 24;
   for (int i = 0; i < kSteps; ++i) {
     const double from = area.left_m + area.width_m * i / kSteps, to = area.left_m + area.width_m * (i + 1) / kSteps;
-    change(area, from, to, area.top_m, area.top_m + area.height_m, from_left + (to_right - from_left) * i / (kSteps - 1),
-           [](double, double) { return true; });
+    change(area, from, to, area.top_m, area.top_m + area.height_m,
+           from_left + (to_right - from_left) * i / (kSteps - 1), [](double, double) { return true; });
   }
 }
 
@@ -93,10 +101,13 @@ void Canvas::add_grain(const Area& area, double sigma, RandomNumbers& numbers) {
   RandomNumbers fractions(0x6772616973u);
   for (std::size_t i = 0; i < steps.size(); ++i)
     steps[i] = static_cast<int>(std::floor(static_cast<double>(table[i]) * sigma + fractions.uniform()));
-  const int left = static_cast<int>(area.left_m / texel_m_), right = static_cast<int>((area.left_m + area.width_m) / texel_m_);
-  const int top = static_cast<int>(area.top_m / texel_m_), bottom = static_cast<int>((area.top_m + area.height_m) / texel_m_);
+  const int left = static_cast<int>(area.left_m / texel_m_),
+            right = static_cast<int>((area.left_m + area.width_m) / texel_m_);
+  const int top = static_cast<int>(area.top_m / texel_m_),
+            bottom = static_cast<int>((area.top_m + area.height_m) / texel_m_);
   for (int row = top; row < bottom; ++row) {
-    std::uint8_t* texels = texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
+    std::uint8_t* texels =
+        texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
     for (int column = left; column < right;) {
       std::uint64_t bits = numbers.bits();
       for (const int end = std::min(right, column + 5); column < end; ++column, bits >>= 12) {
@@ -124,8 +135,9 @@ void Canvas::add_shapes(const Area& area, double size_m, double share, int contr
     if (kind == 0) {
       draw(half_width, half_height, [](double, double) { return true; });
     } else if (kind == 1) {
-      draw(reach, reach,
-           [&](double dx, double dy) { return std::abs(c * dx + s * dy) < half_width && std::abs(c * dy - s * dx) < half_height; });
+      draw(reach, reach, [&](double dx, double dy) {
+        return std::abs(c * dx + s * dy) < half_width && std::abs(c * dy - s * dx) < half_height;
+      });
     } else if (kind == 2) {
       draw(half_width, half_width, [&](double dx, double dy) { return dx * dx + dy * dy < half_width * half_width; });
     } else {

@@ -26,9 +26,11 @@ WorldOptions world_of(const TeamOptions& team) {
   return world;
 }
 
-// The rooms of a building are shared out so that each robot has equally many and neighbours share the wanted part of them.
+// The rooms of a building are shared out so that each robot has equally many and neighbours share the wanted part of
+// them.
 SimulatedTeam one_building(const BuildingOptions& building, std::size_t rooms, const TeamOptions& team) {
-  MAPWEAVE_EXPECT(team.robots >= 1 && team.shared >= 0.0 && team.shared <= 1.0, "a team has robots that share 0 to 1 of their rooms");
+  MAPWEAVE_EXPECT(team.robots >= 1 && team.shared >= 0.0 && team.shared <= 1.0,
+                  "a team has robots that share 0 to 1 of their rooms");
   WorldOptions world = world_of(team);
   world.buildings.push_back(building);
   const double count = static_cast<double>(rooms), each = count / (1.0 + (team.robots - 1) * (1.0 - team.shared));
@@ -36,7 +38,8 @@ SimulatedTeam one_building(const BuildingOptions& building, std::size_t rooms, c
     const double first = i * each * (1.0 - team.shared);
     RobotOptions& robot = world.robots[static_cast<std::size_t>(i)];
     robot.first_room = std::min(static_cast<int>(rooms) - 1, static_cast<int>(std::lround(first)));
-    robot.last_room = std::clamp(static_cast<int>(std::lround(first + each)) - 1, robot.first_room, static_cast<int>(rooms) - 1);
+    robot.last_room =
+        std::clamp(static_cast<int>(std::lround(first + each)) - 1, robot.first_room, static_cast<int>(rooms) - 1);
   }
   return recorded(world);
 }

@@ -42,8 +42,9 @@ Pose2 WheelOdometry::step(const Pose2& world_from_robot) {
       if (numbers.chance(0.5)) slip = -slip;
       ++slips_;
     }
-    odometry_from_last_ = compose(odometry_from_last_, {last_from_robot.x * scale_ + along, last_from_robot.y * scale_ + across,
-                                                        last_from_robot.phi * turn_scale_ + drift_rad_per_m_ * path + yaw + slip});
+    odometry_from_last_ =
+        compose(odometry_from_last_, {last_from_robot.x * scale_ + along, last_from_robot.y * scale_ + across,
+                                      last_from_robot.phi * turn_scale_ + drift_rad_per_m_ * path + yaw + slip});
   }
   world_from_last_ = world_from_robot;
   return odometry_from_last_;

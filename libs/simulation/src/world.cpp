@@ -17,8 +17,9 @@
 namespace mapweave::simulation {
 namespace {
 
-constexpr std::int64_t kFirstMoment = 1'600'000'000'000'000'000;  // of every world, nanoseconds since the UNIX epoch: September 2020
-constexpr double kBetweenBuildings = 40.0;                        // metres
+constexpr std::int64_t kFirstMoment =
+    1'600'000'000'000'000'000;              // of every world, nanoseconds since the UNIX epoch: September 2020
+constexpr double kBetweenBuildings = 40.0;  // metres
 
 std::string described(Point2 p) { return "(" + std::to_string(p.x) + ", " + std::to_string(p.y) + ")"; }
 
@@ -43,13 +44,14 @@ class Tour {
  public:
   Tour(const RobotOptions& robot, const FloorPlan& plan, Point2 origin, std::uint64_t seed)
       : robot_(robot), numbers_(seed, "tour", robot.id) {
-    for (const WaypointOptions& waypoint : robot.waypoints) waypoints_.push_back({origin.x + waypoint.x_m, origin.y + waypoint.y_m});
+    for (const WaypointOptions& waypoint : robot.waypoints)
+      waypoints_.push_back({origin.x + waypoint.x_m, origin.y + waypoint.y_m});
     if (!waypoints_.empty()) return;
     const int count = static_cast<int>(plan.rooms.size()), last = robot.last_room < 0 ? count - 1 : robot.last_room;
     if (last >= count || robot.first_room > last) {
       throw Error(ErrorCode::kBadInput,
-                  "rooms " + std::to_string(robot.first_room) + " to " + std::to_string(last) + " are asked for; the building has 0 to " +
-                      std::to_string(count - 1),
+                  "rooms " + std::to_string(robot.first_room) + " to " + std::to_string(last) +
+                      " are asked for; the building has 0 to " + std::to_string(count - 1),
                   "robot '" + robot.id + "'", "change first_room and last_room");
     }
     rooms_.assign(plan.rooms.begin() + robot.first_room, plan.rooms.begin() + last + 1);
@@ -83,8 +85,8 @@ class Tour {
 };
 
 // Drives laps until they are done, or until length_m where that is positive.
-SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& plan, Point2 origin, const FreeSpace& space,
-                                    const MotionOptions& motion, std::uint64_t seed) {
+SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& plan, Point2 origin,
+                                    const FreeSpace& space, const MotionOptions& motion, std::uint64_t seed) {
   const Tour tour(robot, plan, origin, seed);
   const RandomStream speeds(seed, "speed", robot.id);
   const auto reachable = [&](Point2 wanted) {
@@ -106,12 +108,13 @@ SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& 
     }
     auto path = space.path(*at, to);
     if (!path) {
-      throw Error(ErrorCode::kBadInput, "there is no way from " + described(*at) + " to " + described(to), "robot '" + robot.id + "'",
-                  "make doors wider or motion.clearance_m smaller");
+      throw Error(ErrorCode::kBadInput, "there is no way from " + described(*at) + " to " + described(to),
+                  "robot '" + robot.id + "'", "make doors wider or motion.clearance_m smaller");
     }
     for (std::size_t i = 1; i < path->size(); ++i)
       planned_m += std::hypot((*path)[i].x - (*path)[i - 1].x, (*path)[i].y - (*path)[i - 1].y);
-    legs.push_back({std::move(*path), speeds.at(legs.size()).uniform(motion.speed_min_m_per_s, motion.speed_max_m_per_s)});
+    legs.push_back(
+        {std::move(*path), speeds.at(legs.size()).uniform(motion.speed_min_m_per_s, motion.speed_max_m_per_s)});
     at = to;
   };
   double wanted_m = robot.length_m;  // of the planned path; rounded corners will make it shorter
@@ -123,8 +126,8 @@ SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& 
       for (const Point2 target : tour.lap(lap)) go(reachable(target));
       if (robot.return_to_start) go(*start);
       if (robot.length_m > 0.0 && planned_m - before_m < 0.1) {
-        throw Error(ErrorCode::kBadInput, "the tour leads nowhere, so no length can be driven", "robot '" + robot.id + "'",
-                    "give it two waypoints or rooms");
+        throw Error(ErrorCode::kBadInput, "the tour leads nowhere, so no length can be driven",
+                    "robot '" + robot.id + "'", "give it two waypoints or rooms");
       }
       ++lap;
     } while (robot.length_m > 0.0 ? planned_m < wanted_m : lap < static_cast<std::uint64_t>(robot.laps));
@@ -135,21 +138,25 @@ SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& 
 }
 
 void check_together(const WorldOptions& options) {
-  if (options.robots.empty()) throw Error(ErrorCode::kBadInput, "the world has no robots", "robots", "list one as {id: alpha}");
+  if (options.robots.empty())
+    throw Error(ErrorCode::kBadInput, "the world has no robots", "robots", "list one as {id: alpha}");
   std::set<std::string> ids;
   for (const RobotOptions& robot : options.robots) {
     const std::string where = "robot '" + robot.id + "'";
     if (!is_valid_name(robot.id)) {
-      throw Error(ErrorCode::kBadInput, "'" + robot.id + "' cannot be a robot's id", where, "use letters, digits, '_', '-' and '.'");
+      throw Error(ErrorCode::kBadInput, "'" + robot.id + "' cannot be a robot's id", where,
+                  "use letters, digits, '_', '-' and '.'");
     }
     if (!robot.edge.empty() && !is_valid_name(robot.edge)) {
-      throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' cannot be an edge's name", where, "use letters, digits, '_', '-' and '.'");
+      throw Error(ErrorCode::kBadInput, "'" + robot.edge + "' cannot be an edge's name", where,
+                  "use letters, digits, '_', '-' and '.'");
     }
     for (const auto* cameras : {&robot.cameras, &options.cameras}) {
       std::set<std::string> labels;
       for (const CameraOptions& camera : *cameras) {
         if (!is_valid_name(camera.id)) {
-          throw Error(ErrorCode::kBadInput, "'" + camera.id + "' cannot be a camera's id", where, "use letters, digits, '_', '-' and '.'");
+          throw Error(ErrorCode::kBadInput, "'" + camera.id + "' cannot be a camera's id", where,
+                      "use letters, digits, '_', '-' and '.'");
         }
         if (!labels.insert(camera.id).second)
           throw Error(ErrorCode::kBadInput, "two cameras have the id '" + camera.id + "'", where, "give each its own");
@@ -159,10 +166,12 @@ void check_together(const WorldOptions& options) {
         const CameraModel model(camera.intrinsics());  // throws where the distortion is impossible
       }
     }
-    if (!ids.insert(robot.id).second) throw Error(ErrorCode::kBadInput, "two robots have this id", where, "give each its own");
+    if (!ids.insert(robot.id).second)
+      throw Error(ErrorCode::kBadInput, "two robots have this id", where, "give each its own");
     if (robot.building < 0 || static_cast<std::size_t>(robot.building) >= options.buildings.size()) {
       throw Error(ErrorCode::kBadInput,
-                  "there is no building " + std::to_string(robot.building) + "; there are " + std::to_string(options.buildings.size()),
+                  "there is no building " + std::to_string(robot.building) + "; there are " +
+                      std::to_string(options.buildings.size()),
                   where, "buildings count from 0");
     }
   }
@@ -193,7 +202,7 @@ struct World::State {
   std::vector<FloorWaves> floors;                        // one per building
   std::vector<std::int64_t> first_ticks;                 // of robots: ticks of the world's clock before their starts
   std::vector<std::vector<SimulatedTrajectory>> people;  // per building, from the world's first moment
-  std::int64_t tick_ns = 0;                              // between odometry readings; whole microseconds, as trajectory files keep them
+  std::int64_t tick_ns = 0;  // between odometry readings; whole microseconds, as trajectory files keep them
 
   double seconds(std::int64_t ticks) const { return static_cast<double>(ticks * tick_ns) * 1e-9; }
 
@@ -227,7 +236,9 @@ World::World(WorldOptions options, WorkerPool& pool) {
   state->options = std::move(options);
   const WorldOptions& world = state->options;
   const std::uint64_t seed = static_cast<std::uint64_t>(world.seed);
-  state->tick_ns = std::max<std::int64_t>(1, std::llround(1e6 / (world.laser.scans_per_second * world.odometry.steps_per_scan))) * 1000;
+  state->tick_ns =
+      std::max<std::int64_t>(1, std::llround(1e6 / (world.laser.scans_per_second * world.odometry.steps_per_scan))) *
+      1000;
 
   std::vector<Point2> origins;
   double next_x = 0.0;
@@ -244,12 +255,13 @@ World::World(WorldOptions options, WorkerPool& pool) {
     state->plan_seeds.push_back(plan_seed);
   }
   for (const RayCaster& caster : state->casters) state->lasers.emplace_back(caster, world.laser);
-  const auto spaces =
-      pool.map(state->buildings.size(), [&](std::size_t i) { return FreeSpace(state->buildings[i], world.motion.clearance_m); });
+  const auto spaces = pool.map(state->buildings.size(),
+                               [&](std::size_t i) { return FreeSpace(state->buildings[i], world.motion.clearance_m); });
 
   state->trajectories = pool.map(world.robots.size(), [&](std::size_t i) {
     const std::size_t building = static_cast<std::size_t>(world.robots[i].building);
-    return plan_trajectory(world.robots[i], state->buildings[building], origins[building], spaces[building], world.motion, seed);
+    return plan_trajectory(world.robots[i], state->buildings[building], origins[building], spaces[building],
+                           world.motion, seed);
   });
   for (std::size_t i = 0; i < world.robots.size(); ++i) {
     state->carries.emplace_back();
@@ -285,7 +297,9 @@ const WorldOptions& World::options() const { return state_->options; }
 const std::vector<FloorPlan>& World::buildings() const { return state_->buildings; }
 std::size_t World::robot_count() const { return state_->trajectories.size(); }
 RobotId World::robot_id(std::size_t robot) const { return RobotId{state_->options.robots.at(robot).id}; }
-std::size_t World::building_of(std::size_t robot) const { return static_cast<std::size_t>(state_->options.robots.at(robot).building); }
+std::size_t World::building_of(std::size_t robot) const {
+  return static_cast<std::size_t>(state_->options.robots.at(robot).building);
+}
 const SimulatedTrajectory& World::trajectory(std::size_t robot) const { return state_->trajectories.at(robot); }
 std::size_t World::step_count(std::size_t robot) const {
   return static_cast<std::size_t>(trajectory(robot).duration_s() * 1e9 / static_cast<double>(state_->tick_ns)) + 1;
@@ -302,23 +316,29 @@ const Scene& World::scene(std::size_t building) const {
   State::LazyScene& lazy = state_->scenes.at(building);
   std::call_once(lazy.once, [&] {
     WorkerPool here(1);
-    lazy.scene = std::make_unique<const Scene>(state_->buildings[building], state_->options.look, state_->plan_seeds[building], here);
+    lazy.scene = std::make_unique<const Scene>(state_->buildings[building], state_->options.look,
+                                               state_->plan_seeds[building], here);
   });
   return *lazy.scene;
 }
-Stamp World::first_stamp(std::size_t robot) const { return Stamp{kFirstMoment + state_->first_ticks.at(robot) * state_->tick_ns}; }
+Stamp World::first_stamp(std::size_t robot) const {
+  return Stamp{kFirstMoment + state_->first_ticks.at(robot) * state_->tick_ns};
+}
 Pose3 World::world_from_robot(std::size_t robot, double seconds) const {
   return state_->floors[building_of(robot)].on_floor(trajectory(robot).at(seconds));
 }
 std::vector<Body> World::bodies_around(std::size_t robot, double seconds) const {
   return state_->bodies_around(robot, seconds + state_->seconds(state_->first_ticks.at(robot)));
 }
-bool World::is_carried(std::size_t robot, double seconds, double within_s) const { return state_->is_carried(robot, seconds, within_s); }
+bool World::is_carried(std::size_t robot, double seconds, double within_s) const {
+  return state_->is_carried(robot, seconds, within_s);
+}
 
 Recording::Recording(const World& world, std::size_t robot)
     : world_(&world),
       robot_(robot),
-      odometry_(world.options().odometry, static_cast<std::uint64_t>(world.options().seed), world.options().robots.at(robot).id) {}
+      odometry_(world.options().odometry, static_cast<std::uint64_t>(world.options().seed),
+                world.options().robots.at(robot).id) {}
 
 std::optional<SimulatedStep> Recording::next() {
   if (step_ >= world_->step_count(robot_)) return std::nullopt;
@@ -329,7 +349,8 @@ std::optional<SimulatedStep> Recording::next() {
   const double seconds = state.seconds(static_cast<std::int64_t>(step_));
   step.world_from_robot = state.trajectories[robot_].at(seconds);
   const bool is_carried = state.is_carried(robot_, seconds);
-  step.odometry_from_robot = is_carried ? odometry_.carry(step.world_from_robot) : odometry_.step(step.world_from_robot);
+  step.odometry_from_robot =
+      is_carried ? odometry_.carry(step.world_from_robot) : odometry_.step(step.world_from_robot);
   if (step_ % static_cast<std::size_t>(state.options.odometry.steps_per_scan) == 0) {
     const RandomStream noise(static_cast<std::uint64_t>(state.options.seed), "laser", state.options.robots[robot_].id);
     const LaserSensor& laser = state.lasers[world_->building_of(robot_)];
@@ -338,7 +359,8 @@ std::optional<SimulatedStep> Recording::next() {
       moving.push_back({{body.world_from_body.x, body.world_from_body.y}, body.radius_m});
     const SimulatedTrajectory& trajectory = state.trajectories[robot_];
     step.ranges = laser.options().sweep_s > 0.0
-                      ? laser.swept_scan([&](double after_s) { return trajectory.at(seconds + after_s); }, moving, noise.at(step_))
+                      ? laser.swept_scan([&](double after_s) { return trajectory.at(seconds + after_s); }, moving,
+                                         noise.at(step_))
                       : laser.scan(step.world_from_robot, moving, noise.at(step_));
     if (is_carried) std::fill(step.ranges.begin(), step.ranges.end(), 0.0f);  // its laser is covered
   }

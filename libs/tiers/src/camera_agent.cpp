@@ -23,7 +23,8 @@ std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_
 
 }  // namespace
 
-CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options) : place_(std::move(place)), options_(options) {}
+CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options)
+    : place_(std::move(place)), options_(options) {}
 
 std::string CameraAgent::counted(std::string bytes) {
   sent_bytes_ += bytes.size();
@@ -51,8 +52,8 @@ MapUpdate CameraAgent::fitted(MapUpdate update, double room_bytes) const {
     const KeyframeFeatures* keyframe = keyframe_of(node);
     if (keyframe == nullptr) continue;
     const std::size_t all = keyframe->points.size();
-    const auto kept =
-        std::max(static_cast<std::size_t>(share * static_cast<double>(all)), static_cast<std::size_t>(options_.least_features));
+    const auto kept = std::max(static_cast<std::size_t>(share * static_cast<double>(all)),
+                               static_cast<std::size_t>(options_.least_features));
     if (kept < all) node.payload = thinned(*keyframe, kept);
   }
   return update;
@@ -68,7 +69,8 @@ void CameraAgent::enqueue(MapUpdate update) {
 }
 
 void CameraAgent::forget(const MapId& map, std::uint64_t up_to) {
-  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(), [&](const Message& m) { return m.map == map && m.sequence <= up_to; }),
+  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
+                               [&](const Message& m) { return m.map == map && m.sequence <= up_to; }),
                 outbox_.end());
 }
 

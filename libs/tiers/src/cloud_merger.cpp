@@ -26,9 +26,7 @@ Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
 }  // namespace
 
 CloudMerger::CloudMerger(TierId cloud, fusion::FusionOptions options)
-    : cloud_(cloud),
-      options_(std::move(options)),
-      models_(fusion::make_models(options_)) {}
+    : cloud_(cloud), options_(std::move(options)), models_(fusion::make_models(options_)) {}
 
 Receipt CloudMerger::receive(std::string_view bytes, const std::string& where) {
   MapUpdate update = decode_map_update(bytes, where);
@@ -88,7 +86,8 @@ std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>&
   for (const auto& [judge, maps] : sent)
     for (const auto& [id, what] : maps) {
       const Map& map = inboxes_.at(id).map();
-      judging_tasks[judge].updates.push_back(first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
+      judging_tasks[judge].updates.push_back(
+          first_update(what.is_whole ? map : part_of(map, what.submaps), what.owner));
     }
   return judging_tasks;
 }
@@ -100,7 +99,8 @@ fusion::FusionInput CloudMerger::input() const {
   input.models = models_;
   for (const auto& [id, inbox] : inboxes_) {
     if (const Receipt receipt = inbox.receipt(); receipt.awaited > 0)
-      throw Error(ErrorCode::kMissing, "update " + std::to_string(receipt.awaited) + " of map '" + id.str() + "' never came",
+      throw Error(ErrorCode::kMissing,
+                  "update " + std::to_string(receipt.awaited) + " of map '" + id.str() + "' never came",
                   "tier " + receipt.origin.tier.str(), "send it again");
     input.maps.push_back(inbox.map());
   }

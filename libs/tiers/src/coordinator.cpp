@@ -21,7 +21,8 @@ template <class... Handlers>
 Overloaded(Handlers...) -> Overloaded<Handlers...>;
 
 bool is_same(const EdgeResources& a, const EdgeResources& b) {
-  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity && a.delay_s == b.delay_s;
+  return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity &&
+         a.delay_s == b.delay_s;
 }
 
 Groups robots_at(const std::vector<std::uint32_t>& edge_of, std::size_t edges) {
@@ -37,7 +38,9 @@ bool has_room(const EdgeResources& edge, std::size_t robots) { return !edge.capa
 Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(options)) {}
 
 void Coordinator::receive(CoordinatorEvent event) {
-  const auto expect_known = [&](const RobotId& robot) { MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came"); };
+  const auto expect_known = [&](const RobotId& robot) {
+    MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came");
+  };
   std::visit(Overloaded{[&](RobotComes& comes) {
                           robots_[comes.robot];
                           edge_of_[comes.robot] = comes.edge;
@@ -49,7 +52,8 @@ void Coordinator::receive(CoordinatorEvent event) {
                           robots_[reports.robot].scans = reports.scans;
                           if (reports.summary.known() > 0) overlaps_.put(reports.robot, std::move(reports.summary));
                           const std::string why = "maps have grown";
-                          if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
+                          if (std::find(because_.begin(), because_.end(), why) == because_.end())
+                            because_.push_back(why);
                         },
                         [&](const RobotGoes& goes) {
                           expect_known(goes.robot);
@@ -58,7 +62,8 @@ void Coordinator::receive(CoordinatorEvent event) {
                         [&](EdgeIs& edge) {
                           const auto known = edges_.find(edge.resources.id);
                           if (known != edges_.end() && is_same(known->second, edge.resources)) return;
-                          because_.push_back("edge " + edge.resources.id.str() + (known == edges_.end() ? " comes" : " is otherwise"));
+                          because_.push_back("edge " + edge.resources.id.str() +
+                                             (known == edges_.end() ? " comes" : " is otherwise"));
                           edges_.insert_or_assign(edge.resources.id, edge.resources);
                         },
                         [&](const EdgeGoes& goes) {
@@ -75,7 +80,8 @@ void Coordinator::receive(CoordinatorEvent event) {
                               known->second.delay_s == link.link.delay_s)
                             return;
                           if (known != links_.end())
-                            because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
+                            because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() +
+                                               " is otherwise");
                           links_.insert_or_assign(key, link.link);
                         }},
              event);
@@ -84,7 +90,8 @@ void Coordinator::receive(CoordinatorEvent event) {
 // Where edges cannot hold everyone, who is on one stays first; the others map on board.
 std::vector<RobotId> Coordinator::those_with_room() const {
   std::size_t room = 0;
-  for (const auto& [id, edge] : edges_) room += std::min<std::size_t>(robots_.size(), edge.capacity.value_or(robots_.size()));
+  for (const auto& [id, edge] : edges_)
+    room += std::min<std::size_t>(robots_.size(), edge.capacity.value_or(robots_.size()));
   std::vector<RobotId> chosen;
   for (const bool is_placed : {true, false})
     for (const auto& [robot, edge] : edge_of_)
@@ -125,7 +132,8 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
   result.edge_of.resize(problem.robots.size());
   for (std::uint32_t robot = 0; robot < problem.robots.size(); ++robot) {
     const TierId& at = edge_of_.at(problem.robots[robot]);
-    const auto edge = std::find_if(problem.edges.begin(), problem.edges.end(), [&](const EdgeResources& e) { return e.id == at; });
+    const auto edge =
+        std::find_if(problem.edges.begin(), problem.edges.end(), [&](const EdgeResources& e) { return e.id == at; });
     const auto place = static_cast<std::uint32_t>(edge - problem.edges.begin());
     if (edge == problem.edges.end() || !has_room(*edge, there[place].size()))
       homeless.push_back(robot);
@@ -195,14 +203,16 @@ std::optional<CoordinatorDecision> Coordinator::decide(double now_s) {
     const Problem problem = this->problem(robots);
     const Latency latency(problem, options_.plan.model);
     const Candidate plan = planned(latency, decision), stay = staying(latency);
-    const bool is_first = std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
+    const bool is_first =
+        std::all_of(edge_of_.begin(), edge_of_.end(), [](const auto& entry) { return entry.second.empty(); });
     decision.is_new_plan = is_first || plan.seconds < stay.seconds * (1.0 - options_.hysteresis);
     decision.staying_s = stay.seconds;
     decision.overlaps = overlaps_.overlaps();
     const Candidate& taken = decision.is_new_plan ? plan : stay;
     decision.expected_s = taken.seconds;
     if (!decision.is_new_plan) decision.cut_weight = scheduling::cut_weight(problem.overlaps, taken.edge_of);
-    for (std::size_t robot = 0; robot < robots.size(); ++robot) chosen[robots[robot]] = problem.edges[taken.edge_of[robot]].id;
+    for (std::size_t robot = 0; robot < robots.size(); ++robot)
+      chosen[robots[robot]] = problem.edges[taken.edge_of[robot]].id;
   }
   for (const auto& [robot, edge] : chosen)
     if (edge_of_.at(robot) != edge) decision.moves.push_back({robot, edge_of_.at(robot), edge});

@@ -71,7 +71,8 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
   std::set<MapId> needed;
   for (const fusion::FirstPair& pair : judging_task.pairs) {
     if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
-      throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here", "edge " + edge_.str());
+      throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here",
+                  "edge " + edge_.str());
     needed.insert(pair.a), needed.insert(pair.b);
   }
   for (const MapId& id : needed)
@@ -82,7 +83,8 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
     map.id = update.origin.map;
     if (needed.count(map.id) != 0 && !maps_.contains(map.id)) input.maps.push_back(updated(map, update));
   }
-  if (input.maps.size() != needed.size()) throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
+  if (input.maps.size() != needed.size())
+    throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
   fusion::Memo memo;
   Effects effects;
   effects.for_cloud = updates_of(fusion::judge_pairs(input, judging_task.pairs, options_, memo, pool, progress));

@@ -18,8 +18,8 @@ std::vector<Map> MapMerge::copies(const Snapshots& snapshots) {
   return result;
 }
 
-void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
-                   WorkerPool& pool) {
+void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& options,
+                   fusion::FusionOptions fusion_options, WorkerPool& pool) {
   const std::vector<Map> own = copies(maps);
   maps.clear();  // while somebody holds them, updates copy them
   rig::RobotRigs rigs = rig::merge_rigs(own, rig, pool);
@@ -39,7 +39,8 @@ void MapMerge::run(const MapMerge* last, Snapshots maps, const ServerOptions& op
   auto result = fusion::fuse(input, fusion_options, known, pool, *make_silent_progress());
   leave_to_the_next(result);
   fusion::split_rigs(result, rigs.rigs, own);
-  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, input.pictures, pool);
+  view = std::make_shared<const TeamView>(std::move(result), own, options.index, options.description, input.pictures,
+                                          pool);
   input.pictures->forget();
   input = {};
 }
@@ -55,7 +56,8 @@ void MapMerge::leave_to_the_next(const fusion::FusionResult& result) {
   for (const Judgement& judgement : result.judgements) {
     memo.emplace(judgement.id, judgement);
     const bool is_same_place = !judgement.hypotheses.empty() && judgement.doubt == Reason::none;
-    if (is_same_place || judgement.a.session == judgement.b.session || (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0))
+    if (is_same_place || judgement.a.session == judgement.b.session ||
+        (settled.count(judgement.a) != 0 && settled.count(judgement.b) != 0))
       kept_judgements.push_back(judgement);
   }
   for (const fusion::Component& component : result.components) {

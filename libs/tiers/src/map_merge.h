@@ -25,7 +25,8 @@ struct MapMerge {
   std::size_t keyframes = 0, adjusted_keyframes = 0;  // merged; and when all were adjusted last
   std::shared_ptr<const TeamView> view;
 
-  void run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options, WorkerPool& pool);
+  void run(const MapMerge* last, Snapshots maps, const ServerOptions& options, fusion::FusionOptions fusion_options,
+           WorkerPool& pool);
 
  private:
   void leave_to_the_next(const fusion::FusionResult& result);

@@ -3,14 +3,17 @@
 namespace mapweave::tiers {
 
 RobotAgent::RobotAgent(RobotId robot, laser::ScanInputOptions options, std::string stream)
-    : robot_(robot), stream_(stream.empty() ? "robot " + robot.str() : std::move(stream)), packer_(std::move(options)) {}
+    : robot_(robot),
+      stream_(stream.empty() ? "robot " + robot.str() : std::move(stream)),
+      packer_(std::move(options)) {}
 
 std::optional<Sensed> RobotAgent::step(const rawlog::Record& record) {
   MAPWEAVE_EXPECT(!ended_, "the stream of robot '" + robot_.str() + "' has ended");
   std::optional<laser::LaserInput> input = packer_(record);
   if (!input) return std::nullopt;
   const Stamp stamp = std::visit([](const auto& any) { return any.stamp; }, *input);
-  if (latest_ && stamp < *latest_ && std::holds_alternative<laser::InertialInput>(*input)) return std::nullopt;  // not worth a stream
+  if (latest_ && stamp < *latest_ && std::holds_alternative<laser::InertialInput>(*input))
+    return std::nullopt;  // not worth a stream
   if (latest_ && stamp < *latest_)
     throw Error(ErrorCode::kBadInput,
                 "time runs backwards: a stamp of " + std::to_string(stamp.seconds()) + " s after one of " +
@@ -38,9 +41,11 @@ Sensed RobotAgent::end(std::optional<Error> trouble) {
     std::string others;
     for (const auto& [label, count] : packer_.ignored_lasers())
       others += (others.empty() ? "" : ", ") + label + " (" + std::to_string(count) + ")";
-    trouble = Error(ErrorCode::kBadInput,
-                    "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others), stream_,
-                    others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
+    trouble = Error(
+        ErrorCode::kBadInput,
+        "there is no usable laser scan in the log" + (others.empty() ? "" : "; it has lasers labelled " + others),
+        stream_,
+        others.empty() ? "look at the log with: mapweave inspect LOG" : "choose one with --set laser.scan.label=...");
   }
   return {robot_, ++sequence_, {}, StreamEnd{std::move(trouble)}};
 }

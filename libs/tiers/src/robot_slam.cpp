@@ -2,7 +2,8 @@
 
 namespace mapweave::tiers {
 
-RobotSlam::RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper) : robot_(robot), mapper_(std::move(mapper)) {}
+RobotSlam::RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper)
+    : robot_(robot), mapper_(std::move(mapper)) {}
 
 std::optional<RobotOutcome> RobotSlam::step(Sensed sensed) {
   if (mapper_ == nullptr || sensed.sequence < expected_) return std::nullopt;
@@ -17,9 +18,10 @@ std::optional<RobotOutcome> RobotSlam::step(Sensed sensed) {
 
 std::optional<RobotOutcome> RobotSlam::act(Sensed sensed) {
   if (sensed.sequence != expected_)
-    return finished(Error(ErrorCode::kBadInput,
-                          "messages " + std::to_string(expected_) + " to " + std::to_string(sensed.sequence - 1) + " never came",
-                          "robot " + robot_.str(), "replay the robot's own log"));
+    return finished(
+        Error(ErrorCode::kBadInput,
+              "messages " + std::to_string(expected_) + " to " + std::to_string(sensed.sequence - 1) + " never came",
+              "robot " + robot_.str(), "replay the robot's own log"));
   ++expected_;
   if (const auto* end = std::get_if<StreamEnd>(&sensed.body)) return finished(end->trouble);
   if (auto* scan = std::get_if<PackedScan>(&sensed.body)) {

@@ -10,9 +10,9 @@ namespace mapweave::tiers {
 namespace {
 
 constexpr std::size_t kLeastReported = 60;  // landmarks with a place, however narrow the wire
-constexpr double kAround_s = 0.5;           // from where a rig camera said it was to when its robot's place is asked for
-constexpr double kBetweenViews_s = 1.5;     // that tell how the robot moved
-constexpr double kFarthest = 2.0;           // of the way between two views, that is gone on with
+constexpr double kAround_s = 0.5;        // from where a rig camera said it was to when its robot's place is asked for
+constexpr double kBetweenViews_s = 1.5;  // that tell how the robot moved
+constexpr double kFarthest = 2.0;        // of the way between two views, that is gone on with
 
 struct Whereabouts {
   MapId map;
@@ -23,8 +23,8 @@ struct Whereabouts {
 // Between two views, or on from the last two as before.
 std::optional<Whereabouts> robot_at(const std::deque<ClientView>& views, Stamp when) {
   const auto apart_s = [&](const ClientView& view) { return std::abs(seconds_between(view.stamp, when)); };
-  const auto nearest =
-      std::min_element(views.begin(), views.end(), [&](const ClientView& a, const ClientView& b) { return apart_s(a) < apart_s(b); });
+  const auto nearest = std::min_element(
+      views.begin(), views.end(), [&](const ClientView& a, const ClientView& b) { return apart_s(a) < apart_s(b); });
   if (nearest == views.end()) return std::nullopt;
   Whereabouts result{nearest->map, nearest->map_from_robot, apart_s(*nearest)};
   const ClientView* before = nearest == views.begin() ? nullptr : &*std::prev(nearest);
@@ -32,7 +32,8 @@ std::optional<Whereabouts> robot_at(const std::deque<ClientView>& views, Stamp w
   if (nearest->stamp <= when) std::swap(before, after);
   for (const ClientView* other : {before, after}) {
     if (other == nullptr || other->map != nearest->map) continue;
-    const double span_s = seconds_between(nearest->stamp, other->stamp), share = seconds_between(nearest->stamp, when) / span_s;
+    const double span_s = seconds_between(nearest->stamp, other->stamp),
+                 share = seconds_between(nearest->stamp, when) / span_s;
     if (std::abs(span_s) > kBetweenViews_s || std::abs(share) > kFarthest) continue;
     result.map_from_robot = interpolated(nearest->map_from_robot, other->map_from_robot, share);
     return result;
@@ -62,7 +63,8 @@ void VisualServer::PlaceSearch::run(WorkerPool& pool) {
   }
 }
 
-std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const SessionId& from, PlaceRequest request) const {
+std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const SessionId& from,
+                                                                      PlaceRequest request) const {
   const State& state = *state_;
   state_->client(from);
   if (state.options.share == Sharing::none || !state.view) return nullptr;
@@ -71,14 +73,16 @@ std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const Sess
   return std::shared_ptr<PlaceSearch>(new PlaceSearch(std::move(search)));
 }
 
-std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const PlaceRequest& request, WorkerPool& pool) const {
+std::optional<PlaceAnswer> VisualServer::place(const SessionId& from, const PlaceRequest& request,
+                                               WorkerPool& pool) const {
   const auto search = place_search(from, request);
   if (!search) return std::nullopt;
   search->run(pool);
   return answer(from, *search);
 }
 
-std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig_camera(const SessionId& lost, Stamp when,
+std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig_camera(const SessionId& lost,
+                                                                                        Stamp when,
                                                                                         const TeamView& team) const {
   if (!rig.enabled) return std::nullopt;
   std::optional<RobotPlace> best;
@@ -87,7 +91,8 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig
     const Client& rig_camera = entry->second;
     const std::optional<Whereabouts> known = robot_at(rig_camera.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;
-    if (auto place = in_team(team, rig_camera, known->map, known->map_from_robot)) best = std::move(place), least_s = known->apart_s;
+    if (auto place = in_team(team, rig_camera, known->map, known->map_from_robot))
+      best = std::move(place), least_s = known->apart_s;
   }
   return best;
 }
@@ -98,14 +103,18 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
   const PlaceRequest& request = search.state_->request;
   const TeamView& view = *search.state_->view;
   const auto place = search.state_->found
-                         ? State::RobotPlace{search.state_->component, search.state_->found->map_from_robot, search.state_->found->keyframe}
+                         ? State::RobotPlace{search.state_->component, search.state_->found->map_from_robot,
+                                             search.state_->found->keyframe}
                          : state.place_by_rig_camera(from, request.stamp, view);
   if (!place) return std::nullopt;
-  const auto answer_in = [&](const MapId& client_map, const Node& near, const TeamView::Member& member) -> std::optional<PlaceAnswer> {
-    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
+  const auto answer_in = [&](const MapId& client_map, const Node& near,
+                             const TeamView::Member& member) -> std::optional<PlaceAnswer> {
+    const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member),
+               map_from_team = inverse(team_from_map);
     PlaceAnswer answer;
     answer.stamp = request.stamp, answer.map = client_map;
-    answer.map_from_robot = carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
+    answer.map_from_robot =
+        carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
     for (const DescribedLandmark& one : place->component->landmarks().retrieve(
              state.frustum(*request.features.geometry, place->team_from_robot), state.options.retrieval)) {
       DescribedLandmark here = matching::transformed(one, map_from_team);
@@ -114,7 +123,8 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     if (answer.landmarks.empty()) return std::nullopt;
     if (state.options.most_bytes_per_s > 0.0) {
       client.downlink.wait_until(answer.stamp, state.options.most_bytes_per_s);
-      answer.landmarks = thinned(std::move(answer.landmarks), std::max(kLeastReported, landmarks_within(client.downlink)));
+      answer.landmarks =
+          thinned(std::move(answer.landmarks), std::max(kLeastReported, landmarks_within(client.downlink)));
       client.downlink.spend(encode(answer).size());
     }
     return answer;
@@ -131,7 +141,8 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
   for (const auto& [client_map, part] : owner->second.parts) {
     const TeamView::Member* member = view.member(part.name);
     const Node* near = part.inbox.map().nodes.find(place->beside);
-    if (member != nullptr && member->component == place->component && near != nullptr) return answer_in(part.name, *near, *member);
+    if (member != nullptr && member->component == place->component && near != nullptr)
+      return answer_in(part.name, *near, *member);
   }
   return std::nullopt;
 }

@@ -22,8 +22,8 @@ struct Cameras {
   Stamp first, last;  // of the newest poses of those that are
 };
 
-// At a moment up to which all who speak have come. Each reported its poses at times of its own, and a robot turns in between: they are
-// compared as if they had spoken together, and often.
+// At a moment up to which all who speak have come. Each reported its poses at times of its own, and a robot turns in
+// between: they are compared as if they had spoken together, and often.
 std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, double period_s) {
   rig::RobotTrajectoryOptions policy;
   policy.longest_gap_s = 0.5 * period_s, policy.hand_over_s = kSilentAfter * period_s;
@@ -47,7 +47,8 @@ StampedPose gone_on(const StampedPose& from, const Cameras& cameras, double peri
     const auto then = pose_at(trajectory, from.stamp, kSilentAfter * period_s);
     if (!then) continue;
     const Pose3 off = between(*then, from.map_from_robot), since = between(*then, newest.map_from_robot);
-    if (off.t.norm() > policy.doubt_m || off.q.angularDistance(Eigen::Quaterniond::Identity()) > policy.doubt_rad) continue;
+    if (off.t.norm() > policy.doubt_m || off.q.angularDistance(Eigen::Quaterniond::Identity()) > policy.doubt_rad)
+      continue;
     if (since.t.norm() > kFastest_m_per_s * seconds_between(from.stamp, newest.stamp)) continue;
     best = {newest.stamp, compose(from.map_from_robot, since)};
   }
@@ -57,13 +58,15 @@ StampedPose gone_on(const StampedPose& from, const Cameras& cameras, double peri
 }  // namespace
 
 std::optional<VisualServer::State::RobotPlace> VisualServer::State::in_team(const TeamView& team, const Client& client,
-                                                                            const MapId& client_map, const Pose3& map_from_robot) {
+                                                                            const MapId& client_map,
+                                                                            const Pose3& map_from_robot) {
   const auto part = client.parts.find(client_map);
   const TeamView::Member* member = part == client.parts.end() ? nullptr : team.member(part->second.name);
   const Node* near = member == nullptr ? nullptr : nearest(part->second, *member, map_from_robot.t, Frame::map);
   if (near == nullptr) return std::nullopt;
   const Sim3 team_from_map = team_from_map_at(near->id, near->map_from_node, *member);
-  return RobotPlace{member->component, carried(team_from_map, map_from_robot, keyframe_of(*near)->geometry->robot_from_camera), near->id};
+  return RobotPlace{member->component,
+                    carried(team_from_map, map_from_robot, keyframe_of(*near)->geometry->robot_from_camera), near->id};
 }
 
 void VisualServer::note(const SessionId& from, const ClientView& view) {
@@ -97,7 +100,9 @@ std::optional<RobotInTeam> VisualServer::robot(const RobotId& robot) const {
     where->first = stamp;
   }
   const TeamView::Component* most = nullptr;
-  const auto rank = [&](const TeamView::Component* where) { return std::make_pair(all[where].speaking, all[where].last); };
+  const auto rank = [&](const TeamView::Component* where) {
+    return std::make_pair(all[where].speaking, all[where].last);
+  };
   for (const TeamView::Component& one : state.view->components())
     if (all[&one].speaking > 0 && (most == nullptr || rank(most) < rank(&one))) most = &one;
   const Cameras& cameras = all[most];

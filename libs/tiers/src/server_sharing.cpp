@@ -24,19 +24,24 @@ std::size_t landmarks_within(const ByteAllowance& downlink) {
   return static_cast<std::size_t>(std::max(0.0, downlink.bytes()) / kLandmarkBytes);
 }
 
-const Node* VisualServer::State::nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place,
-                                         Frame frame) {
+const Node* VisualServer::State::nearest(const Client::Part& part, const TeamView::Member& member,
+                                         const Eigen::Vector3d& place, Frame frame) {
   const auto search = [&](const auto& counts) {
     const TeamView::Member::Placed* best = nullptr;
     double least = std::numeric_limits<double>::infinity();
     for (const TeamView::Member::Placed& one : member.nodes)
-      if (const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm(); apart < least && counts(one))
+      if (const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm();
+          apart < least && counts(one))
         least = apart, best = &one;
     return best;
   };
-  const auto node_of = [&](const TeamView::Member::Placed* one) { return one == nullptr ? nullptr : part.inbox.map().nodes.find(one->id); };
+  const auto node_of = [&](const TeamView::Member::Placed* one) {
+    return one == nullptr ? nullptr : part.inbox.map().nodes.find(one->id);
+  };
   const Node* const node = node_of(search([](const auto&) { return true; }));
-  return node != nullptr ? node : node_of(search([&](const auto& one) { return node_of(&one) != nullptr; }));  // some are gone since
+  return node != nullptr
+             ? node
+             : node_of(search([&](const auto& one) { return node_of(&one) != nullptr; }));  // some are gone since
 }
 
 matching::Frustum VisualServer::State::frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const {
@@ -70,19 +75,25 @@ void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, c
     if (member.scale == 1.0 && has_scale_of_others(rig_camera->second)) not_shared.insert(rig_camera->first);
   part.owner_of_session.clear();
   for (const SessionId& session : member.component->landmarks().sessions())
-    part.owner_of_session.push_back(
-        not_shared.count(session) != 0 ? kNobody : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
+    part.owner_of_session.push_back(not_shared.count(session) != 0
+                                        ? kNobody
+                                        : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
 }
 
 void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view,
-                                          const TeamView::Member& member, const Node& near, std::size_t most, Share& share) const {
-  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member), map_from_team = inverse(team_from_map);
+                                          const TeamView::Member& member, const Node& near, std::size_t most,
+                                          Share& share) const {
+  const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member),
+             map_from_team = inverse(team_from_map);
   ++part.shares;
   const matching::LandmarkIndex& landmarks = member.component->landmarks();
   const CameraGeometry& camera = *keyframe_of(near)->geometry;
   note_owners(part, to, member);
-  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) { return part.owner_of_session[seen.session] << 32 | seen.index; };
-  const matching::Frustum seen_from = frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
+  const auto key_of = [&](const matching::LandmarkIndex::Seen& seen) {
+    return part.owner_of_session[seen.session] << 32 | seen.index;
+  };
+  const matching::Frustum seen_from =
+      frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
   std::vector<std::uint64_t> keys;  // of what is shared
   const auto all = landmarks.look(seen_from, options.retrieval, to.client);
   for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
@@ -90,7 +101,8 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
     if (part.owner_of_session[seen.session] == kNobody) continue;
     if (SharedLandmarkTable::Shared* const held = part.shared.find(key_of(seen))) {
       held->wanted = part.shares;
-      if ((held->point_in_map - transformed(*seen.point_in_map, map_from_team)).norm() < static_cast<double>(held->resent_m))
+      if ((held->point_in_map - transformed(*seen.point_in_map, map_from_team)).norm() <
+          static_cast<double>(held->resent_m))
         continue;
     }
     DescribedLandmark here = matching::transformed(landmarks.landmark(seen), map_from_team);
@@ -103,7 +115,8 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
   }
   if (part.shares % kSweepEvery != 0 && part.shared.size() <= kMostHeld) return;
   for (std::uint32_t patience = kHeldFor; patience == kHeldFor || part.shared.size() > kMostHeld; patience /= 2) {
-    part.shared.keep([&](const SharedLandmarkTable::Shared& shared) { return shared.wanted + patience >= part.shares; });
+    part.shared.keep(
+        [&](const SharedLandmarkTable::Shared& shared) { return shared.wanted + patience >= part.shares; });
     if (patience == 0) break;
   }
 }
@@ -154,11 +167,13 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   share.map = client_view.map;
   const bool is_limited = state.options.most_bytes_per_s > 0.0;
   client.downlink.wait_until(client_view.stamp, state.options.most_bytes_per_s);
-  if (state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0)) state.correct(part, *member, share);
+  if (state.options.share == Sharing::full && (!is_limited || client.downlink.bytes() > 0.0))
+    state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
     state.share_landmarks(part, to, client_view, *member, *near,
-                          is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(), share);
+                          is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(),
+                          share);
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
   if (is_limited) client.downlink.spend(encode(share).size());
   return share;

@@ -42,9 +42,10 @@ struct VisualServer::Client {
     MapId name;  // here; the client says `client_map`
     UpdateInbox inbox;
     SharedLandmarkTable shared = {};
-    std::map<SessionId, std::uint64_t> owners = {};    // numbered from 1, for its keys
-    std::vector<std::uint64_t> owner_of_session = {};  // by the view's numbers of sessions; 0: nothing of it is shared with this client
-    std::uint64_t owners_by = 0;                       // the view
+    std::map<SessionId, std::uint64_t> owners = {};  // numbered from 1, for its keys
+    std::vector<std::uint64_t> owner_of_session =
+        {};                       // by the view's numbers of sessions; 0: nothing of it is shared with this client
+    std::uint64_t owners_by = 0;  // the view
     std::uint32_t forgotten = 0;
     std::uint32_t shares = 0;
     std::uint64_t corrected_by = 0;                                          // the view
@@ -108,7 +109,8 @@ struct VisualServer::State {
 
   Client& client(const SessionId& session) {
     const auto found = clients.find(session);
-    if (found == clients.end()) throw Error(ErrorCode::kMissing, "it has not greeted", name_of(session), "say hello first");
+    if (found == clients.end())
+      throw Error(ErrorCode::kMissing, "it has not greeted", name_of(session), "say hello first");
     return found->second;
   }
 
@@ -139,9 +141,11 @@ struct VisualServer::State {
   // Whether the team gave one of its maps the scale of others: a single camera does not measure them.
   bool has_scale_of_others(const Client& client) const;
 
-  // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where there is none.
+  // The part's node that the team has and that is nearest to `place`, in the map's frame or in the team's; null where
+  // there is none.
   enum class Frame { map, team };
-  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place, Frame frame);
+  static const Node* nearest(const Client::Part& part, const TeamView::Member& member, const Eigen::Vector3d& place,
+                             Frame frame);
   matching::Frustum frustum(const CameraGeometry& camera, const Pose3& team_from_robot) const;
   // Where a robot was in the team, and whose keyframe there says so.
   struct RobotPlace {
@@ -155,9 +159,10 @@ struct VisualServer::State {
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
-  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view, const TeamView::Member& member,
-                       const Node& near, std::size_t most, Share& share) const;
-  // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is no correction.
+  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view,
+                       const TeamView::Member& member, const Node& near, std::size_t most, Share& share) const;
+  // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is
+  // no correction.
   void correct(Client::Part& part, const TeamView::Member& member, Share& share) const;
 };
 

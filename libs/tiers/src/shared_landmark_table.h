@@ -1,6 +1,6 @@
 #pragma once
-// The landmarks shared with a client, by number. Hundreds are looked up for each share, so that each lookup should touch one line of the
-// cache.
+// The landmarks shared with a client, by number. Hundreds are looked up for each share, so that each lookup should
+// touch one line of the cache.
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -29,7 +29,8 @@ class SharedLandmarkTable {
     if (size_ > 0) __builtin_prefetch(&slots_[first_place_of(key)], 1);
   }
   void set(const Shared& shared) {
-    if (2 * (size_ + 1) > slots_.size()) rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Shared&) { return true; });
+    if (2 * (size_ + 1) > slots_.size())
+      rebuild(slots_.empty() ? 64 : 2 * slots_.size(), [](const Shared&) { return true; });
     Shared& slot = slots_[place_of(shared.key)];
     size_ += slot.key == 0;
     slot = shared;

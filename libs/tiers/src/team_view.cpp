@@ -26,8 +26,9 @@ matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOp
 
 }  // namespace
 
-TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-                   const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool)
+TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input,
+                   const matching::LandmarkIndexOptions& index, const matching::DescriptionOptions& description,
+                   std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool)
     : result_(std::move(result)) {
   for (const fusion::Component& component : result_.components) {
     components_.emplace_back(component, index, description, pictures);
@@ -39,14 +40,16 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input, c
       if (const double* scale = component.scales.find(map.id)) member.scale = *scale;
       for (const auto& [id, node] : map.nodes) {
         member.published.set(id, node.map_from_node);
-        if (const Node* placed = component.map.nodes.find(id)) member.nodes.push_back({id, node.map_from_node.t, placed->map_from_node.t});
+        if (const Node* placed = component.map.nodes.find(id))
+          member.nodes.push_back({id, node.map_from_node.t, placed->map_from_node.t});
       }
     }
   }
 }
 
 TeamView::Component::Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
-                               const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures)
+                               const matching::DescriptionOptions& description,
+                               std::shared_ptr<fusion::Pictures> pictures)
     : content_(content), index_(index), description_(description), pictures_(std::move(pictures)) {}
 
 void TeamView::Component::make_landmarks(WorkerPool& pool) const {
@@ -77,7 +80,8 @@ Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const Team
   Sim3 result;
   result.scale = member.scale;
   result.pose.q = (placed.map_from_node.q * map_from_node.q.conjugate()).normalized();
-  result.pose.t = transformed(camera, placed.map_from_node) - member.scale * (result.pose.q * transformed(camera, map_from_node));
+  result.pose.t =
+      transformed(camera, placed.map_from_node) - member.scale * (result.pose.q * transformed(camera, map_from_node));
   return result;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// What maps look like once they are merged, ready to be asked: where a client is in it, what it may see there, where a picture was taken.
+// What maps look like once they are merged, ready to be asked: where a client is in it, what it may see there, where a
+// picture was taken.
 
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/fusion/place_finder.h>
@@ -16,7 +17,8 @@ class TeamView {
  public:
   // `input`: what was merged to `result`.
   TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-           const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool);
+           const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures,
+           WorkerPool& pool);
 
   // What is asked seldom is made when it is asked for the first time. All calls are thread-safe.
   class Component {
@@ -59,8 +61,8 @@ class TeamView {
   std::map<MapId, Member> members_;
 };
 
-// The map's frame in the team's around one of its keyframes: maps bend, so a single transform holds for a part of it alone. Of the camera
-// and of what it sees: the robot under it does not grow with its map's scale.
+// The map's frame in the team's around one of its keyframes: maps bend, so a single transform holds for a part of it
+// alone. Of the camera and of what it sees: the robot under it does not grow with its map's scale.
 Sim3 team_from_map_at(const NodeId& node, const Pose3& map_from_node, const TeamView::Member& member);
 
 }  // namespace mapweave::tiers

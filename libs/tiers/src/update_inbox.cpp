@@ -5,15 +5,18 @@
 
 namespace mapweave::tiers {
 
-UpdateInbox::UpdateInbox(Origin origin) : origin_(origin), kept_(std::make_shared<Kept>()) { kept_->map.id = origin.map; }
+UpdateInbox::UpdateInbox(Origin origin) : origin_(origin), kept_(std::make_shared<Kept>()) {
+  kept_->map.id = origin.map;
+}
 
-std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where, std::size_t most_waiting_bytes) {
+std::vector<MapUpdate> UpdateInbox::receive(MapUpdate update, std::size_t bytes, const std::string& where,
+                                            std::size_t most_waiting_bytes) {
   constexpr std::size_t kKeeping = 1024;  // bytes of an update that says nothing
   bytes += kKeeping;
   if (update.sequence == 0 || update.base >= update.sequence)
     throw Error(ErrorCode::kBadInput,
-                "update " + std::to_string(update.sequence) + " says that it builds on update " + std::to_string(update.base) +
-                    "; updates count from 1",
+                "update " + std::to_string(update.sequence) + " says that it builds on update " +
+                    std::to_string(update.base) + "; updates count from 1",
                 where);
   std::vector<MapUpdate> stored;
   const bool says_all = update.base == 0;
@@ -54,8 +57,8 @@ void UpdateInbox::store(const MapUpdate& update) {
     apply(all->map, hanging, update);
     kept_ = std::move(all), hanging_ = std::move(hanging);
   } else if (kept_->held.load(std::memory_order_acquire) == 0) {
-    // Snapshots are taken here alone, so that 0 stays 0. To acquire it makes what others read before they let go of theirs come before
-    // what is written now; the count of a shared_ptr promises no such order.
+    // Snapshots are taken here alone, so that 0 stays 0. To acquire it makes what others read before they let go of
+    // theirs come before what is written now; the count of a shared_ptr promises no such order.
     apply(kept_->map, hanging_, update);
   } else {
     auto next = std::make_shared<Kept>();

@@ -9,8 +9,8 @@ namespace mapweave::tiers {
 namespace {
 
 // About what they take in an encoded update: where to cut, not whether.
-constexpr std::size_t kKeyframeBytes = 200, kFeatureBytes = 37, kLandmarkBytes = 60, kSightingBytes = 14, kMovedBytes = 90,
-                      kRemovedBytes = 20;
+constexpr std::size_t kKeyframeBytes = 200, kFeatureBytes = 37, kLandmarkBytes = 60, kSightingBytes = 14,
+                      kMovedBytes = 90, kRemovedBytes = 20;
 
 class Cutter {
  public:
@@ -20,19 +20,24 @@ class Cutter {
     for (std::size_t i = 0; i < update.nodes.size(); ++i) {
       const KeyframeFeatures* keyframe = keyframe_of(update.nodes[i]);
       pieces_.push_back(
-          {i + 1, Kind::node, i, kKeyframeBytes + kFeatureBytes * (keyframe != nullptr ? keyframe->points.size() : std::size_t{0})});
+          {i + 1, Kind::node, i,
+           kKeyframeBytes + kFeatureBytes * (keyframe != nullptr ? keyframe->points.size() : std::size_t{0})});
     }
     for (std::size_t i = 0; i < update.landmarks.size(); ++i) {
       const Landmark& landmark = update.landmarks[i];
-      pieces_.push_back({std::max(place_of(landmark.anchor), place_of(landmark.seen)), Kind::landmark, i, bytes_of(landmark.seen)});
+      pieces_.push_back(
+          {std::max(place_of(landmark.anchor), place_of(landmark.seen)), Kind::landmark, i, bytes_of(landmark.seen)});
     }
     add(update.changed_landmarks, Kind::changed_landmark);
     add(update.borrowed, Kind::borrowed);
     const std::size_t last = update.nodes.size() + 1;
-    for (std::size_t i = 0; i < update.removed_landmarks.size(); ++i) pieces_.push_back({last, Kind::removed_landmark, i, kRemovedBytes});
-    for (std::size_t i = 0; i < update.removed_nodes.size(); ++i) pieces_.push_back({last, Kind::removed_node, i, kRemovedBytes});
-    std::sort(pieces_.begin(), pieces_.end(),
-              [](const Piece& a, const Piece& b) { return std::tie(a.place, a.kind, a.index) < std::tie(b.place, b.kind, b.index); });
+    for (std::size_t i = 0; i < update.removed_landmarks.size(); ++i)
+      pieces_.push_back({last, Kind::removed_landmark, i, kRemovedBytes});
+    for (std::size_t i = 0; i < update.removed_nodes.size(); ++i)
+      pieces_.push_back({last, Kind::removed_node, i, kRemovedBytes});
+    std::sort(pieces_.begin(), pieces_.end(), [](const Piece& a, const Piece& b) {
+      return std::tie(a.place, a.kind, a.index) < std::tie(b.place, b.kind, b.index);
+    });
   }
 
   std::vector<std::string> parts() && {
@@ -43,8 +48,8 @@ class Cutter {
  private:
   enum class Kind { moved, node, landmark, changed_landmark, borrowed, removed_landmark, removed_node };
   struct Piece {
-    std::size_t
-        place;  // 0: needs no new keyframe; else it belongs to the new keyframe of this number, counted from 1; one more: comes last
+    std::size_t place;  // 0: needs no new keyframe; else it belongs to the new keyframe of this number, counted from 1;
+                        // one more: comes last
     Kind kind;
     std::size_t index;  // in its list
     std::size_t bytes;
@@ -53,16 +58,20 @@ class Cutter {
   std::size_t place_of(const NodeId& id) const {
     const auto found = std::lower_bound(update_.nodes.begin(), update_.nodes.end(), id,
                                         [](const Node& node, const NodeId& wanted) { return node.id < wanted; });
-    return found != update_.nodes.end() && found->id == id ? static_cast<std::size_t>(found - update_.nodes.begin()) + 1 : 0;
+    return found != update_.nodes.end() && found->id == id ? static_cast<std::size_t>(found - update_.nodes.begin()) + 1
+                                                           : 0;
   }
   std::size_t place_of(const std::vector<LandmarkSighting>& seen) const {
     std::size_t last = 0;
     for (const LandmarkSighting& sighting : seen) last = std::max(last, place_of(sighting.node));
     return last;
   }
-  static std::size_t bytes_of(const std::vector<LandmarkSighting>& seen) { return kLandmarkBytes + kSightingBytes * seen.size(); }
+  static std::size_t bytes_of(const std::vector<LandmarkSighting>& seen) {
+    return kLandmarkBytes + kSightingBytes * seen.size();
+  }
   void add(const std::vector<LandmarkChange>& changes, Kind kind) {
-    for (std::size_t i = 0; i < changes.size(); ++i) pieces_.push_back({place_of(changes[i].seen), kind, i, bytes_of(changes[i].seen)});
+    for (std::size_t i = 0; i < changes.size(); ++i)
+      pieces_.push_back({place_of(changes[i].seen), kind, i, bytes_of(changes[i].seen)});
   }
 
   // Places rise within each list, but where landmarks stand between others' keyframes: they are sorted again.
@@ -100,7 +109,8 @@ class Cutter {
       }
     }
     std::size_t middle = begin + 1;
-    for (std::size_t bytes = pieces_[begin].bytes; middle + 1 < end && 2 * bytes < all; ++middle) bytes += pieces_[middle].bytes;
+    for (std::size_t bytes = pieces_[begin].bytes; middle + 1 < end && 2 * bytes < all; ++middle)
+      bytes += pieces_[middle].bytes;
     cut(begin, middle);
     cut(middle, end);
   }
@@ -115,8 +125,8 @@ class Cutter {
 }  // namespace
 
 std::vector<std::string> encoded_in_parts(const MapUpdate& update, std::size_t most_bytes) {
-  MAPWEAVE_EXPECT(update.submaps.empty() && update.constraints.empty() && update.judgements.empty() && update.removed_submaps.empty() &&
-                      update.removed_constraints.empty(),
+  MAPWEAVE_EXPECT(update.submaps.empty() && update.constraints.empty() && update.judgements.empty() &&
+                      update.removed_submaps.empty() && update.removed_constraints.empty(),
                   "a camera's update");
   return Cutter(update, most_bytes).parts();
 }

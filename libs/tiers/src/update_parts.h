@@ -8,10 +8,10 @@
 
 namespace mapweave::tiers {
 
-// Encoded; the first has the update's base and number, each other one builds on the one before. Together they say the same, and what
-// arrived of them is a sound map at any time: landmarks and sightings go with the last of the new keyframes that they need or after it,
-// removals come last. No longer than most_bytes, but for one that holds a single keyframe or landmark. Contract: keyframes and landmarks
-// alone, and nothing is both removed and published.
+// Encoded; the first has the update's base and number, each other one builds on the one before. Together they say the
+// same, and what arrived of them is a sound map at any time: landmarks and sightings go with the last of the new
+// keyframes that they need or after it, removals come last. No longer than most_bytes, but for one that holds a single
+// keyframe or landmark. Contract: keyframes and landmarks alone, and nothing is both removed and published.
 std::vector<std::string> encoded_in_parts(const MapUpdate& update, std::size_t most_bytes);
 
 }  // namespace mapweave::tiers

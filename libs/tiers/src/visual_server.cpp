@@ -38,7 +38,8 @@ bool VisualServer::State::is_due(Stamp now) {
   const double of_each = after * static_cast<double>(std::max<std::size_t>(1, published_since.size()));
   const double due = std::max(options.fuse_share * joined, std::min(of_each, std::max(after, kGrowth * joined)));
   const std::size_t fresh = keyframes - merged_keyframes;
-  return static_cast<double>(fresh) >= due || (fresh > 0 && published_at && seconds_between(*published_at, now) >= options.fuse_idle_s);
+  return static_cast<double>(fresh) >= due ||
+         (fresh > 0 && published_at && seconds_between(*published_at, now) >= options.fuse_idle_s);
 }
 
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
@@ -48,19 +49,22 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
   merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
   merged_keyframes = keyframes, published_since.clear();
-  work = std::make_shared<BackgroundWork>([merge = merge, last = last, maps = snapshots(), options = options,
-                                           fusion_options = fusion_options,
-                                           &pool]() mutable { merge->run(last.get(), std::move(maps), options, fusion_options, pool); });
+  work = std::make_shared<BackgroundWork>(
+      [merge = merge, last = last, maps = snapshots(), options = options, fusion_options = fusion_options,
+       &pool]() mutable { merge->run(last.get(), std::move(maps), options, fusion_options, pool); });
 }
 
-VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig) : state_(new State) {
-  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion), state_->rig = rig;
+VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig)
+    : state_(new State) {
+  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion),
+  state_->rig = rig;
 }
 VisualServer::~VisualServer() = default;
 
 std::vector<Receipt> VisualServer::greet(const Hello& hello) {
   if (const Hash& known = matching::shipped_vocabulary().hash(); hello.vocabulary != known)
-    throw Error(ErrorCode::kUnsupported, "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
+    throw Error(ErrorCode::kUnsupported,
+                "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
                 name_of(hello.session), "give both the same");
   if (state_->clients.count(hello.session) == 0 && state_->clients.size() >= kMostClients)
     throw Error(ErrorCode::kBadInput, "this server keeps " + std::to_string(kMostClients) + " runs of clients already",
@@ -117,11 +121,15 @@ void VisualServer::abandon() { state_->abandon(); }
 
 std::shared_ptr<BackgroundWork> VisualServer::pending() const { return state_->work; }
 
-void VisualServer::veto(const Hash& judgement) { state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since; }
+void VisualServer::veto(const Hash& judgement) {
+  state_->vetoed_since = state_->vetoed.insert(judgement).second || state_->vetoed_since;
+}
 
 const std::set<Hash>& VisualServer::vetoed() const { return state_->vetoed; }
 
-std::vector<std::string> VisualServer::notes() const { return state_->last ? state_->last->notes : std::vector<std::string>{}; }
+std::vector<std::string> VisualServer::notes() const {
+  return state_->last ? state_->last->notes : std::vector<std::string>{};
+}
 
 VisualServer::Snapshot VisualServer::snapshot() const { return snapshot_to_encode()(); }
 
@@ -135,7 +143,8 @@ std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const
   std::vector<Kept> kept;
   for (const auto& [session, client_map] : state_->order) {
     const Client::Part& part = state_->clients.at(session).parts.at(client_map);
-    if (part.inbox.receipt().stored > 0) kept.push_back({session, part.inbox.receipt(), part.inbox.snapshot(), part.all_borrowed()});
+    if (part.inbox.receipt().stored > 0)
+      kept.push_back({session, part.inbox.receipt(), part.inbox.snapshot(), part.all_borrowed()});
   }
   return [kept = std::move(kept)] {
     Snapshot result;

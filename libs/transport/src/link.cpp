@@ -61,7 +61,8 @@ LinkTrace read_link_trace(const std::filesystem::path& path, const LinkState& ot
     if (values.size() > 4) state.loss = values[4];
     trace.from_s.push_back(values[0]), trace.states.push_back(state);
   }
-  if (trace.states.empty()) throw Error(ErrorCode::kBadInput, "a link's trace says nothing", {path.string()}, "write at least one line");
+  if (trace.states.empty())
+    throw Error(ErrorCode::kBadInput, "a link's trace says nothing", {path.string()}, "write at least one line");
   if (std::all_of(trace.states.begin(), trace.states.end() - (trace.states.size() > 1),
                   [](const LinkState& s) { return s.bytes_per_s == 0.0; }))
     throw Error(ErrorCode::kBadInput, "a link that never carries anything", {path.string()},
@@ -95,7 +96,9 @@ double Link::left(double at_s, double bytes) const {
   }
 }
 
-double Link::uniform() { return static_cast<double>(mixed(seed_ ^ mixed(++drawn_ * 0x9e3779b97f4a7c15u)) >> 11) * 0x1p-53; }
+double Link::uniform() {
+  return static_cast<double>(mixed(seed_ ^ mixed(++drawn_ * 0x9e3779b97f4a7c15u)) >> 11) * 0x1p-53;
+}
 
 double Link::send(double at_s, std::size_t bytes) {
   MAPWEAVE_EXPECT(at_s >= 0.0, "virtual time begins at 0");

@@ -18,7 +18,8 @@ LinkState state_of(LinkProfile profile) {
   return {};
 }
 
-// Estimates from clock and width, not measurements of this program: compare `cpu_seconds` of `mapweave slam` on one log on both machines.
+// Estimates from clock and width, not measurements of this program: compare `cpu_seconds` of `mapweave slam` on one log
+// on both machines.
 //   Raspberry Pi 3B+  Cortex-A53, 1.4 GHz, two instructions a cycle in order (Arm's and Raspberry Pi's data sheets)
 //   Jetson TX2        Cortex-A57, 2 GHz, three instructions a cycle out of order (NVIDIA's data sheet)
 double speed_of(ProcessorProfile profile) {

@@ -20,16 +20,19 @@ struct Expected {
 
 // Where the camera should see it, and its feature; nothing where it should not.
 std::optional<Expected> expected(const matching::DescribedLandmark& known, const Pinhole& camera, const View& view) {
-  const Eigen::Vector3d p = view * known.point_in_map, q = view * (known.point_in_map + known.feature_from_point).eval();
+  const Eigen::Vector3d p = view * known.point_in_map,
+                        q = view * (known.point_in_map + known.feature_from_point).eval();
   if (!(p.z() > 0.1 && q.z() > 0.1)) return std::nullopt;
   const Expected at{camera.project(p), camera.project(q)};
   for (const Eigen::Vector2d& pixel : {at.pixel, at.feature})
-    if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder && pixel.y() < camera.height - kBorder))
+    if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&
+          pixel.y() < camera.height - kBorder))
       return std::nullopt;
   const Eigen::Vector3d ray = known.point_in_map - view.centre();
   const double range = ray.norm();
   if (!known.direction.isZero(0.0) && ray.dot(known.direction) < kLeastCosine * range) return std::nullopt;
-  if (known.farthest_m > 0.0 && (range > kMostRangeRatio * known.farthest_m || kMostRangeRatio * range < known.nearest_m))
+  if (known.farthest_m > 0.0 &&
+      (range > kMostRangeRatio * known.farthest_m || kMostRangeRatio * range < known.nearest_m))
     return std::nullopt;
   return at;
 }
@@ -49,14 +52,16 @@ void BorrowedLandmarks::take_out(LandmarkMap& map, Entry& entry) const {
   entry.slot = -1;
 }
 
-int BorrowedLandmarks::receive(LandmarkMap& map, int session, const std::vector<matching::DescribedLandmark>& landmarks) {
+int BorrowedLandmarks::receive(LandmarkMap& map, int session,
+                               const std::vector<matching::DescribedLandmark>& landmarks) {
   int taken = 0;
   for (const matching::DescribedLandmark& landmark : landmarks) {
     if (!matching::flaw(landmark).empty()) continue;
     ++taken;
     Entry& entry = entries_[landmark.id];
     if (entry.session != session) take_out(map, entry), entry.failures = 0;
-    if ((entry.known.point_in_map - landmark.point_in_map).norm() > landmark.sigma_m) entry.failures = 0;  // another chance
+    if ((entry.known.point_in_map - landmark.point_in_map).norm() > landmark.sigma_m)
+      entry.failures = 0;  // another chance
     entry.known = landmark, entry.session = session, entry.in_view = keyframes_;
     if (is_held(map, entry)) {
       Landmark& held = map.landmark(entry.slot);
@@ -67,19 +72,22 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session, const std::vector<
   return taken;
 }
 
-std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
-                                           const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px) {
+std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features,
+                                           const View& view, const Motion& motion, const std::vector<Match>& matches,
+                                           double radius_px, double sigma_px) {
   std::vector<char> matched(map.landmarks.size(), 0), taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) matched[static_cast<std::size_t>(match.landmark)] = 1;
   std::vector<Match> result;
   for (auto& [id, entry] : entries_) {
     const bool held = is_held(map, entry);
     if (entry.session != session || entry.failures >= kMostFailures) continue;
-    if (held && static_cast<std::size_t>(entry.slot) < matched.size() && matched[static_cast<std::size_t>(entry.slot)]) continue;
+    if (held && static_cast<std::size_t>(entry.slot) < matched.size() && matched[static_cast<std::size_t>(entry.slot)])
+      continue;
     const auto at = expected(entry.known, map.camera, view);
     if (!at) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, at->pixel, (view * entry.known.point_in_map).z());
-    const int feature = features.find(entry.known.descriptor, at->feature + map.calibration.readout_s * flow, radius_px, taken);
+    const int feature =
+        features.find(entry.known.descriptor, at->feature + map.calibration.readout_s * flow, radius_px, taken);
     if (feature < 0) continue;
     taken[static_cast<std::size_t>(feature)] = 1;
     if (!held) {
@@ -112,7 +120,8 @@ void BorrowedLandmarks::tidy(LandmarkMap& map, int session, const View& view) {
     Entry& one = entry->second;
     if (is_held(map, one)) {
       const Landmark& landmark = map.landmark(one.slot);
-      if (landmark.tried >= kLeastTries && landmark.found < kFoundShare * landmark.tried) take_out(map, one), one.failures = kMostFailures;
+      if (landmark.tried >= kLeastTries && landmark.found < kFoundShare * landmark.tried)
+        take_out(map, one), one.failures = kMostFailures;
     }
     if (one.session == session && expected(one.known, map.camera, view)) one.in_view = keyframes_;
     if (one.in_view + kPatience >= keyframes_) {

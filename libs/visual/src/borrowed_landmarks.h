@@ -1,6 +1,6 @@
 #pragma once
-// Landmarks that others made and a server shares (CVS III-C, local map augmentation): until a keyframe shows them, and whether they are
-// where they are said to be.
+// Landmarks that others made and a server shares (CVS III-C, local map augmentation): until a keyframe shows them, and
+// whether they are where they are said to be.
 
 #include "feature_grid.h"
 #include "landmark_map.h"
@@ -16,14 +16,14 @@ inline constexpr double kFeature_px = 1.0;  // error of a picture's feature on i
 
 class BorrowedLandmarks {
  public:
-  // In the frame of the session's map in memory (its first camera's). Known ones take their new place, in the map too. What is not sound is
-  // left out; how many were not is answered.
+  // In the frame of the session's map in memory (its first camera's). Known ones take their new place, in the map too.
+  // What is not sound is left out; how many were not is answered.
   int receive(LandmarkMap& map, int session, const std::vector<matching::DescribedLandmark>& landmarks);
 
-  // Those that `features`, seen from `view`, show within `radius_px` of where they should be, as landmarks of the map; without those in
-  // `matches`. `sigma_px`: of a feature on its pyramid's first level.
-  std::vector<Match> look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view, const Motion& motion,
-                          const std::vector<Match>& matches, double radius_px, double sigma_px);
+  // Those that `features`, seen from `view`, show within `radius_px` of where they should be, as landmarks of the map;
+  // without those in `matches`. `sigma_px`: of a feature on its pyramid's first level.
+  std::vector<Match> look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
+                          const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px);
 
   // Of matches just found, those that fit stay; landmarks of the others that no keyframe sees are none again.
   void keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits);

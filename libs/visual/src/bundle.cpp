@@ -16,11 +16,14 @@ double soft_cost(double size, double soft) { return size <= soft ? size * size :
 
 using Vector2 = Eigen::Vector2d;
 
-Vector2 values_of(const SensorCalibration& calibration) { return {calibration.readout_s, calibration.inverse_depth_offset}; }
+Vector2 values_of(const SensorCalibration& calibration) {
+  return {calibration.readout_s, calibration.inverse_depth_offset};
+}
 
 // Information of the priors: of a step, and of being there at all.
 Vector2 information_of(double readout, double inverse_depth) {
-  return {readout > 0 ? 1.0 / (readout * readout) : 0.0, inverse_depth > 0 ? 1.0 / (inverse_depth * inverse_depth) : 0.0};
+  return {readout > 0 ? 1.0 / (readout * readout) : 0.0,
+          inverse_depth > 0 ? 1.0 / (inverse_depth * inverse_depth) : 0.0};
 }
 
 double cost_of(const WindowBundle& bundle, const SensorCalibration& calibration, const std::vector<View>& views,
@@ -33,10 +36,12 @@ double cost_of(const WindowBundle& bundle, const SensorCalibration& calibration,
       sum += 100.0 * options.soft_sigmas * options.soft_sigmas;
       continue;
     }
-    sum += soft_cost((camera.project(p) - o.sighting.pixel + calibration.readout_s * o.sighting.row_flow).norm() / o.sighting.sigma_px,
+    sum += soft_cost((camera.project(p) - o.sighting.pixel + calibration.readout_s * o.sighting.row_flow).norm() /
+                         o.sighting.sigma_px,
                      options.soft_sigmas);
     if (o.sighting.inverse_depth_sigma > 0)
-      sum += soft_cost(std::abs(1.0 / p.z() + calibration.inverse_depth_offset - o.sighting.inverse_depth) / o.sighting.inverse_depth_sigma,
+      sum += soft_cost(std::abs(1.0 / p.z() + calibration.inverse_depth_offset - o.sighting.inverse_depth) /
+                           o.sighting.inverse_depth_sigma,
                        options.soft_sigmas);
   }
   return sum;
@@ -46,7 +51,8 @@ double cost_of(const WindowBundle& bundle, const SensorCalibration& calibration,
 std::vector<std::pair<int, int>> pairs_of(const WindowBundle& bundle, const std::vector<int>& column) {
   std::vector<std::vector<int>> columns(bundle.views.size());
   for (std::size_t first = 0, last = 0; first < bundle.observations.size(); first = last) {
-    while (last < bundle.observations.size() && bundle.observations[last].point == bundle.observations[first].point) ++last;
+    while (last < bundle.observations.size() && bundle.observations[last].point == bundle.observations[first].point)
+      ++last;
     for (std::size_t i = first; i < last; ++i)
       for (std::size_t j = first; j < last; ++j) {
         const int row = column[static_cast<std::size_t>(bundle.observations[i].view)],
@@ -80,7 +86,8 @@ void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptio
   };
 
   double lambda = 1e-4;
-  double cost = cost_of(bundle, bundle.calibration, bundle.views, bundle.points, camera, options) + prior_cost(bundle.calibration);
+  double cost = cost_of(bundle, bundle.calibration, bundle.views, bundle.points, camera, options) +
+                prior_cost(bundle.calibration);
   const std::size_t count = bundle.points.size();
   struct Link {
     int column;
@@ -95,7 +102,8 @@ void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptio
   std::vector<ReducedSystem::Block> view_hessian(free);
   std::vector<ReducedSystem::Border> view_border(free);
   Eigen::Matrix2d calibration_hessian;
-  ReducedSystem reduced(free_views, ReducedSystem::is_sparse(free_views) ? pairs_of(bundle, column) : std::vector<std::pair<int, int>>());
+  ReducedSystem reduced(
+      free_views, ReducedSystem::is_sparse(free_views) ? pairs_of(bundle, column) : std::vector<std::pair<int, int>>());
   Eigen::VectorXd views_gradient(size), right(size);
   Residual r;
   bool build = true;
@@ -139,7 +147,8 @@ void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptio
           views_gradient.segment<2>(calibration_at).noalias() += calibration_weighted * r.value;
           const int c = column[static_cast<std::size_t>(seen.view)];
           if (c < 0) continue;
-          view_hessian[static_cast<std::size_t>(c)].noalias() += r.by_motion.transpose() * weights.asDiagonal() * r.by_motion;
+          view_hessian[static_cast<std::size_t>(c)].noalias() +=
+              r.by_motion.transpose() * weights.asDiagonal() * r.by_motion;
           views_gradient.segment<6>(6 * c).noalias() += r.by_motion.transpose() * weighted_value;
           view_border[static_cast<std::size_t>(c)].noalias() += calibration_weighted * r.by_motion;
           links.push_back({c, r.by_motion.transpose() * weighted});
@@ -187,7 +196,8 @@ void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptio
       if (column[i] >= 0) views[i] = moved(views[i], change.segment<6>(6 * column[i]));
     std::vector<Eigen::Vector3d> points = bundle.points;
     for (std::size_t point = 0; point < count; ++point) {
-      Eigen::Vector3d sum = point_gradient[point] + calibration_by_point[point].transpose() * change.segment<2>(calibration_at);
+      Eigen::Vector3d sum =
+          point_gradient[point] + calibration_by_point[point].transpose() * change.segment<2>(calibration_at);
       for (std::size_t i = first_link[point]; i < first_link[point + 1]; ++i)
         sum.noalias() += links[i].cross.transpose() * change.segment<6>(6 * links[i].column);
       points[point] -= inverse[point] * sum;
@@ -207,9 +217,11 @@ void adjust(WindowBundle& bundle, const Pinhole& camera, const WindowBundleOptio
     }
   }
   for (WindowBundleObservation& o : bundle.observations) {
-    const Eigen::Vector3d p = bundle.views[static_cast<std::size_t>(o.view)] * bundle.points[static_cast<std::size_t>(o.point)];
-    o.fits = p.z() > 0.02 && (camera.project(p) - o.sighting.pixel + bundle.calibration.readout_s * o.sighting.row_flow).norm() <
-                                 options.gate_sigmas * o.sighting.sigma_px;
+    const Eigen::Vector3d p =
+        bundle.views[static_cast<std::size_t>(o.view)] * bundle.points[static_cast<std::size_t>(o.point)];
+    o.fits = p.z() > 0.02 &&
+             (camera.project(p) - o.sighting.pixel + bundle.calibration.readout_s * o.sighting.row_flow).norm() <
+                 options.gate_sigmas * o.sighting.sigma_px;
   }
 }
 

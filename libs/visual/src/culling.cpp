@@ -55,7 +55,8 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
   const int session = map.keyframe(newest).session;
   const auto may_go = [&](int number) {
     const Keyframe& keyframe = map.keyframe(number);
-    return !keyframe.gone && (keyframe.session != session || keyframe.serial + kStaying <= map.keyframe(newest).serial) &&
+    return !keyframe.gone &&
+           (keyframe.session != session || keyframe.serial + kStaying <= map.keyframe(newest).serial) &&
            number != first_of(map, keyframe.session);
   };
   int best = -1;
@@ -63,12 +64,14 @@ int keyframe_to_cull(const LandmarkMap& map, int newest, const MemoryOptions& op
   for (const CovisibleKeyframe& shared : covisible(map, newest)) {
     if (!may_go(shared.keyframe)) continue;
     const auto [own, all] = own_landmarks(map, shared.keyframe, options.redundant_views);
-    if (own <= least * all && (best < 0 || own < least * all)) best = shared.keyframe, least = static_cast<double>(own) / std::max(1, all);
+    if (own <= least * all && (best < 0 || own < least * all))
+      best = shared.keyframe, least = static_cast<double>(own) / std::max(1, all);
   }
   if (best >= 0 || map.keyframe_count() <= options.keyframes) return best;
   // Whoever takes fewest landmarks away, of some that are asked in turn; of equals the earliest.
   const int slots = static_cast<int>(map.keyframes.size()), asked = std::min(slots, kAsked);
-  const auto start = static_cast<int>(static_cast<std::uint64_t>(map.keyframe(newest).serial) * kAsked % static_cast<std::uint64_t>(slots));
+  const auto start = static_cast<int>(static_cast<std::uint64_t>(map.keyframe(newest).serial) * kAsked %
+                                      static_cast<std::uint64_t>(slots));
   for (int round = 0; round < 2 && best < 0; ++round) {
     int fewest = 0;
     for (int i = 0; i < (round == 0 ? asked : slots); ++i) {
@@ -111,19 +114,21 @@ std::size_t thin_frames(LandmarkMap& map, std::size_t most) {
   return count;
 }
 
-void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const std::vector<Match>& matches, const Pyramid& picture,
-                     const View& view) {
+void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const std::vector<Match>& matches,
+                     const Pyramid& picture, const View& view) {
   constexpr int kCell = 8;
   const int columns = map.camera.width / kCell + 1, rows = map.camera.height / kCell + 1;
   std::vector<const Match*> shown(static_cast<std::size_t>(columns * rows), nullptr);
   std::vector<char> known(map.landmarks.size(), 0);
   const auto cell_of = [&](const Eigen::Vector2d& pixel) {
-    return static_cast<std::size_t>(static_cast<int>(pixel.y()) / kCell * columns + static_cast<int>(pixel.x()) / kCell);
+    return static_cast<std::size_t>(static_cast<int>(pixel.y()) / kCell * columns +
+                                    static_cast<int>(pixel.x()) / kCell);
   };
   for (const Match& match : matches) {
     known[static_cast<std::size_t>(match.landmark)] = 1;
     if (map.landmark(match.landmark).borrowed) continue;
-    if (match.pixel.x() >= 0 && match.pixel.y() >= 0 && match.pixel.x() < map.camera.width && match.pixel.y() < map.camera.height)
+    if (match.pixel.x() >= 0 && match.pixel.y() >= 0 && match.pixel.x() < map.camera.width &&
+        match.pixel.y() < map.camera.height)
       shown[cell_of(match.pixel)] = &match;
   }
   for (int k : keyframes) {
@@ -135,7 +140,8 @@ void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const 
       const Eigen::Vector3d p = view * landmark.point;
       if (p.z() < 0.1 || landmark.borrowed) continue;
       const Eigen::Vector2d pixel = map.camera.project(p);
-      if (!(pixel.x() >= kCell && pixel.y() >= kCell && pixel.x() < map.camera.width - kCell && pixel.y() < map.camera.height - kCell))
+      if (!(pixel.x() >= kCell && pixel.y() >= kCell && pixel.x() < map.camera.width - kCell &&
+            pixel.y() < map.camera.height - kCell))
         continue;
       const Match* same = nullptr;
       for (int dy = -1; dy <= 1; ++dy)

@@ -13,7 +13,8 @@ constexpr double kLeastDisparity_px = 1.0;
 
 }  // namespace
 
-DepthMeter::DepthMeter(const LandmarkMap& map, const Frame& frame, const Pyramid& left, const Motion& motion, const ClientOptions& options)
+DepthMeter::DepthMeter(const LandmarkMap& map, const Frame& frame, const Pyramid& left, const Motion& motion,
+                       const ClientOptions& options)
     : map_(map), depth_(frame.depth), left_(left), motion_(motion), options_(options) {
   if (!frame.right.empty()) right_ = make_pyramid(frame.right);
 }
@@ -29,8 +30,10 @@ std::optional<MeasuredDepth> DepthMeter::reading(const Eigen::Vector2d& pixel) c
   ray += depth_.delay_s * motion_.rotation_per_s.cross(ray);
   if (ray.z() < 0.1) return std::nullopt;
   const Eigen::Vector2d there = depth_.distortion.distorted({ray.x() / ray.z(), ray.y() / ray.z()});
-  const double column = there.x() * depth_.camera.fx + depth_.camera.cx, row = there.y() * depth_.camera.fy + depth_.camera.cy;
-  if (!(column >= kAround && row >= kAround && column < image.width - kAround - 1 && row < image.height - kAround - 1)) return std::nullopt;
+  const double column = there.x() * depth_.camera.fx + depth_.camera.cx,
+               row = there.y() * depth_.camera.fy + depth_.camera.cy;
+  if (!(column >= kAround && row >= kAround && column < image.width - kAround - 1 && row < image.height - kAround - 1))
+    return std::nullopt;
   const int x = static_cast<int>(std::lround(column)), y = static_cast<int>(std::lround(row));
   const int middle = image.row(y)[x];
   if (middle == 0) return std::nullopt;

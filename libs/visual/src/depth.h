@@ -18,7 +18,8 @@ struct MeasuredDepth {
 class DepthMeter {
  public:
   // The pictures must outlive it. `motion`: the depth picture may have been taken earlier or later than the other.
-  DepthMeter(const LandmarkMap& map, const Frame& frame, const Pyramid& left, const Motion& motion, const ClientOptions& options);
+  DepthMeter(const LandmarkMap& map, const Frame& frame, const Pyramid& left, const Motion& motion,
+             const ClientOptions& options);
   // Of a corner; `expected_m` 0: anywhere. nullopt where there is no reading, or none that can be trusted.
   std::optional<MeasuredDepth> at(const Eigen::Vector2d& pixel, int level, double expected_m = 0.0) const;
   // Quick, from the depth camera alone.

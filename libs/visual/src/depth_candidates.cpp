@@ -11,8 +11,8 @@ namespace {
 constexpr std::uint32_t kMostKeyframes = 10;  // that a candidate waits
 constexpr int kMostMisses = 15;               // looks without success, more than those with
 constexpr std::size_t kMostCandidates = 600;
-// Sigma of the inverse depth as a share of it: of a landmark, and where no more is learnt. While the camera turns on the spot, landmarks
-// leave the picture and no depth is learnt: then those of any depth hold its direction.
+// Sigma of the inverse depth as a share of it: of a landmark, and where no more is learnt. While the camera turns on
+// the spot, landmarks leave the picture and no depth is learnt: then those of any depth hold its direction.
 constexpr double kRoughlyKnown = 0.35, kKnown = 0.05;
 constexpr std::size_t kFewMatches = 120;
 constexpr double kCaution = 3.0;  // sigmas of neighbouring frames err alike
@@ -30,7 +30,8 @@ struct Line {  // of what lies on a candidate's ray, by inverse depth
     const Eigen::Vector3d p = far + inverse_depth * by_inverse_depth;
     if (!(p.z() > 0.05)) return std::nullopt;
     const Eigen::Vector2d pixel = camera.project(p);
-    if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder && pixel.y() < camera.height - kBorder))
+    if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&
+          pixel.y() < camera.height - kBorder))
       return std::nullopt;
     return pixel;
   }
@@ -56,8 +57,8 @@ float likeness(const WarpedPatch& patch, const GreyImage& image, const Eigen::Ve
 }
 
 // Where on the line the patch is seen best. nullopt where nowhere, or at two places.
-std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyImage& image, const Line& line, double low, double high,
-                                           const Pinhole& camera) {
+std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyImage& image, const Line& line,
+                                           double low, double high, const Pinhole& camera) {
   const auto from = line.at(low, camera), to = line.at(high, camera);
   if (!from || !to) return std::nullopt;
   const double length = (*to - *from).norm() / (1 << patch.level);
@@ -70,7 +71,8 @@ std::optional<Eigen::Vector2d> search_line(const WarpedPatch& patch, const GreyI
   const float score = scores[static_cast<std::size_t>(best)];
   if (score < kLikely) return std::nullopt;
   for (int i = 0; i <= steps; ++i)
-    if (std::abs(i - best) * length / steps > kApart_px && scores[static_cast<std::size_t>(i)] > kNearlyAsGood * score) return std::nullopt;
+    if (std::abs(i - best) * length / steps > kApart_px && scores[static_cast<std::size_t>(i)] > kNearlyAsGood * score)
+      return std::nullopt;
   return Eigen::Vector2d(*from + (*to - *from) * best / steps);
 }
 
@@ -78,7 +80,8 @@ bool is_same(const Landmark& landmark, std::uint32_t serial) { return !landmark.
 
 enum class Look { hidden, missed, found };
 
-Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& picture, const View& view, const TrackingOptions& options) {
+Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& picture, const View& view,
+              const TrackingOptions& options) {
   const Pinhole& camera = map.camera;
   const View new_from_old = view * map.keyframe(candidate.keyframe).view.inverse();
   const Eigen::Vector3d ray = camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow);
@@ -89,18 +92,21 @@ Look look_for(DepthCandidate& candidate, const LandmarkMap& map, const Pyramid& 
   const auto here = line.at(middle, camera), beside = line.at(middle + step, camera);
   if (!here || !beside) return Look::hidden;
   const double pixels_per_inverse_depth = (*beside - *here).norm() / step;
-  const double sigma = M_SQRT2 * options.sigma_px * (1 << candidate.patch.level) / std::max(pixels_per_inverse_depth, 1e-9);
+  const double sigma =
+      M_SQRT2 * options.sigma_px * (1 << candidate.patch.level) / std::max(pixels_per_inverse_depth, 1e-9);
   candidate.now = *here;
   const bool gives_depth = sigma < 0.95 * candidate.sigma;
   if (!gives_depth && candidate.landmark >= 0) return Look::hidden;
 
-  const auto warped = warp_patch(candidate.patch, warp_to(camera, candidate.pixel, candidate.patch.level, new_from_old, 1.0 / middle));
+  const auto warped =
+      warp_patch(candidate.patch, warp_to(camera, candidate.pixel, candidate.patch.level, new_from_old, 1.0 / middle));
   if (!warped) return Look::hidden;
   const auto start = search_line(*warped, picture[warped->level], line, low, high, camera);
   if (!start) return Look::missed;
   const auto match = align_patch(*warped, picture[warped->level], *start, 2.5F);
   if (!match || static_cast<double>(match->correlation) < options.min_correlation) return Look::missed;
-  const Eigen::Vector3d seen = camera.ray(match->pixel), a = seen.cross(line.far), b = seen.cross(line.by_inverse_depth);
+  const Eigen::Vector3d seen = camera.ray(match->pixel), a = seen.cross(line.far),
+                        b = seen.cross(line.by_inverse_depth);
   const double inverse_depth = -a.dot(b) / b.squaredNorm();
   if (!(inverse_depth > 1e-4)) return Look::missed;
   const auto there = line.at(inverse_depth, camera);
@@ -120,36 +126,41 @@ void take_depth(LandmarkMap& map, const DepthCandidate& candidate) {
   Sighting& sighting = landmark.seen.front().sighting;
   sighting.inverse_depth = candidate.inverse_depth, sighting.inverse_depth_sigma = kCaution * candidate.sigma;
   if (landmark.seen.size() == 1)
-    landmark.point = map.keyframe(candidate.keyframe).view.inverse() *
-                     (map.camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow) / candidate.inverse_depth);
+    landmark.point =
+        map.keyframe(candidate.keyframe).view.inverse() *
+        (map.camera.ray(candidate.pixel - map.calibration.readout_s * candidate.row_flow) / candidate.inverse_depth);
 }
 
-void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& motion, const View& view, std::vector<Match>& matches,
-                     const TrackingOptions& options) {
+void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& motion, const View& view,
+                     std::vector<Match>& matches, const TrackingOptions& options) {
   Landmark landmark;
   Observation seen{candidate.keyframe, {}};
   seen.sighting.pixel = candidate.pixel, seen.sighting.row_flow = candidate.row_flow;
   seen.sighting.sigma_px = options.sigma_px * (1 << candidate.patch.level);
   landmark.appearances.push_back({candidate.patch, candidate.pixel, candidate.keyframe, View()});
   landmark.tried = landmark.found = 1;
-  candidate.landmark = map.add(std::move(landmark)), candidate.landmark_serial = map.landmark(candidate.landmark).serial;
+  candidate.landmark = map.add(std::move(landmark)),
+  candidate.landmark_serial = map.landmark(candidate.landmark).serial;
   map.see(candidate.landmark, seen);
   map.recent_landmarks.emplace_back(candidate.landmark, map.keyframes_made - 1);
   take_depth(map, candidate);
   const double depth = (view * map.landmark(candidate.landmark).point).z();
-  matches.push_back({candidate.landmark, candidate.now, row_flow(map.camera, motion, candidate.now, depth), candidate.level_now});
+  matches.push_back(
+      {candidate.landmark, candidate.now, row_flow(map.camera, motion, candidate.now, depth), candidate.level_now});
 }
 
 }  // namespace
 
-void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion, std::vector<Match>& matches,
-                         const TrackingOptions& options) {
+void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion,
+                         std::vector<Match>& matches, const TrackingOptions& options) {
   std::vector<DepthCandidate> kept;
   const std::size_t skipped = map.candidates.size() > kMostCandidates ? map.candidates.size() - kMostCandidates : 0;
   for (std::size_t i = skipped; i < map.candidates.size(); ++i) {
     DepthCandidate& candidate = map.candidates[i];
     const Keyframe& keyframe = map.keyframe(candidate.keyframe);
-    if (keyframe.gone || keyframe.serial != candidate.keyframe_serial || keyframe.serial + kMostKeyframes < map.keyframes_made) continue;
+    if (keyframe.gone || keyframe.serial != candidate.keyframe_serial ||
+        keyframe.serial + kMostKeyframes < map.keyframes_made)
+      continue;
     if (candidate.landmark >= 0 && !is_same(map.landmark(candidate.landmark), candidate.landmark_serial)) continue;
     const Look look = look_for(candidate, map, picture, view, options);
     if (look == Look::found) ++candidate.found;

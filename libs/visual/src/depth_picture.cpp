@@ -15,13 +15,16 @@ using InverseDepths = Image<float>;  // as measured, 1/m; 0: none
 // In the depth camera's frame, along z; 0 where there is no reading.
 double reading_at(const DepthPicture& depth, const Eigen::Vector3d& ray_in_depth) {
   if (ray_in_depth.z() < 0.1 * ray_in_depth.norm()) return 0.0;
-  const Eigen::Vector2d there = depth.distortion.distorted({ray_in_depth.x() / ray_in_depth.z(), ray_in_depth.y() / ray_in_depth.z()});
-  const double column = there.x() * depth.camera.fx + depth.camera.cx, row = there.y() * depth.camera.fy + depth.camera.cy;
+  const Eigen::Vector2d there =
+      depth.distortion.distorted({ray_in_depth.x() / ray_in_depth.z(), ray_in_depth.y() / ray_in_depth.z()});
+  const double column = there.x() * depth.camera.fx + depth.camera.cx,
+               row = there.y() * depth.camera.fy + depth.camera.cy;
   if (!(column > -0.5 && row > -0.5 && column < depth.image.width - 0.5 && row < depth.image.height - 0.5)) return 0.0;
   return depth.image.row(static_cast<int>(std::lround(row)))[std::lround(column)] * depth.metres_per_unit;
 }
 
-// The depth that the picture's ray has must be that which the depth camera sees in the direction of the point: found by iteration.
+// The depth that the picture's ray has must be that which the depth camera sees in the direction of the point: found by
+// iteration.
 InverseDepths of_depth_camera(const DepthPicture& depth, const Pinhole& camera, const Pose3& depth_from_picture) {
   const Pose3 picture_from_depth = inverse(depth_from_picture);
   InverseDepths result(camera.width, camera.height);
@@ -46,20 +49,22 @@ InverseDepths of_depth_camera(const DepthPicture& depth, const Pinhole& camera, 
 
 cv::Mat padded(const GreyImage& image, int left) {
   cv::Mat result;
-  cv::copyMakeBorder(cv::Mat(image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.pixels.data())), result, 0, 0, left, 0,
-                     cv::BORDER_REPLICATE);
+  cv::copyMakeBorder(cv::Mat(image.height, image.width, CV_8U, const_cast<std::uint8_t*>(image.pixels.data())), result,
+                     0, 0, left, 0, cv::BORDER_REPLICATE);
   return result;
 }
 
 InverseDepths of_pair(const Frame& frame, const CameraRig& rig, double max_disparity) {
-  constexpr int kBlock = 5, kUnits = 16;           // disparities come in sixteenths of a pixel
-  constexpr int kSmall = 8, kLarge = 32;           // of changes of disparity by 1 and by more: OpenCV's advice, per pixel of the block
+  constexpr int kBlock = 5, kUnits = 16;  // disparities come in sixteenths of a pixel
+  constexpr int kSmall = 8,
+                kLarge = 32;  // of changes of disparity by 1 and by more: OpenCV's advice, per pixel of the block
   constexpr int kSpeckle = 100, kSameSurface = 2;  // surfaces of fewer pixels are chance; pixels of disparity
   constexpr float kLeastDisparity_px = 1.0F;
   // The matcher leaves the first columns out that could lie beyond the right picture's rim: hence the padding.
   const int disparities = 16 * std::max(1, static_cast<int>(std::ceil(max_disparity * frame.grey.width / 16.0)));
-  const auto matcher = cv::StereoSGBM::create(0, disparities, kBlock, kSmall * kBlock * kBlock, kLarge * kBlock * kBlock, 1, 31, 10,
-                                              kSpeckle, kSameSurface, cv::StereoSGBM::MODE_SGBM);
+  const auto matcher =
+      cv::StereoSGBM::create(0, disparities, kBlock, kSmall * kBlock * kBlock, kLarge * kBlock * kBlock, 1, 31, 10,
+                             kSpeckle, kSameSurface, cv::StereoSGBM::MODE_SGBM);
   cv::Mat found;
   matcher->compute(padded(frame.grey, disparities), padded(frame.right, disparities), found);
   const auto focal_baseline = static_cast<float>(rig.camera.fx * rig.baseline_m);
@@ -67,7 +72,8 @@ InverseDepths of_pair(const Frame& frame, const CameraRig& rig, double max_dispa
   for (int y = 0; y < result.height; ++y)
     for (int x = 0; x < result.width; ++x) {
       const float disparity = static_cast<float>(found.at<std::int16_t>(y, x + disparities)) / kUnits;
-      if (disparity >= kLeastDisparity_px && disparity <= static_cast<float>(x)) result.row(y)[x] = disparity / focal_baseline;
+      if (disparity >= kLeastDisparity_px && disparity <= static_cast<float>(x))
+        result.row(y)[x] = disparity / focal_baseline;
     }
   return result;
 }
@@ -95,11 +101,13 @@ Image<float> depth_picture_of(const Frame& frame, const CameraRig& rig, const De
   MAPWEAVE_EXPECT(is_finite(depth_from_picture), "the motion between picture and depth is finite");
   if (!frame.shows_depth()) return {};
   const bool pair = !frame.right.empty();
-  const InverseDepths inverse =
-      pair ? of_pair(frame, rig, options.depth.max_disparity) : of_depth_camera(frame.depth, rig.camera, depth_from_picture);
-  const double sigma = pair ? options.disparity_sigma_px / (rig.camera.fx * rig.baseline_m) : options.depth.inverse_depth_sigma;
+  const InverseDepths inverse = pair ? of_pair(frame, rig, options.depth.max_disparity)
+                                     : of_depth_camera(frame.depth, rig.camera, depth_from_picture);
+  const double sigma =
+      pair ? options.disparity_sigma_px / (rig.camera.fx * rig.baseline_m) : options.depth.inverse_depth_sigma;
   const std::vector<bool> steps = steps_of(inverse, sigma);
-  double most_m = std::sqrt(options.most_error_m / sigma);  // a deviation of depth is that of inverse depth times depth squared
+  double most_m =
+      std::sqrt(options.most_error_m / sigma);  // a deviation of depth is that of inverse depth times depth squared
   if (!pair) most_m = std::min(most_m, options.depth.max_depth_m);
 
   Image<float> result(inverse.width, inverse.height);
@@ -123,8 +131,8 @@ std::array<std::uint8_t, 3> colour_at(const Frame& frame, const Pinhole& camera,
     const auto x = std::lround(there.x() * colour.camera.fx + colour.camera.cx),
                y = std::lround(there.y() * colour.camera.fy + colour.camera.cy);
     if (x >= 0 && y >= 0 && x < colour.width && y < colour.height) {
-      const std::uint8_t* at =
-          colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes + 3 * static_cast<std::size_t>(x);
+      const std::uint8_t* at = colour.blue_green_red.get() + static_cast<std::size_t>(y) * colour.row_bytes +
+                               3 * static_cast<std::size_t>(x);
       return {at[2], at[1], at[0]};
     }
   }

@@ -26,11 +26,13 @@ double strength_at(const GreyImage& image, int cx, int cy) {
 
 }  // namespace
 
-std::vector<Corner> detect_corners(const Pyramid& pyramid, const std::vector<Eigen::Vector2d>& occupied, const DetectorOptions& options) {
+std::vector<Corner> detect_corners(const Pyramid& pyramid, const std::vector<Eigen::Vector2d>& occupied,
+                                   const DetectorOptions& options) {
   const int columns = (pyramid[0].width + options.cell_px - 1) / options.cell_px,
             rows = (pyramid[0].height + options.cell_px - 1) / options.cell_px;
   const auto cell_of = [&](double x, double y) {
-    return static_cast<std::size_t>(static_cast<int>(y) / options.cell_px * columns + static_cast<int>(x) / options.cell_px);
+    return static_cast<std::size_t>(static_cast<int>(y) / options.cell_px * columns +
+                                    static_cast<int>(x) / options.cell_px);
   };
   std::vector<char> taken(static_cast<std::size_t>(columns * rows), 0);
   for (const Eigen::Vector2d& pixel : occupied)

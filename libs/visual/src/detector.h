@@ -21,6 +21,7 @@ struct DetectorOptions {
 };
 
 // One corner at most in each cell that `occupied` (of level-0 pixels) leaves free, in the order of cells.
-std::vector<Corner> detect_corners(const Pyramid& pyramid, const std::vector<Eigen::Vector2d>& occupied, const DetectorOptions& options);
+std::vector<Corner> detect_corners(const Pyramid& pyramid, const std::vector<Eigen::Vector2d>& occupied,
+                                   const DetectorOptions& options);
 
 }  // namespace mapweave::visual

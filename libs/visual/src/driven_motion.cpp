@@ -19,8 +19,10 @@ Departure departure(const Station& from, const Station& to, const SessionOptions
     return {(to.view.centre() - from.view.centre()).norm(),
             kReach_m + options.carried_m_per_s * std::abs(seconds_between(from.stamp, to.stamp)),
             options.alike_m > 0.0 ? options.alike_m : kUnique_m};
-  const View expected = view_of(between(*from.driven.odometry_from_camera, *to.driven.odometry_from_camera)) * from.view;
-  const double metres = std::abs(to.driven.metres - from.driven.metres), radians = std::abs(to.driven.radians - from.driven.radians);
+  const View expected =
+      view_of(between(*from.driven.odometry_from_camera, *to.driven.odometry_from_camera)) * from.view;
+  const double metres = std::abs(to.driven.metres - from.driven.metres),
+               radians = std::abs(to.driven.radians - from.driven.radians);
   const double reach_rad = kOdometry_rad + options.odometry_drift * radians;
   const double reach_m = kOdometry_m + (options.odometry_drift + reach_rad) * metres;
   if (!(Eigen::AngleAxisd(to.view.rotation * expected.rotation.transpose()).angle() < reach_rad))
@@ -31,7 +33,8 @@ Departure departure(const Station& from, const Station& to, const SessionOptions
 
 Allowed allowed(const Departure& departure, double repeats_m) {
   if (!(departure.error_m < departure.reach_m)) return Allowed::no;
-  return departure.error_m + departure.reach_m < std::min(repeats_m, departure.repeats_m) ? Allowed::yes : Allowed::unclear;
+  return departure.error_m + departure.reach_m < std::min(repeats_m, departure.repeats_m) ? Allowed::yes
+                                                                                          : Allowed::unclear;
 }
 
 }  // namespace mapweave::visual

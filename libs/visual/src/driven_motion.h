@@ -1,6 +1,6 @@
 #pragma once
-// How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on the wall, and then
-// only the motion between them tells them apart.
+// How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on
+// the wall, and then only the motion between them tells them apart.
 
 #include "view.h"
 
@@ -19,7 +19,8 @@ inline constexpr double kUnique_m = std::numeric_limits<double>::infinity();
 struct DrivenMotion {
   std::optional<Pose3> odometry_from_camera;
   double metres = 0.0, radians = 0.0;  // driven by odometry
-  // Places that look as the camera does now were refused so near, at least, since it was lost. Odometry drifts, but not towards them.
+  // Places that look as the camera does now were refused so near, at least, since it was lost. Odometry drifts, but not
+  // towards them.
   double refused_m = std::numeric_limits<double>::infinity();
 };
 // To the next frame.
@@ -32,8 +33,9 @@ struct Station {
   View view;
 };
 
-// How far `to` is from where a camera would be expected that was at `from`, in the same map, and how far it may be: by odometry where both
-// know it (infinitely far where it says that the camera looks elsewhere), else by the time that has passed. Each may be the earlier one.
+// How far `to` is from where a camera would be expected that was at `from`, in the same map, and how far it may be: by
+// odometry where both know it (infinitely far where it says that the camera looks elsewhere), else by the time that has
+// passed. Each may be the earlier one.
 struct Departure {
   double error_m = 0.0, reach_m = 0.0;
   double repeats_m = kUnique_m;  // of the same look, which must be reckoned with

@@ -43,15 +43,18 @@ int FrameFeatureGrid::level(int feature) const {
 
 int FrameFeatureGrid::find(const matching::OrbDescriptor& descriptor, const Eigen::Vector2d& at, double radius,
                            const std::vector<char>& taken) const {
-  const auto cell = [](double coordinate, int count) { return static_cast<int>(std::clamp(coordinate / kCell_px, 0.0, count - 1.0)); };
-  const int left = cell(at.x() - radius, columns_), right = cell(at.x() + radius, columns_), top = cell(at.y() - radius, rows_),
-            bottom = cell(at.y() + radius, rows_);
+  const auto cell = [](double coordinate, int count) {
+    return static_cast<int>(std::clamp(coordinate / kCell_px, 0.0, count - 1.0));
+  };
+  const int left = cell(at.x() - radius, columns_), right = cell(at.x() + radius, columns_),
+            top = cell(at.y() - radius, rows_), bottom = cell(at.y() + radius, rows_);
   int best = -1, distance = kMostBits + 1, second = 257;
   for (int y = top; y <= bottom; ++y)
-    for (int i = first_[static_cast<std::size_t>(y * columns_ + left)]; i < first_[static_cast<std::size_t>(y * columns_ + right) + 1];
-         ++i) {
+    for (int i = first_[static_cast<std::size_t>(y * columns_ + left)];
+         i < first_[static_cast<std::size_t>(y * columns_ + right) + 1]; ++i) {
       const int feature = members_[static_cast<std::size_t>(i)];
-      if (taken[static_cast<std::size_t>(feature)] || !((pixel(feature) - at).squaredNorm() < radius * radius)) continue;
+      if (taken[static_cast<std::size_t>(feature)] || !((pixel(feature) - at).squaredNorm() < radius * radius))
+        continue;
       const int bits = matching::hamming(descriptor, features_.descriptors[static_cast<std::size_t>(feature)]);
       if (bits < distance)
         second = std::min(second, distance), distance = bits, best = feature;

@@ -15,11 +15,14 @@ class FrameFeatureGrid {
   const matching::OrbFeatures& features() const { return features_; }
   int size() const { return static_cast<int>(features_.points.size()); }
   Eigen::Vector2d pixel(int feature) const;
-  double inverse_depth(int feature) const { return static_cast<double>(inverse_depths_[static_cast<std::size_t>(feature)]); }  // 0: none
+  double inverse_depth(int feature) const {
+    return static_cast<double>(inverse_depths_[static_cast<std::size_t>(feature)]);
+  }  // 0: none
   // Of a pyramid of halves, as pictures have: the one whose pixels are about as large.
   int level(int feature) const;
   // What looks like that within `radius`, clearly more than anything else there; -1: nothing. `taken` are left out.
-  int find(const matching::OrbDescriptor& descriptor, const Eigen::Vector2d& pixel, double radius, const std::vector<char>& taken) const;
+  int find(const matching::OrbDescriptor& descriptor, const Eigen::Vector2d& pixel, double radius,
+           const std::vector<char>& taken) const;
 
  private:
   matching::OrbFeatures features_;

@@ -17,7 +17,8 @@ Attempt Follower::locate(const Pyramid& picture, int among, const View& start, c
   Attempt attempt;
   attempt.motion = speed, attempt.session = among;
   const std::vector<Match> none;
-  const auto near = near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
+  const auto near =
+      near_keyframes(map, among, among == session ? matches : none, start, options.tracking.near_keyframes);
   TrackingOptions looking = options.tracking;
   looking.reach_px *= wider;
   if (among == session && !matches.empty()) looking.cell_px = cell_of_scene(matches.size(), map.camera, looking);
@@ -26,7 +27,9 @@ Attempt Follower::locate(const Pyramid& picture, int among, const View& start, c
   return attempt;
 }
 
-bool Follower::is_good(const Attempt& attempt, bool followed) const { return visual::is_good(map, attempt, followed, options.tracking); }
+bool Follower::is_good(const Attempt& attempt, bool followed) const {
+  return visual::is_good(map, attempt, followed, options.tracking);
+}
 
 Attempt Follower::follow_features(const Pyramid& picture, double interval_s) {
   constexpr double kFar = 5.0;
@@ -51,7 +54,8 @@ Attempt Follower::follow(const Frame& frame, const Pyramid& picture, double inte
     if (p.z() < 0.1) continue;
     pixels.push_back(map.camera.project(p)), points.push_back(p);
   }
-  const View moved_by = align_frames(last, pixels, points, picture, map.camera, expected_motion(frame), kCoarsest, kFinest).to_from_from;
+  const View moved_by =
+      align_frames(last, pixels, points, picture, map.camera, expected_motion(frame), kCoarsest, kFinest).to_from_from;
   return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
 }
 
@@ -64,7 +68,8 @@ Departure Follower::departure_to(const View& found, int among, Stamp now) const 
 
 Attempt Follower::find_again(const Pyramid& picture, Stamp now, Attempt best) {
   const double interval_s = seconds_between(last_stamp, now), repeats_m = closer ? closer->repeats_m() : kUnique_m;
-  const matching::OrbFeatures features = picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
+  const matching::OrbFeatures features =
+      picture.features ? picture.features->features() : features_of(picture, options.tracking.features);
   const auto try_near = [&](const std::vector<int>& keyframes) {
     const int among = map.keyframe(keyframes.front()).session;
     const auto found = find_place(map, keyframes, features, options.seed);

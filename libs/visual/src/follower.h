@@ -1,5 +1,6 @@
 #pragma once
-// Where a camera is in its map, frame by frame: followed from the frame before, or found again. It reads the map and changes nothing of it.
+// Where a camera is in its map, frame by frame: followed from the frame before, or found again. It reads the map and
+// changes nothing of it.
 
 #include "feature_grid.h"
 #include "frame_pose.h"
@@ -33,8 +34,8 @@ struct Follower {
 
   // From the frame before: pictures are laid on each other.
   Attempt follow(const Frame& frame, const Pyramid& picture, double interval_s);
-  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same are no answer, nor
-  // are those to which the way did not lead. best: what following came to.
+  // By features: first around where it was, then wherever it looks alike. Places that look alike but are not the same
+  // are no answer, nor are those to which the way did not lead. best: what following came to.
   Attempt find_again(const Pyramid& picture, Stamp now, Attempt best);
   bool is_good(const Attempt& attempt, bool followed = false) const;
 

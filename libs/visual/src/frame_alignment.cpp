@@ -25,25 +25,30 @@ std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eige
   for (std::size_t i = 0; i < points.size(); ++i) {
     const float x = static_cast<float>(at_level(pixels[i].x(), level)) - (kSide / 2 - 0.5F);
     const float y = static_cast<float>(at_level(pixels[i].y(), level)) - (kSide / 2 - 0.5F);
-    if (!(x >= 1 && y >= 1 && x + kSide + 1 < static_cast<float>(image.width) && y + kSide + 1 < static_cast<float>(image.height)))
+    if (!(x >= 1 && y >= 1 && x + kSide + 1 < static_cast<float>(image.width) &&
+          y + kSide + 1 < static_cast<float>(image.height)))
       continue;
     const Eigen::Vector3d& p = points[i];
     const double z = 1.0 / p.z(), z2 = z * z, fx = camera.fx * scale, fy = camera.fy * scale;
     Eigen::Matrix<float, 2, 6> by_motion;
-    by_motion << static_cast<float>(fx * z), 0, static_cast<float>(-fx * p.x() * z2), static_cast<float>(-fx * p.x() * p.y() * z2),
-        static_cast<float>(fx * (1 + p.x() * p.x() * z2)), static_cast<float>(-fx * p.y() * z), 0, static_cast<float>(fy * z),
-        static_cast<float>(-fy * p.y() * z2), static_cast<float>(-fy * (1 + p.y() * p.y() * z2)),
-        static_cast<float>(fy * p.x() * p.y() * z2), static_cast<float>(fy * p.x() * z);
+    by_motion << static_cast<float>(fx * z), 0, static_cast<float>(-fx * p.x() * z2),
+        static_cast<float>(-fx * p.x() * p.y() * z2), static_cast<float>(fx * (1 + p.x() * p.x() * z2)),
+        static_cast<float>(-fx * p.y() * z), 0, static_cast<float>(fy * z), static_cast<float>(-fy * p.y() * z2),
+        static_cast<float>(-fy * (1 + p.y() * p.y() * z2)), static_cast<float>(fy * p.x() * p.y() * z2),
+        static_cast<float>(fy * p.x() * z);
     Kept kept;
     kept.point = p;
     std::array<float, (kSide + 2) * (kSide + 2)> around;
     for (int v = 0; v < kSide + 2; ++v)
       for (int u = 0; u < kSide + 2; ++u)
-        around[static_cast<std::size_t>(v * (kSide + 2) + u)] = sample(image, x + static_cast<float>(u - 1), y + static_cast<float>(v - 1));
+        around[static_cast<std::size_t>(v * (kSide + 2) + u)] =
+            sample(image, x + static_cast<float>(u - 1), y + static_cast<float>(v - 1));
     for (int v = 0; v < kSide; ++v)
       for (int u = 0; u < kSide; ++u) {
-        const auto n = static_cast<std::size_t>(v * kSide + u), m = static_cast<std::size_t>((v + 1) * (kSide + 2) + u + 1);
-        const float gx = 0.5F * (around[m + 1] - around[m - 1]), gy = 0.5F * (around[m + kSide + 2] - around[m - kSide - 2]);
+        const auto n = static_cast<std::size_t>(v * kSide + u),
+                   m = static_cast<std::size_t>((v + 1) * (kSide + 2) + u + 1);
+        const float gx = 0.5F * (around[m + 1] - around[m - 1]),
+                    gy = 0.5F * (around[m + kSide + 2] - around[m - kSide - 2]);
         kept.values[n] = around[m];
         kept.jacobian[n].head<6>() = gx * by_motion.row(0).transpose() + gy * by_motion.row(1).transpose();
         kept.jacobian[n][6] = (kept.values[n] - 128.0F) / 64.0F;
@@ -59,8 +64,8 @@ std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eige
 }  // namespace
 
 FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector2d>& pixels,
-                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to, const Pinhole& camera,
-                            const View& guess, int coarsest, int finest) {
+                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to,
+                            const Pinhole& camera, const View& guess, int coarsest, int finest) {
   FrameAlignment result;
   result.to_from_from = guess;
   float gain = 0, bias = 0;  // to = from + gain * (from - 128) / 64 + bias
@@ -81,7 +86,9 @@ FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector
         const Eigen::Vector2d pixel = camera.project(p);
         const float x = static_cast<float>(at_level(pixel.x(), level)) - (kSide / 2 - 0.5F);
         const float y = static_cast<float>(at_level(pixel.y(), level)) - (kSide / 2 - 0.5F);
-        if (!(x >= 0 && y >= 0 && x + kSide < static_cast<float>(image.width) && y + kSide < static_cast<float>(image.height))) continue;
+        if (!(x >= 0 && y >= 0 && x + kSide < static_cast<float>(image.width) &&
+              y + kSide < static_cast<float>(image.height)))
+          continue;
         ++used;
         const int ix = static_cast<int>(x), iy = static_cast<int>(y);
         const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);

@@ -15,7 +15,7 @@ struct FrameAlignment {
 
 // points_in_from: in the camera frame of `from`, which shows them at pixels (level 0).
 FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector2d>& pixels,
-                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to, const Pinhole& camera,
-                            const View& guess, int coarsest, int finest);
+                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to,
+                            const Pinhole& camera, const View& guess, int coarsest, int finest);
 
 }  // namespace mapweave::visual

@@ -46,10 +46,11 @@ LensCalibration lens_of(const mrpt::img::TCamera& camera, const std::string& lab
     if (!std::isfinite(value)) refuse(label, "its calibration is not finite", "correct the calibration");
   if (!(camera.fx() > 1.0 && camera.fy() > 1.0))
     refuse(label, "it has no calibration (fx and fy are 0)", "give the log a calibrated camera");
-  if (lens.camera.width < kLeastSide || lens.camera.height < kLeastSide || lens.camera.width > kMostSide || lens.camera.height > kMostSide)
+  if (lens.camera.width < kLeastSide || lens.camera.height < kLeastSide || lens.camera.width > kMostSide ||
+      lens.camera.height > kMostSide)
     refuse(label,
-           "its calibration is of " + std::to_string(camera.ncols) + " x " + std::to_string(camera.nrows) + " pixels; " +
-               std::to_string(kLeastSide) + " to " + std::to_string(kMostSide) + " were expected",
+           "its calibration is of " + std::to_string(camera.ncols) + " x " + std::to_string(camera.nrows) +
+               " pixels; " + std::to_string(kLeastSide) + " to " + std::to_string(kMostSide) + " were expected",
            "correct the calibration");
   if (camera.distortion == mrpt::img::DistortionModel::kannala_brandt)
     refuse(label, "its lens is of the model Kannala-Brandt; radial-tangential is read", "rectify its pictures first");
@@ -65,8 +66,9 @@ GreyImage grey_of(const mrpt::img::CImage& image, const Pinhole& camera, const s
   const cv::Mat& raw = image.asCvMatRef();
   if (raw.cols != camera.width || raw.rows != camera.height)
     refuse(label,
-           "a picture has " + std::to_string(raw.cols) + " x " + std::to_string(raw.rows) + " pixels; " + std::to_string(camera.width) +
-               " x " + std::to_string(camera.height) + " of the calibration were expected",
+           "a picture has " + std::to_string(raw.cols) + " x " + std::to_string(raw.rows) + " pixels; " +
+               std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+               " of the calibration were expected",
            "calibrate the camera for this size, or leave the picture out");
   GreyImage result(camera.width, camera.height);
   cv::Mat out(result.height, result.width, CV_8U, result.pixels.data());
@@ -91,7 +93,8 @@ ColourPicture colour_of(const mrpt::img::CImage& image, const LensCalibration& l
 
 std::optional<CameraKind> camera_kind(const mrpt::obs::CObservation& observation) {
   if (const auto* depth = dynamic_cast<const CObservation3DRangeScan*>(&observation))
-    return depth->hasIntensityImage ? std::optional(depth->hasRangeImage ? CameraKind::rgbd : CameraKind::mono) : std::nullopt;
+    return depth->hasIntensityImage ? std::optional(depth->hasRangeImage ? CameraKind::rgbd : CameraKind::mono)
+                                    : std::nullopt;
   if (const auto* pair = dynamic_cast<const CObservationStereoImages*>(&observation))
     return pair->hasImageRight ? CameraKind::stereo : CameraKind::mono;
   if (dynamic_cast<const CObservationImage*>(&observation) != nullptr) return CameraKind::mono;
@@ -118,7 +121,8 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
   if (options_.kind == CameraKind::automatic) options_.kind = *offered;
   if (options_.kind != CameraKind::mono && options_.kind != *offered) {
     if (rig_) return std::nullopt;  // one that lacks its other half
-    refuse(label, options_.kind == CameraKind::rgbd ? "it has no depth" : "it has no right picture", "choose another --sensor");
+    refuse(label, options_.kind == CameraKind::rgbd ? "it has no depth" : "it has no right picture",
+           "choose another --sensor");
   }
   options_.label = label;
 
@@ -165,17 +169,19 @@ std::optional<Frame> FramePacker::operator()(const rawlog::Record& record) {
   frame.colour = colour_of(*picture, lens_->left);
   frame.colour.raw_from_rectified = lens_->rectifier.left_from_rectified().q;
   frame.grey = lens_->rectifier.left(grey_of(*picture, lens_->left.camera, label));
-  if (options_.kind == CameraKind::stereo) frame.right = lens_->rectifier.right(grey_of(pair->imageRight, lens_->left.camera, label));
+  if (options_.kind == CameraKind::stereo)
+    frame.right = lens_->rectifier.right(grey_of(pair->imageRight, lens_->left.camera, label));
   if (options_.kind == CameraKind::rgbd) {
     const auto& scan = dynamic_cast<const CObservation3DRangeScan&>(*record.observation);
     if (scan.rangeImage.cols() != lens_->left.camera.width || scan.rangeImage.rows() != lens_->left.camera.height)
       refuse(label,
-             "a depth picture has " + std::to_string(scan.rangeImage.cols()) + " x " + std::to_string(scan.rangeImage.rows()) +
-                 " pixels; the size of the colour picture was expected",
+             "a depth picture has " + std::to_string(scan.rangeImage.cols()) + " x " +
+                 std::to_string(scan.rangeImage.rows()) + " pixels; the size of the colour picture was expected",
              "register depth to colour");
     if (!(scan.rangeUnits > 0.0F)) refuse(label, "its depth has no unit", "give the log its depth scale");
     frame.depth.image = DepthImage(lens_->left.camera.width, lens_->left.camera.height);
-    std::memcpy(frame.depth.image.pixels.data(), scan.rangeImage.data(), frame.depth.image.pixels.size() * sizeof(std::uint16_t));
+    std::memcpy(frame.depth.image.pixels.data(), scan.rangeImage.data(),
+                frame.depth.image.pixels.size() * sizeof(std::uint16_t));
     frame.depth.metres_per_unit = static_cast<double>(scan.rangeUnits);
     frame.depth.delay_s = 1e-9 * static_cast<double>(rawlog::depth_delay_ns(scan));
     frame.depth.camera = lens_->left.camera, frame.depth.distortion = lens_->left.distortion;

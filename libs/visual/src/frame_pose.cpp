@@ -28,7 +28,8 @@ PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Ma
 bool is_good(const LandmarkMap& map, const Attempt& attempt, bool followed, const TrackingOptions& options) {
   const int least = followed ? options.least_landmarks / 2 : options.least_landmarks;
   int found = 0;  // what others say of a place does not speak against it
-  for (std::size_t i = 0; i < attempt.found.size(); ++i) found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).borrowed;
+  for (std::size_t i = 0; i < attempt.found.size(); ++i)
+    found += attempt.pose.fits[i] || !map.landmark(attempt.found[i].landmark).borrowed;
   return attempt.pose.count >= least && 2 * attempt.pose.count >= found;
 }
 

@@ -15,9 +15,9 @@ struct Attempt {
   int session = 0;
 };
 
-// First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks by brings new ones
-// that agree among themselves; then by all that do not speak against it. What others say counts where it agrees with the client's own;
-// but a camera alone that received its scale has it from them.
+// First (where depth is measured; alone, a camera needs all) by landmarks that several keyframes saw, since who walks
+// by brings new ones that agree among themselves; then by all that do not speak against it. What others say counts
+// where it agrees with the client's own; but a camera alone that received its scale has it from them.
 PoseFromPoints pose_by(const LandmarkMap& map, int session, const std::vector<Match>& found, const View& start,
                        const TrackingOptions& options);
 

@@ -16,20 +16,22 @@ namespace {
 constexpr double kSameDirection = 0.94, kSameRange = 1.55;
 
 // Keeps how the landmark looks from here where it has not been seen from about here.
-void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& picture, const Match& match, const View& view, int keyframe) {
+void keep_appearance(LandmarkMap& map, Landmark& landmark, const Pyramid& picture, const Match& match, const View& view,
+                     int keyframe) {
   const Eigen::Vector3d ray = landmark.point - view.centre();
   for (const Appearance& appearance : landmark.appearances) {
     const Eigen::Vector3d other = landmark.point - map.view_of(appearance).centre();
     const double ratio = other.norm() / ray.norm();
-    if (ray.dot(other) > kSameDirection * ray.norm() * other.norm() && ratio < kSameRange && ratio > 1.0 / kSameRange) return;
+    if (ray.dot(other) > kSameDirection * ray.norm() * other.norm() && ratio < kSameRange && ratio > 1.0 / kSameRange)
+      return;
   }
   if (landmark.appearances.size() >= kMostAppearances) return;
   if (const auto patch = cut_patch(picture, match.pixel, match.level))
     landmark.appearances.push_back({*patch, match.pixel, keyframe, View()});
 }
 
-Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level, const std::optional<MeasuredDepth>& depth,
-                     double sigma_px) {
+Sighting sighting_of(const Eigen::Vector2d& pixel, const Eigen::Vector2d& flow, int level,
+                     const std::optional<MeasuredDepth>& depth, double sigma_px) {
   Sighting sighting;
   sighting.pixel = pixel, sighting.row_flow = flow, sighting.sigma_px = sigma_px * (1 << level);
   if (depth) sighting.inverse_depth = depth->inverse_depth, sighting.inverse_depth_sigma = depth->sigma;
@@ -45,8 +47,8 @@ double middle_depth_of(const LandmarkMap& map, const View& view, const std::vect
 }
 
 // Depths of the features: read where there is a depth camera, else of the landmark next to each.
-std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures& features, const Frame& frame, const DepthMeter& meter,
-                             const View& view, const std::vector<Match>& matches) {
+std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures& features, const Frame& frame,
+                             const DepthMeter& meter, const View& view, const std::vector<Match>& matches) {
   constexpr double kNear_px = 4.0;
   std::vector<float> depths;
   for (const matching::FeaturePoint& point : features.points) {
@@ -77,9 +79,11 @@ bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>&
 
 }  // namespace
 
-int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                 const std::vector<Eigen::Vector2d>& dynamic_outliers, std::vector<Match>& matches, const ClientOptions& options) {
-  if (picture.features) return add_feature_keyframe(map, session, frame.stamp, *picture.features, view, matches, options);
+int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view,
+                 const Motion& motion, const std::vector<Eigen::Vector2d>& dynamic_outliers,
+                 std::vector<Match>& matches, const ClientOptions& options) {
+  if (picture.features)
+    return add_feature_keyframe(map, session, frame.stamp, *picture.features, view, matches, options);
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
   Keyframe made;
@@ -100,7 +104,8 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
   const View map_from_camera = view.inverse();
   DetectorOptions detector;
   detector.cell_px = cell_of_scene(matches.size(), map.camera, options.tracking);
-  if (detector.cell_px < options.tracking.cell_px) detector.threshold = 5, detector.min_strength = 8;  // weak ones are better than none
+  if (detector.cell_px < options.tracking.cell_px)
+    detector.threshold = 5, detector.min_strength = 8;  // weak ones are better than none
   const double middle_depth = map.monocular ? middle_depth_of(map, view, matches) : 0.0;
   if (map.monocular)
     for (const DepthCandidate& candidate : map.candidates) occupied.push_back(candidate.now);
@@ -122,7 +127,8 @@ int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyrami
     if (inverse_depth < 1e-3) continue;
     const Eigen::Vector2d flow = row_flow(map.camera, motion, corner.pixel, 1.0 / inverse_depth);
     Landmark landmark;
-    landmark.point = map_from_camera * (map.camera.ray(corner.pixel - map.calibration.readout_s * flow) / inverse_depth);
+    landmark.point =
+        map_from_camera * (map.camera.ray(corner.pixel - map.calibration.readout_s * flow) / inverse_depth);
     landmark.appearances.push_back({*patch, corner.pixel, number, View()});
     landmark.colour = colour_at(frame, map.camera, corner.pixel);
     const int id = map.add(std::move(landmark));
@@ -148,7 +154,8 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Frame
     Sighting seen;
     seen.pixel = features.pixel(feature), seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
     if (features.inverse_depth(feature) > 0.0)
-      seen.inverse_depth = features.inverse_depth(feature), seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
+      seen.inverse_depth = features.inverse_depth(feature),
+      seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
     return seen;
   };
   Keyframe made;
@@ -176,7 +183,8 @@ int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const Frame
   const View map_from_camera = view.inverse();
   for (int feature = 0; feature < features.size(); ++feature) {
     const double inverse_depth = features.inverse_depth(feature) - map.calibration.inverse_depth_offset;
-    if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3)) continue;
+    if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3))
+      continue;
     Landmark landmark;
     landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);
     landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];

@@ -5,10 +5,12 @@
 
 namespace mapweave::visual {
 
-// Adds a keyframe at `view` to the map, and new landmarks to `matches`. Its number is answered. Where several `dynamic_outliers` are near
-// (pixels where landmarks were found that cannot be there), something moves: it brings no new landmarks.
-int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view, const Motion& motion,
-                 const std::vector<Eigen::Vector2d>& dynamic_outliers, std::vector<Match>& matches, const ClientOptions& options);
+// Adds a keyframe at `view` to the map, and new landmarks to `matches`. Its number is answered. Where several
+// `dynamic_outliers` are near (pixels where landmarks were found that cannot be there), something moves: it brings no
+// new landmarks.
+int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view,
+                 const Motion& motion, const std::vector<Eigen::Vector2d>& dynamic_outliers,
+                 std::vector<Match>& matches, const ClientOptions& options);
 
 // The keyframe, taken at its view of `picture`, sees a borrowed landmark.
 void see_borrowed(LandmarkMap& map, int keyframe, const Pyramid& picture, const Match& match, double sigma_px);

@@ -29,13 +29,14 @@ std::optional<WarpedPatch> expected_look(const LandmarkMap& map, const Landmark&
   const Appearance* appearance = best_appearance(map, landmark, view.centre());
   if (appearance == nullptr) return std::nullopt;
   const View old = map.view_of(*appearance);
-  return warp_patch(appearance->patch,
-                    warp_to(map.camera, appearance->pixel, appearance->patch.level, view * old.inverse(), (old * landmark.point).z()));
+  return warp_patch(appearance->patch, warp_to(map.camera, appearance->pixel, appearance->patch.level,
+                                               view * old.inverse(), (old * landmark.point).z()));
 }
 
 }  // namespace
 
-Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old, double old_depth) {
+Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int level, const View& new_from_old,
+                        double old_depth) {
   const double step = 4.0 * (1 << level);
   const auto carried = [&](double u, double v) {
     return camera.project(new_from_old * (camera.ray(pixel + Eigen::Vector2d(u, v)) * old_depth));
@@ -47,12 +48,12 @@ Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int
   return warp;
 }
 
-std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture, const View& view,
-                                           const Eigen::Vector2d& start) {
+std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture,
+                                           const View& view, const Eigen::Vector2d& start) {
   if (picture.features) {
     constexpr double kNear_px = 4.0;
-    const int feature = picture.features->find(landmark.descriptor, start, kNear_px,
-                                               std::vector<char>(static_cast<std::size_t>(picture.features->size()), 0));
+    const int feature = picture.features->find(
+        landmark.descriptor, start, kNear_px, std::vector<char>(static_cast<std::size_t>(picture.features->size()), 0));
     if (feature < 0) return std::nullopt;
     return FoundLandmark{picture.features->pixel(feature), picture.features->level(feature), 1.0F};
   }
@@ -64,7 +65,8 @@ std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmar
   return FoundLandmark{match->pixel, warped->level, match->correlation};
 }
 
-std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::vector<Match>& matches, const View& view, int most) {
+std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::vector<Match>& matches,
+                                const View& view, int most) {
   std::vector<int> shared(map.keyframes.size(), 0);
   for (const Match& match : matches)
     for (const Observation& o : map.landmark(match.landmark).seen) ++shared[static_cast<std::size_t>(o.keyframe)];
@@ -93,8 +95,8 @@ int cell_of_scene(std::size_t landmarks, const Pinhole& camera, const TrackingOp
   return static_cast<double>(landmarks) < kFew * cells ? std::max(8, options.cell_px / 2) : options.cell_px;
 }
 
-std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>& keyframes, const Pyramid& picture, const View& guess,
-                                        const Motion& motion, const TrackingOptions& options) {
+std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>& keyframes, const Pyramid& picture,
+                                        const View& guess, const Motion& motion, const TrackingOptions& options) {
   struct Candidate {
     double merit;
     int landmark;
@@ -117,19 +119,22 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
       const Eigen::Vector3d p = guess * landmark.point;
       if (p.z() < 0.1) continue;
       const Eigen::Vector2d pixel = camera.project(p);
-      if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder && pixel.y() < camera.height - kBorder))
+      if (!(pixel.x() >= kBorder && pixel.y() >= kBorder && pixel.x() < camera.width - kBorder &&
+            pixel.y() < camera.height - kBorder))
         continue;
       const double merit = static_cast<double>(landmark.seen.size()) + 3.0 * landmark.found / (landmark.tried + 1.0);
       const int first = landmark.borrowed ? columns * rows : 0;
-      const int cell = first + static_cast<int>(pixel.y()) / options.cell_px * columns + static_cast<int>(pixel.x()) / options.cell_px;
+      const int cell = first + static_cast<int>(pixel.y()) / options.cell_px * columns +
+                       static_cast<int>(pixel.x()) / options.cell_px;
       cells[static_cast<std::size_t>(cell)].push_back({merit, id, pixel, p.z()});
     }
   std::vector<Match> result;
   std::vector<char> taken_by_own(picture.features ? static_cast<std::size_t>(picture.features->size()) : 0, 0),
       taken_by_borrowed = taken_by_own;
   for (auto& cell : cells) {
-    std::sort(cell.begin(), cell.end(),
-              [](const Candidate& a, const Candidate& b) { return a.merit != b.merit ? a.merit > b.merit : a.landmark < b.landmark; });
+    std::sort(cell.begin(), cell.end(), [](const Candidate& a, const Candidate& b) {
+      return a.merit != b.merit ? a.merit > b.merit : a.landmark < b.landmark;
+    });
     int tries = 0;
     for (const Candidate& candidate : cell) {
       if (++tries > kTriesPerCell) break;
@@ -140,18 +145,19 @@ std::vector<Match> LandmarkFinder::find(LandmarkMap& map, const std::vector<int>
         const int feature = picture.features->find(landmark.descriptor, candidate.pixel, options.reach_px, taken);
         if (feature < 0) continue;
         taken[static_cast<std::size_t>(feature)] = 1;
-        result.push_back(
-            {candidate.landmark, picture.features->pixel(feature), Eigen::Vector2d::Zero(), picture.features->level(feature), feature});
+        result.push_back({candidate.landmark, picture.features->pixel(feature), Eigen::Vector2d::Zero(),
+                          picture.features->level(feature), feature});
         continue;
       }
       const auto warped = expected_look(map, landmark, guess);
       if (!warped) continue;
       ++landmark.tried;
-      const Eigen::Vector2d start = candidate.pixel + map.calibration.readout_s * row_flow(camera, motion, candidate.pixel,
-                                                                                           candidate.depth);
+      const Eigen::Vector2d start =
+          candidate.pixel + map.calibration.readout_s * row_flow(camera, motion, candidate.pixel, candidate.depth);
       const auto match = align_patch(*warped, picture[warped->level], start, static_cast<float>(options.reach_px));
       if (!match || static_cast<double>(match->correlation) < options.min_correlation) continue;
-      result.push_back({candidate.landmark, match->pixel, row_flow(camera, motion, match->pixel, candidate.depth), warped->level});
+      result.push_back(
+          {candidate.landmark, match->pixel, row_flow(camera, motion, match->pixel, candidate.depth), warped->level});
       break;
     }
   }

@@ -56,7 +56,8 @@ void LandmarkMap::widen(Sighting& sighting, const Landmark& seen, double depth_m
   sighting.sigma_px =
       std::sqrt(sighting.sigma_px * sighting.sigma_px + seen.borrowed->sigma_px * seen.borrowed->sigma_px +
                 camera.fx * camera.fx * away * away);
-  if (sighting.inverse_depth_sigma > 0.0) sighting.inverse_depth_sigma = std::hypot(sighting.inverse_depth_sigma, away / depth);
+  if (sighting.inverse_depth_sigma > 0.0)
+    sighting.inverse_depth_sigma = std::hypot(sighting.inverse_depth_sigma, away / depth);
 }
 
 int LandmarkMap::add(Keyframe keyframe) {
@@ -76,10 +77,12 @@ void LandmarkMap::see(int id, const Observation& observation) {
 
 void LandmarkMap::forget(int id, int number) {
   auto& seen = landmark(id).seen;
-  seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }), seen.end());
+  seen.erase(std::remove_if(seen.begin(), seen.end(), [number](const Observation& o) { return o.keyframe == number; }),
+             seen.end());
   give_back_room(seen);
   strike(keyframe(number).landmarks, id);
-  if (seen.empty() || (seen.size() == 1 && monocular && !landmark(id).borrowed && seen.front().sighting.inverse_depth_sigma <= 0.0))
+  if (seen.empty() ||
+      (seen.size() == 1 && monocular && !landmark(id).borrowed && seen.front().sighting.inverse_depth_sigma <= 0.0))
     remove_landmark(id);
 }
 
@@ -158,7 +161,8 @@ int best_of(const LandmarkMap& map, int session, Better better) {
   int best = -1;
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) {
     const Keyframe& keyframe = map.keyframes[i];
-    if (!keyframe.gone && keyframe.session == session && (best < 0 || better(keyframe.serial, map.keyframe(best).serial)))
+    if (!keyframe.gone && keyframe.session == session &&
+        (best < 0 || better(keyframe.serial, map.keyframe(best).serial)))
       best = static_cast<int>(i);
   }
   return best;

@@ -1,6 +1,6 @@
 #pragma once
-// What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used again once empty,
-// so that memory stays bounded; serial numbers are never used again.
+// What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used
+// again once empty, so that memory stays bounded; serial numbers are never used again.
 
 #include "driven_motion.h"
 #include "patch.h"
@@ -49,16 +49,21 @@ struct Landmark {
   std::uint32_t serial = 0;
   std::array<std::uint8_t, 3> colour{};  // red, green, blue
   bool gone = false;
-  double share_unknown = 0.0;  // sigma of its distance from the keyframe that saw it first, as a share; 0 where it was measured
+  double share_unknown =
+      0.0;  // sigma of its distance from the keyframe that saw it first, as a share; 0 where it was measured
   std::optional<BorrowedLandmark> borrowed;
 };
 
-inline constexpr std::size_t kSettled = 3;  // keyframes that see a landmark whose depth was learnt tell it better than that
+inline constexpr std::size_t kSettled =
+    3;  // keyframes that see a landmark whose depth was learnt tell it better than that
 
 // Whether it may tell where a camera is that knows nothing else.
-inline bool is_known(const Landmark& landmark) { return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled; }
+inline bool is_known(const Landmark& landmark) {
+  return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled;
+}
 
-// A frame, and where it is seen from a keyframe: it moves with it. Small and not padded, since every frame has one for hours.
+// A frame, and where it is seen from a keyframe: it moves with it. Small and not padded, since every frame has one for
+// hours.
 struct AnchoredFrame {
   Stamp stamp;
   Eigen::Vector3f centre;                             // of the camera, in the keyframe's
@@ -120,14 +125,19 @@ struct LandmarkMap {
   const Keyframe& keyframe(int number) const { return keyframes[static_cast<std::size_t>(number)]; }
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
-  bool is_reanchored(int session) const { return std::find(reanchored.begin(), reanchored.end(), session) != reanchored.end(); }
+  bool is_reanchored(int session) const {
+    return std::find(reanchored.begin(), reanchored.end(), session) != reanchored.end();
+  }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
-  View view_of(const Appearance& appearance) const { return appearance.from_keyframe * keyframe(appearance.keyframe).view; }
+  View view_of(const Appearance& appearance) const {
+    return appearance.from_keyframe * keyframe(appearance.keyframe).view;
+  }
   // `view`: where the picture was taken, about; lets the pose give way where depth is hardly known.
   Sighting sighting_of(const Match& match, double sigma_px, const View* view = nullptr) const {
     Sighting sighting;
     const Landmark& seen = landmark(match.landmark);
-    if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled) sighting.slack_px = slack_of(seen, *view);
+    if (view != nullptr && seen.share_unknown > 0.0 && seen.seen.size() < kSettled)
+      sighting.slack_px = slack_of(seen, *view);
     sighting.point_in_map = landmark(match.landmark).point;
     sighting.pixel = match.pixel, sighting.row_flow = match.row_flow, sighting.sigma_px = sigma_px * (1 << match.level);
     if (view != nullptr && seen.borrowed) widen(sighting, seen, (*view * seen.point).z());
@@ -135,14 +145,15 @@ struct LandmarkMap {
   }
 
   Eigen::Vector2d slack_of(const Landmark& landmark, const View& view) const;
-  void widen(Sighting& sighting, const Landmark& borrowed, double depth_m) const;  // by what is not known of the landmark
-  int add(Keyframe keyframe);                                                      // its serial number is set here
+  void widen(Sighting& sighting, const Landmark& borrowed,
+             double depth_m) const;  // by what is not known of the landmark
+  int add(Keyframe keyframe);        // its serial number is set here
   int add(Landmark landmark);
   void see(int landmark, const Observation& observation);
   void forget(int landmark, int keyframe);  // that it is seen there; what nobody sees is gone
   void remove_landmark(int landmark);
-  // What was anchored to it (frames, appearances) is anchored to `new_parent`, of the same session. Landmarks that only one other sees go
-  // too.
+  // What was anchored to it (frames, appearances) is anchored to `new_parent`, of the same session. Landmarks that only
+  // one other sees go too.
   void remove_keyframe(int keyframe, int new_parent);
   // `other` is the same as `kept`, and is gone. Neither is borrowed.
   void fuse(int kept, int other);
@@ -154,9 +165,10 @@ struct LandmarkMap {
 struct CovisibleKeyframe {
   int keyframe = 0, landmarks = 0;
 };
-std::vector<CovisibleKeyframe> covisible(const LandmarkMap& map, int keyframe);    // by keyframe
-std::vector<CovisibleKeyframe> most_first(std::vector<CovisibleKeyframe> shared);  // of equals, the one in the later slot
-int first_of(const LandmarkMap& map, int session);                                 // the earliest keyframe; -1 without any
+std::vector<CovisibleKeyframe> covisible(const LandmarkMap& map, int keyframe);  // by keyframe
+std::vector<CovisibleKeyframe> most_first(
+    std::vector<CovisibleKeyframe> shared);         // of equals, the one in the later slot
+int first_of(const LandmarkMap& map, int session);  // the earliest keyframe; -1 without any
 int newest_of(const LandmarkMap& map, int session);
 
 inline constexpr std::size_t kMostAppearances = 4;

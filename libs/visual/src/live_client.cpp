@@ -12,8 +12,8 @@ ClientOptions live(ClientOptions options) {
 
 }  // namespace
 
-LiveClient::LiveClient(Pinhole camera, double baseline_m, ClientOptions options, std::optional<matching::BinaryVocabulary> vocabulary,
-                       Report report)
+LiveClient::LiveClient(Pinhole camera, double baseline_m, ClientOptions options,
+                       std::optional<matching::BinaryVocabulary> vocabulary, Report report)
     : client_(camera, baseline_m, live(std::move(options)), std::move(vocabulary)),
       report_(std::move(report)),
       tracking_([this] { track(); }),

@@ -40,7 +40,8 @@ bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe,
 void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   std::vector<int> chosen{newest};
   for (const CovisibleKeyframe& shared : most_first(covisible(map, newest)))
-    if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared) chosen.push_back(shared.keyframe);
+    if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared)
+      chosen.push_back(shared.keyframe);
 
   WindowBundle bundle;
   std::vector<int> view_of_keyframe(map.keyframes.size(), kNoView);
@@ -50,10 +51,12 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     bundle.fixed.push_back(fixed ? 1 : 0);
   };
   std::vector<int> ids;
-  for (int number : chosen) ids.insert(ids.end(), map.keyframe(number).landmarks.begin(), map.keyframe(number).landmarks.end());
+  for (int number : chosen)
+    ids.insert(ids.end(), map.keyframe(number).landmarks.begin(), map.keyframe(number).landmarks.end());
   std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  const bool held_by_borrowed = std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).borrowed; }) >= kLeastBorrowed;
+  const bool held_by_borrowed =
+      std::count_if(ids.begin(), ids.end(), [&](int id) { return map.landmark(id).borrowed; }) >= kLeastBorrowed;
 
   const int session = map.keyframe(newest).session, first = first_of(map, session);
   const bool is_reanchored = map.is_reanchored(session);
@@ -69,18 +72,22 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   int held = 0;
   for (const CovisibleKeyframe& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
-  if (!held_by_borrowed && std::find(bundle.fixed.begin(), bundle.fixed.end(),
-                                     1) == bundle.fixed.end()) bundle.fixed[chosen.size() - 1] = 1;
+  if (!held_by_borrowed && std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end())
+    bundle.fixed[chosen.size() - 1] = 1;
 
   // Where nothing measures depth, two views hold the scale.
-  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1); map.monocular && !held_by_borrowed && fixed < 2; ++fixed) {
+  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1);
+       map.monocular && !held_by_borrowed && fixed < 2; ++fixed) {
     std::size_t oldest = chosen.size();
     for (std::size_t i = 0; i < chosen.size(); ++i)
-      if (!bundle.fixed[i] && (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial)) oldest = i;
+      if (!bundle.fixed[i] &&
+          (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial))
+        oldest = i;
     if (oldest == chosen.size()) break;
     bundle.fixed[oldest] = 1;
   }
-  ids.erase(std::remove_if(ids.begin(), ids.end(), [&](int id) { return !is_held(map.landmark(id), view_of_keyframe, knows_depth); }),
+  ids.erase(std::remove_if(ids.begin(), ids.end(),
+                           [&](int id) { return !is_held(map.landmark(id), view_of_keyframe, knows_depth); }),
             ids.end());
 
   std::vector<std::pair<int, int>> origin;  // landmark, keyframe

@@ -49,7 +49,8 @@ struct Place {
         const matching::FeaturePoint& point = keyframe.features.points[i];
         const Eigen::Vector3d ray = map.camera.ray({static_cast<double>(point.u_px), static_cast<double>(point.v_px)});
         of_feature[i] = static_cast<std::int32_t>(view.landmarks.size());
-        view.landmarks.push_back({side_from_camera * (ray * static_cast<double>(keyframe.depths[i])), keyframe.features.descriptors[i]});
+        view.landmarks.push_back(
+            {side_from_camera * (ray * static_cast<double>(keyframe.depths[i])), keyframe.features.descriptors[i]});
       }
       matching::KeyframeView side;
       side.id.index = keyframe.serial;
@@ -86,7 +87,8 @@ double path_between(const LandmarkMap& map, int from, int to) {
     if (length > path[static_cast<std::size_t>(here)]) continue;
     for (int next : neighbours[static_cast<std::size_t>(here)]) {
       const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
-      if (longer < path[static_cast<std::size_t>(next)]) open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
+      if (longer < path[static_cast<std::size_t>(next)])
+        open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
     }
   }
   return std::numeric_limits<double>::infinity();
@@ -96,7 +98,8 @@ double path_between(const LandmarkMap& map, int from, int to) {
 std::pair<int, int> nearest_in_time(const LandmarkMap& map, int session, int other) {
   std::vector<int> order;
   for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
-    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other)) order.push_back(number);
+    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other))
+      order.push_back(number);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
   std::pair<int, int> nearest{order.front(), order.back()};
   double least_s = std::numeric_limits<double>::infinity();
@@ -122,7 +125,8 @@ std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int ses
   for (std::size_t i = 1; i < order.size(); ++i) {
     bool to_the_last = false;
     for (const CovisibleKeyframe& shared : covisible(map, order[i])) {
-      if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks) continue;
+      if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks)
+        continue;
       edges.push_back({shared.keyframe, order[i], shared.landmarks});
       to_the_last = to_the_last || shared.keyframe == order[i - 1];
     }
@@ -131,7 +135,9 @@ std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int ses
   return edges;
 }
 
-View correction_of(const LandmarkMap& map, const FoundLoop& loop) { return loop.view.inverse() * map.keyframe(loop.newest).view; }
+View correction_of(const LandmarkMap& map, const FoundLoop& loop) {
+  return loop.view.inverse() * map.keyframe(loop.newest).view;
+}
 
 VisualLoopCloser::VisualLoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
     : vocabulary_(vocabulary), options_(options), index_(vocabulary.words()) {}
@@ -148,8 +154,8 @@ std::vector<int> VisualLoopCloser::alike(const matching::OrbFeatures& features, 
   return result;
 }
 
-std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
-                                                const Motion& motion) {
+std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest,
+                                                const Pyramid& picture, const Motion& motion) {
   if (!options_.loops.enabled) return std::nullopt;
   const Keyframe& keyframe = map.keyframe(newest);
   const std::uint32_t now = keyframe.serial;
@@ -164,15 +170,21 @@ std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder
   // As alike as a share of what the keyframe before is.
   const int least_score = static_cast<int>(kLeastAlike * matching::common_share(bag, last_bag_));
   last_bag_ = bag;
-  const auto groups = matching::best_of_groups(index_.query(bag, kLookedUp, is_no_loop, std::max(1, least_score)), [&](const NodeId& id) {
-    std::vector<NodeId> result;
-    for (const CovisibleKeyframe& shared : covisible(map, static_cast<int>(id.index))) result.push_back(id_of(shared.keyframe));
-    return result;
-  });
+  const auto groups = matching::best_of_groups(
+      index_.query(bag, kLookedUp, is_no_loop, std::max(1, least_score)), [&](const NodeId& id) {
+        std::vector<NodeId> result;
+        for (const CovisibleKeyframe& shared : covisible(map, static_cast<int>(id.index)))
+          result.push_back(id_of(shared.keyframe));
+        return result;
+      });
   for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
     auto loop = compare(map, finder, newest, static_cast<int>(groups[i].id.index), picture, motion);
     if (!loop) continue;
-    const Claim claim{now,        keyframe.session, map.keyframe(loop->earlier).session, correction_of(map, *loop), keyframe.view.centre(),
+    const Claim claim{now,
+                      keyframe.session,
+                      map.keyframe(loop->earlier).session,
+                      correction_of(map, *loop),
+                      keyframe.view.centre(),
                       loop->scale};
     claims_.push_back(claim);
     const Departure off = departure_of(map, *loop);
@@ -201,7 +213,8 @@ VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, s
   std::vector<double> rivals_m;
   std::optional<std::uint32_t> last;  // a keyframe speaks once
   for (const Claim& other : claims_) {
-    if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session) continue;
+    if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session)
+      continue;
     const double apart_m = (other.corrected(claim.centre) - claim.corrected(claim.centre)).norm();
     const double between_m = (other.centre - claim.centre).norm();
     if (apart_m < options_.loops.drift_m + options_.loops.drift * between_m &&
@@ -228,14 +241,16 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   judge.neighbours = 1;
   judge.alignment.seed = options_.seed;
   const bool in_order = a.view.id < b.view.id;
-  const Judgement judgement = in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
+  const Judgement judgement =
+      in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
   if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
   const Sim3& first_from_second = judgement.hypotheses.front().a_from_b;
   const Sim3 earlier_from_newest = in_order ? first_from_second : inverse(first_from_second);
   const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
   FoundLoop loop;
   loop.newest = newest, loop.earlier = earlier;
-  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)), loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
+  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)),
+  loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
   std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
   const auto is_weak = [&](const Match& match) {
     return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));
@@ -243,8 +258,10 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   found.erase(std::remove_if(found.begin(), found.end(), is_weak), found.end());
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
-  const PoseFromPoints pose = pose_from_points(sightings, map.camera, loop.view, map.calibration, options_.tracking.gate_sigmas);
-  if (pose.count < options_.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size())) return std::nullopt;
+  const PoseFromPoints pose =
+      pose_from_points(sightings, map.camera, loop.view, map.calibration, options_.tracking.gate_sigmas);
+  if (pose.count < options_.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size()))
+    return std::nullopt;
   loop.view = pose.view;
   loop.serial = map.keyframe(newest).serial;
   for (std::size_t i = 0; i < found.size(); ++i)
@@ -260,16 +277,18 @@ Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop
     const View correction = correction_of(map, loop);
     const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
     const double path = path_between(map, loop.newest, loop.earlier);
-    // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The loop tells which, and
-    // how far the way since then may have led astray.
+    // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The
+    // loop tells which, and how far the way since then may have led astray.
     const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * path;
     const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * path;
     return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};
   }
   const auto [left, begun] = nearest_in_time(map, there, here);
   const Keyframe &last = map.keyframe(left), &first = map.keyframe(begun);
-  const View first_as_claimed = stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
-  Departure off = departure({last.stamp, last.driven, last.view}, {first.stamp, first.driven, first_as_claimed}, options_.session);
+  const View first_as_claimed =
+      stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
+  Departure off =
+      departure({last.stamp, last.driven, last.view}, {first.stamp, first.driven, first_as_claimed}, options_.session);
   off.reach_m += drift * (path_between(map, left, loop.earlier) + path_between(map, begun, loop.newest));
   return off;
 }

@@ -1,8 +1,8 @@
 #pragma once
-// The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are judged
-// (visual_judge.h), then compared landmark by landmark. Believed is what several keyframes say alike and what the way between could have
-// led to. What looks the same where the way cannot have led is another place: from then on, nothing is believed that a step to such a place
-// would explain as well.
+// The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are
+// judged (visual_judge.h), then compared landmark by landmark. Believed is what several keyframes say alike and what
+// the way between could have led to. What looks the same where the way cannot have led is another place: from then on,
+// nothing is believed that a step to such a place would explain as well.
 
 #include "landmark_finder.h"
 #include "place_finder.h"
@@ -14,9 +14,10 @@
 namespace mapweave::visual {
 
 struct FoundLoop {
-  int newest = 0, earlier = 0;         // keyframes
-  View view;                           // of the newest keyframe, as the earlier one's map says
-  double scale = 1.0;                  // what is one long to the newest keyframe is so long to the earlier one; 1 where depth is measured
+  int newest = 0, earlier = 0;  // keyframes
+  View view;                    // of the newest keyframe, as the earlier one's map says
+  double scale =
+      1.0;  // what is one long to the newest keyframe is so long to the earlier one; 1 where depth is measured
   std::vector<Match> matches;          // landmarks of the earlier ones that the newest keyframe's picture shows
   std::uint32_t serial = 0;            // of the newest keyframe
   std::vector<std::uint32_t> serials;  // of the landmarks
@@ -33,8 +34,10 @@ class VisualLoopCloser {
   // Keyframes that look most like these features.
   std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
   // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
-  std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture, const Motion& motion);
-  // The least distance of two places that look the same, as far as is known; infinite where all that was seen is unique.
+  std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
+                                const Motion& motion);
+  // The least distance of two places that look the same, as far as is known; infinite where all that was seen is
+  // unique.
   double repeats_m() const { return repeats_m_; }
 
  private:
@@ -56,8 +59,8 @@ class VisualLoopCloser {
   };
   Witnesses witnesses_of(const Claim& claim, std::uint32_t serial) const;
   Departure departure_of(const LandmarkMap& map, const FoundLoop& loop) const;
-  std::optional<FoundLoop> compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier, const Pyramid& picture,
-                                   const Motion& motion) const;
+  std::optional<FoundLoop> compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier,
+                                   const Pyramid& picture, const Motion& motion) const;
   matching::BinaryVocabulary vocabulary_;
   ClientOptions options_;
   matching::PlaceIndex index_;

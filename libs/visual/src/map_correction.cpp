@@ -15,12 +15,14 @@ constexpr double kWeakEdge = 10.0;  // landmarks that neighbours in time count a
 constexpr double kTurnPerMetre = 0.3;
 
 bool sees(const Landmark& landmark, int keyframe) {
-  return std::any_of(landmark.seen.begin(), landmark.seen.end(), [&](const Observation& o) { return o.keyframe == keyframe; });
+  return std::any_of(landmark.seen.begin(), landmark.seen.end(),
+                     [&](const Observation& o) { return o.keyframe == keyframe; });
 }
 
 }  // namespace
 
-MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px) : camera_(map.camera), loop_(std::move(loop)) {
+MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px)
+    : camera_(map.camera), loop_(std::move(loop)) {
   const int session = map.keyframe(loop_.newest).session;
   std::vector<int> view_of_keyframe(map.keyframes.size(), -1);
   const int first = first_of(map, session);
@@ -33,19 +35,22 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     bundle_.fixed.push_back(number == first ? 1 : 0);
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
-  newest_ = static_cast<std::size_t>(view_number(loop_.newest)), earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
+  newest_ = static_cast<std::size_t>(view_number(loop_.newest)),
+  earlier_ = static_cast<std::size_t>(view_number(loop_.earlier));
   for (const CovisibilityEdge& edge : covisibility_edges(map, session, kSharedInGraph))
     covisibility_edges_.push_back({view_number(edge.from), view_number(edge.to), edge.landmarks});
   std::vector<const Match*> in_loop(map.landmarks.size(), nullptr);
   for (const Match& match : loop_.matches) in_loop[static_cast<std::size_t>(match.landmark)] = &match;
   for (int id = 0; id < static_cast<int>(map.landmarks.size()); ++id) {
     const Landmark& landmark = map.landmark(id);
-    if (landmark.gone || landmark.borrowed || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0) continue;
+    if (landmark.gone || landmark.borrowed || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0)
+      continue;
     const auto point = static_cast<int>(landmarks_.size());
     landmarks_.push_back({id, landmark.serial});
     bundle_.points.push_back(landmark.point);
     anchors_.push_back(view_number(landmark.seen.front().keyframe));
-    for (const Observation& o : landmark.seen) bundle_.observations.push_back({view_number(o.keyframe), point, o.sighting, true});
+    for (const Observation& o : landmark.seen)
+      bundle_.observations.push_back({view_number(o.keyframe), point, o.sighting, true});
     const Match* match = in_loop[static_cast<std::size_t>(id)];
     if (match != nullptr && !sees(landmark, loop_.newest))
       bundle_.observations.push_back({static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px), true});
@@ -56,16 +61,18 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   scales_.assign(bundle_.views.size(), 1.0);
 }
 
-// A single camera that turns where it stands goes on at another scale. Wheels tell where that was: by keyframe, the logarithm of what its
-// lengths must grow by, as the three metres around it say that lie on the same side of such places; all 0 where there is none, for wheels
-// slip.
+// A single camera that turns where it stands goes on at another scale. Wheels tell where that was: by keyframe, the
+// logarithm of what its lengths must grow by, as the three metres around it say that lie on the same side of such
+// places; all 0 where there is none, for wheels slip.
 std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   std::vector<double> stretches(keyframes_.size(), 0.0);
   if (!map.monocular) return stretches;
   std::vector<std::size_t> order(keyframes_.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return keyframes_[a].serial < keyframes_[b].serial; });
-  std::vector<double> driven_m(order.size(), 0.0), mapped_m(order.size(), 0.0);  // from the first to each, where both are known
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return keyframes_[a].serial < keyframes_[b].serial; });
+  std::vector<double> driven_m(order.size(), 0.0),
+      mapped_m(order.size(), 0.0);  // from the first to each, where both are known
   for (std::size_t i = 1; i < order.size(); ++i) {
     const Keyframe &last = map.keyframe(keyframes_[order[i - 1]].slot), &here = map.keyframe(keyframes_[order[i]].slot);
     driven_m[i] = driven_m[i - 1], mapped_m[i] = mapped_m[i - 1];
@@ -87,7 +94,8 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
     const auto before = std::upper_bound(driven_m.begin(), driven_m.end(), driven_m[i] - kDriven_m),
                after = std::lower_bound(driven_m.begin(), driven_m.end(), driven_m[i] + kDriven_m);
     if (before == driven_m.begin() || after == driven_m.end()) continue;
-    const auto from = static_cast<std::size_t>(before - driven_m.begin()) - 1, to = static_cast<std::size_t>(after - driven_m.begin());
+    const auto from = static_cast<std::size_t>(before - driven_m.begin()) - 1,
+               to = static_cast<std::size_t>(after - driven_m.begin());
     const double size = std::abs(stretch_between(i, to) - stretch_between(from, i));
     if (size > kSlip) changes.push_back({size, i});
   }
@@ -142,7 +150,8 @@ void MapCorrection::run() {
     std::vector<Sim3> similar;
     for (const Pose3& pose : poses) similar.push_back({pose, 1.0});
     const graph::SimilaritySolution solution = graph::solve(similar, drifting, kIterations, fixed);
-    for (std::size_t i = 0; i < poses.size(); ++i) poses[i] = solution.poses[i].pose, scales_[i] = solution.poses[i].scale;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+      poses[i] = solution.poses[i].pose, scales_[i] = solution.poses[i].scale;
   } else {
     poses = graph::solve(poses, edges, kIterations, fixed).poses;
   }
@@ -166,7 +175,8 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
   std::vector<KeyframeMotion> motions;
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     const Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
-    if (!keyframe.gone && keyframe.serial == keyframes_[i].serial) motions.push_back({keyframes_[i].slot, bundle_.views[i], scales_[i]});
+    if (!keyframe.gone && keyframe.serial == keyframes_[i].serial)
+      motions.push_back({keyframes_[i].slot, bundle_.views[i], scales_[i]});
   }
   auto scales = move_keyframes(map, map.keyframe(keyframes_.front().slot).session, motions);
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
@@ -176,11 +186,14 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
   return scales;
 }
 
-std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own, const std::vector<MovedNode>& corrected,
-                                       const Pose3& robot_from_camera, double scale) {
+std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own,
+                                       const std::vector<MovedNode>& corrected, const Pose3& robot_from_camera,
+                                       double scale) {
   std::map<std::uint32_t, const MovedNode*> known;
   for (const MovedNode& moved : corrected) {
-    if (moved.id.session != own || !is_finite(moved.map_from_node) || std::abs(moved.map_from_node.q.norm() - 1.0) > 1e-6) return {};
+    if (moved.id.session != own || !is_finite(moved.map_from_node) ||
+        std::abs(moved.map_from_node.q.norm() - 1.0) > 1e-6)
+      return {};
     known[moved.id.index] = &moved;
   }
   std::vector<KeyframeMotion> motions;
@@ -212,7 +225,8 @@ std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vec
     const auto here = static_cast<std::size_t>(order[i]), last = static_cast<std::size_t>(order[i - 1]);
     if (moved[here]) continue;
     scales[here] = scales[last];
-    map.keyframes[here].view = stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
+    map.keyframes[here].view =
+        stretched(before[here] * before[last].inverse(), scales[last]) * map.keyframes[last].view;
   }
   for (Landmark& landmark : map.landmarks) {
     if (landmark.gone || landmark.borrowed || map.keyframe(landmark.seen.front().keyframe).session != session) continue;
@@ -235,7 +249,8 @@ void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe) {
       o.sighting.inverse_depth /= scale_of(o.keyframe);
       o.sighting.inverse_depth_sigma /= scale_of(o.keyframe);
     }
-    for (Appearance& appearance : landmark.appearances) appearance.from_keyframe.translation *= scale_of(appearance.keyframe);
+    for (Appearance& appearance : landmark.appearances)
+      appearance.from_keyframe.translation *= scale_of(appearance.keyframe);
   }
   for (DepthCandidate& candidate : map.candidates) {
     candidate.inverse_depth /= scale_of(candidate.keyframe);

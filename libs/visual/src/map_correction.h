@@ -1,6 +1,7 @@
 #pragma once
-// A session's map is corrected after a loop, aside from tracking: on a copy, to be applied to a map that went on meanwhile. First the
-// essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is kept.
+// A session's map is corrected after a loop, aside from tracking: on a copy, to be applied to a map that went on
+// meanwhile. First the essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is
+// kept.
 
 #include "bundle.h"
 #include "loop_closer.h"
@@ -13,7 +14,8 @@ class MapCorrection {
  public:
   MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px);
   void run();  // pure; on any thread, once
-  // After run(). What was added since moves along with the keyframe before it. Answers by how much the scale of each keyframe has grown.
+  // After run(). What was added since moves along with the keyframe before it. Answers by how much the scale of each
+  // keyframe has grown.
   std::vector<double> apply(LandmarkMap& map) const;
   const FoundLoop& loop() const { return loop_; }
 
@@ -40,12 +42,14 @@ struct KeyframeMotion {
   View view;
   double scale = 1.0;
 };
-// Of a session's keyframes to where others say that the robot was (Share::corrected, in the frame of the map that is published); nothing
-// where that is not sound, or not about keyframes of `own`.
-std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own, const std::vector<MovedNode>& corrected,
-                                       const Pose3& robot_from_camera, double scale);
-// The other keyframes of the session move along with the one before them (those before the first stay), landmarks with the keyframe that
-// saw them first, and what is measured in the map's unit grows with them. Answers the scales, by slot.
+// Of a session's keyframes to where others say that the robot was (Share::corrected, in the frame of the map that is
+// published); nothing where that is not sound, or not about keyframes of `own`.
+std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, const SessionId& own,
+                                       const std::vector<MovedNode>& corrected, const Pose3& robot_from_camera,
+                                       double scale);
+// The other keyframes of the session move along with the one before them (those before the first stay), landmarks with
+// the keyframe that saw them first, and what is measured in the map's unit grows with them. Answers the scales, by
+// slot.
 std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions);
 
 // A view whose camera's scale grows: (view from the other) with its translation so much longer.

@@ -12,9 +12,9 @@ constexpr double kMoved_m = 0.002, kMoved_rad = 0.001;
 constexpr double kLandmarkMoved = 0.003;  // of its distance
 constexpr double kLevelScale = 1.2;       // of the features' pyramid
 
-// What is published of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form on a wire is short
-// where all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths of a pixel: borrowed landmarks are
-// found by them.
+// What is published of a feature, well below what it is off by: 0.001 / m of inverse depth, a 64th of a turn. The form
+// on a wire is short where all are multiples, and rise from the upper edge of the picture. Places keep their sixteenths
+// of a pixel: borrowed landmarks are found by them.
 constexpr std::uint16_t kDepthSteps = 4, kAngleSteps = 4;
 
 std::uint16_t coarse(std::uint16_t units, std::uint16_t steps) {
@@ -51,8 +51,9 @@ std::optional<int> session_of(const ClientId& client, MapId map) {
 
 std::shared_ptr<const CameraGeometry> geometry_of(const LandmarkMap& map, const Pose3& robot_from_camera) {
   const Pinhole& camera = map.camera;
-  return std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy,
-                                                               map.baseline_m, kLevelScale, robot_from_camera});
+  return std::make_shared<const CameraGeometry>(CameraGeometry{camera.width, camera.height, camera.fx, camera.fy,
+                                                               camera.cx, camera.cy, map.baseline_m, kLevelScale,
+                                                               robot_from_camera});
 }
 
 KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector<float>& depths,
@@ -65,16 +66,18 @@ KeyframeFeatures packed(const matching::OrbFeatures& features, const std::vector
     const matching::FeaturePoint& point = features.points[i];
     const std::uint16_t inverse_depth = inverse_depth_units(static_cast<double>(depths[i]));
     points.emplace_back(
-        KeyframePoint{pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)),
-                      pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)),
-                      inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)), point.level,
-                      static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
+        KeyframePoint{
+            pixel_units(std::clamp<double>(static_cast<double>(point.u_px), 0.0, right)),
+            pixel_units(std::clamp<double>(static_cast<double>(point.v_px), 0.0, bottom)),
+            inverse_depth == 0 ? inverse_depth : std::max(kDepthSteps, coarse(inverse_depth, kDepthSteps)), point.level,
+            static_cast<std::uint8_t>(coarse(angle_units(static_cast<double>(point.angle_deg)), kAngleSteps))},
         i);
   }
   std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return std::tie(a.first.v, a.first.u, a.second) < std::tie(b.first.v, b.first.u, b.second);
   });
-  for (const auto& [point, i] : points) result.points.push_back(point), result.descriptors.push_back(features.descriptors[i]);
+  for (const auto& [point, i] : points)
+    result.points.push_back(point), result.descriptors.push_back(features.descriptors[i]);
   return result;
 }
 
@@ -108,9 +111,12 @@ LandmarkSighting MapPublisher::sighting_of(const LandmarkMap& map, const Observa
   result.u = pixel_units(std::clamp(pixel.x(), 0.0, map.camera.width - 1.0));
   result.v = pixel_units(std::clamp(pixel.y(), 0.0, map.camera.height - 1.0));
   const double inverse_depth = sighting.inverse_depth - map.calibration.inverse_depth_offset;
-  // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: they are not published.
-  const bool is_sure = !map.monocular && (map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_);
-  if (sighting.inverse_depth_sigma > 0.0 && is_sure && inverse_depth > 0.0) result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);
+  // At an edge a depth camera may mean either side, and depths that a camera alone works out are not measured: they are
+  // not published.
+  const bool is_sure =
+      !map.monocular && (map.baseline_m > 0.0 || sighting.inverse_depth_sigma < 2.0 * inverse_depth_sigma_);
+  if (sighting.inverse_depth_sigma > 0.0 && is_sure && inverse_depth > 0.0)
+    result.inverse_depth = inverse_depth_units(1.0 / inverse_depth);
   // The sighting's deviation is 2^level times that of level 0.
   result.level = static_cast<std::uint8_t>(std::max(0, std::ilogb(sighting.sigma_px / sigma_px_)));
   return result;
@@ -129,7 +135,8 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
     if (keyframe.gone) continue;
     const Pose3 pose = map_from_robot(keyframe);
     if (!known) {
-      update_of(keyframe.session).nodes.push_back({node_id(keyframe.serial), keyframe.stamp, pose, payload_of(map, keyframe)});
+      update_of(keyframe.session)
+          .nodes.push_back({node_id(keyframe.serial), keyframe.stamp, pose, payload_of(map, keyframe)});
     } else if (has_moved(sent.map_from_robot, pose, detail)) {
       update_of(keyframe.session).moved.push_back({node_id(keyframe.serial), pose});
     } else {
@@ -141,9 +148,10 @@ void MapPublisher::publish_keyframes(const LandmarkMap& map, PublishedDetail det
 
 void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail detail) {
   landmarks_.resize(std::max(landmarks_.size(), map.landmarks.size()));
-  const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;  // what one keyframe saw may not be there at all
-  std::vector<std::pair<std::uint32_t, const Observation*>> seen;           // by serial number of the keyframe
-  std::vector<std::uint32_t> now;                                           // those numbers
+  const std::size_t least_seen =
+      detail == PublishedDetail::exact ? 1 : 2;                    // what one keyframe saw may not be there at all
+  std::vector<std::pair<std::uint32_t, const Observation*>> seen;  // by serial number of the keyframe
+  std::vector<std::uint32_t> now;                                  // those numbers
   for (std::size_t slot = 0; slot < map.landmarks.size(); ++slot) {
     const Landmark& landmark = map.landmarks[slot];
     SentLandmark& sent = landmarks_[slot];
@@ -165,7 +173,8 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     }
     if (!published) continue;
     std::sort(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    seen.erase(std::remove_if(seen.begin(), seen.end(), [&](const auto& s) { return map.keyframe(s.second->keyframe).session != part; }),
+    seen.erase(std::remove_if(seen.begin(), seen.end(),
+                              [&](const auto& s) { return map.keyframe(s.second->keyframe).session != part; }),
                seen.end());
     const Keyframe& held_by = map.keyframe(anchor->keyframe);
     const Eigen::Vector3d in_camera = held_by.view * landmark.point;
@@ -179,10 +188,12 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
     } else {
       LandmarkChange change{landmark_id(landmark.serial), std::nullopt, {}};
       const double moved_m = kLandmarkUnit_m * (units - sent.point_units).cast<double>().norm();
-      if (detail == PublishedDetail::exact ? units != sent.point_units : moved_m > kMoved_m + kLandmarkMoved * in_camera.norm())
+      if (detail == PublishedDetail::exact ? units != sent.point_units
+                                           : moved_m > kMoved_m + kLandmarkMoved * in_camera.norm())
         change.point_units = units;
       for (const auto& [serial, o] : seen)
-        if (!std::binary_search(sent.seen.begin(), sent.seen.end(), serial)) change.seen.push_back(sighting_of(map, *o));
+        if (!std::binary_search(sent.seen.begin(), sent.seen.end(), serial))
+          change.seen.push_back(sighting_of(map, *o));
       if (!change.point_units && change.seen.empty()) continue;
       sent.seen = now;
       if (change.point_units) sent.point_units = units;
@@ -193,7 +204,8 @@ void MapPublisher::publish_landmarks(const LandmarkMap& map, PublishedDetail det
   }
 }
 
-// Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not published unless all is.
+// Each sighting once: it goes with its keyframe. What one keyframe alone found by a descriptor is not published unless
+// all is.
 void MapPublisher::publish_borrowed(const LandmarkMap& map, PublishedDetail detail) {
   const std::size_t least_seen = detail == PublishedDetail::exact ? 1 : 2;
   borrowed_.resize(std::max(borrowed_.size(), map.landmarks.size()));
@@ -230,7 +242,8 @@ std::vector<MapUpdate> MapPublisher::take(const LandmarkMap& map, PublishedDetai
   publish_borrowed(map, detail);
   std::vector<MapUpdate> result;
   for (auto& [part, update] : updates_) {
-    sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks), sort_by_id(update.changed_landmarks);
+    sort_by_id(update.nodes), sort_by_id(update.moved), sort_by_id(update.landmarks),
+        sort_by_id(update.changed_landmarks);
     sort_by_id(update.borrowed);
     std::sort(update.removed_nodes.begin(), update.removed_nodes.end());
     std::sort(update.removed_landmarks.begin(), update.removed_landmarks.end());
@@ -248,7 +261,9 @@ void MapPublisher::forget(int part) {
   std::sort(serials.begin(), serials.end());
   for (SentLandmark& sent : borrowed_)
     sent.seen.erase(std::remove_if(sent.seen.begin(), sent.seen.end(),
-                                   [&](std::uint32_t serial) { return std::binary_search(serials.begin(), serials.end(), serial); }),
+                                   [&](std::uint32_t serial) {
+                                     return std::binary_search(serials.begin(), serials.end(), serial);
+                                   }),
                     sent.seen.end());
   forgotten_.insert(part);
 }

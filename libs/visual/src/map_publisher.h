@@ -1,5 +1,6 @@
 #pragma once
-// What is published of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3: light updates).
+// What is published of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3:
+// light updates).
 
 #include "landmark_map.h"
 

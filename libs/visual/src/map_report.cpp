@@ -31,7 +31,8 @@ std::vector<MappedLandmark> landmarks_of(const LandmarkMap& map) {
   std::vector<MappedLandmark> result;
   for (const Landmark& landmark : map.landmarks)
     if (!landmark.gone && !landmark.borrowed)
-      result.push_back({landmark.point, static_cast<int>(landmark.seen.size()), map.keyframe(landmark.seen.front().keyframe).session});
+      result.push_back({landmark.point, static_cast<int>(landmark.seen.size()),
+                        map.keyframe(landmark.seen.front().keyframe).session});
   return result;
 }
 

@@ -41,7 +41,8 @@ void MonoStart::begin(const Frame& frame, const Pyramid& picture, const ClientOp
   detector.cell_px = options.tracking.cell_px;
   tracks_.clear();
   for (const Corner& corner : detect_corners(picture, {}, detector))
-    if (const auto patch = cut_patch(picture, corner.pixel, corner.level)) tracks_.push_back({corner.pixel, corner.pixel, *patch});
+    if (const auto patch = cut_patch(picture, corner.pixel, corner.level))
+      tracks_.push_back({corner.pixel, corner.pixel, *patch});
   began_with_ = tracks_.size();
   first_frame_ = frame, first_ = last_ = picture;
   motion_ = View();
@@ -57,8 +58,8 @@ void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const Clie
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     const Eigen::Vector3d carried = motion_ * points[i];
     if (!(carried.z() > 0.1)) continue;
-    const auto match = align_patch(plain_patch(tracks_[i].patch), picture[tracks_[i].patch.level], camera.project(carried),
-                                   static_cast<float>(options.tracking.reach_px));
+    const auto match = align_patch(plain_patch(tracks_[i].patch), picture[tracks_[i].patch.level],
+                                   camera.project(carried), static_cast<float>(options.tracking.reach_px));
     if (!match || static_cast<double>(match->correlation) < options.tracking.min_correlation) continue;
     tracks_[i].now = match->pixel;
     kept.push_back(tracks_[i]);
@@ -66,10 +67,12 @@ void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const Clie
   tracks_ = std::move(kept);
 }
 
-std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture,
-                                                  std::vector<Match>& matches, const ClientOptions& options) {
+std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session, const Frame& frame,
+                                                  const Pyramid& picture, std::vector<Match>& matches,
+                                                  const ClientOptions& options) {
   if (!tracks_.empty()) follow(picture, map.camera, options);
-  if (tracks_.size() < kLeastTracks || static_cast<double>(tracks_.size()) < kLeastKept * static_cast<double>(began_with_)) {
+  if (tracks_.size() < kLeastTracks ||
+      static_cast<double>(tracks_.size()) < kLeastKept * static_cast<double>(began_with_)) {
     begin(frame, picture, options);
     return std::nullopt;
   }
@@ -77,7 +80,8 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session,
   for (const Track& track : tracks_) shifts.push_back((track.now - track.first).norm());
   if (middle_of(shifts) < kLeastShift * map.camera.fx) return std::nullopt;
   std::vector<PixelPair> pairs;
-  for (const Track& track : tracks_) pairs.push_back({track.first, track.now, options.tracking.sigma_px * (1 << track.patch.level)});
+  for (const Track& track : tracks_)
+    pairs.push_back({track.first, track.now, options.tracking.sigma_px * (1 << track.patch.level)});
   const auto views = relate_views(pairs, map.camera, {});
   if (!views) return std::nullopt;
 

@@ -1,6 +1,6 @@
 #pragma once
-// The first two keyframes of a camera that measures no depth: corners of a first picture are followed until the camera has moved far enough
-// to tell how far they are.
+// The first two keyframes of a camera that measures no depth: corners of a first picture are followed until the camera
+// has moved far enough to tell how far they are.
 
 #include "keyframe_maker.h"
 
@@ -10,8 +10,9 @@ namespace mapweave::visual {
 
 class MonoStart {
  public:
-  // The session's first two keyframes once there are any: of an earlier frame and of this one, whose landmarks are in `matches`. The first
-  // camera's frame is the session's. Scale by odometry where both frames have it; otherwise the landmarks' middle depth is 1 m.
+  // The session's first two keyframes once there are any: of an earlier frame and of this one, whose landmarks are in
+  // `matches`. The first camera's frame is the session's. Scale by odometry where both frames have it; otherwise the
+  // landmarks' middle depth is 1 m.
   std::optional<std::pair<int, int>> add(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture,
                                          std::vector<Match>& matches, const ClientOptions& options);
 

@@ -29,8 +29,8 @@ void MotionPrior::add(const rawlog::Record& record) {
     odometry_.push_back({record.stamp, pose});
   } else if (const auto* imu = dynamic_cast<const mrpt::obs::CObservationIMU*>(record.observation.get())) {
     if (!imu->has(mrpt::obs::IMU_WX) || !imu->has(mrpt::obs::IMU_WY) || !imu->has(mrpt::obs::IMU_WZ)) return;
-    const mrpt::math::TPoint3D turning =
-        imu->sensorPose.rotateVector({imu->get(mrpt::obs::IMU_WX), imu->get(mrpt::obs::IMU_WY), imu->get(mrpt::obs::IMU_WZ)});
+    const mrpt::math::TPoint3D turning = imu->sensorPose.rotateVector(
+        {imu->get(mrpt::obs::IMU_WX), imu->get(mrpt::obs::IMU_WY), imu->get(mrpt::obs::IMU_WZ)});
     const Eigen::Vector3d rad_per_s(turning.x, turning.y, turning.z);
     if (rad_per_s.allFinite() && rad_per_s.norm() < 50.0) turning_.push_back({record.stamp, rad_per_s});
   }
@@ -39,7 +39,8 @@ void MotionPrior::add(const rawlog::Record& record) {
 
 std::optional<Pose2> MotionPrior::odometry_at(Stamp when) const {
   constexpr double kStill_s = 0.2;  // so long after its first word a robot is taken to stand
-  if (odometry_.size() == 1 && std::abs(seconds_between(odometry_[0].stamp, when)) < kStill_s) return odometry_[0].odometry_from_robot;
+  if (odometry_.size() == 1 && std::abs(seconds_between(odometry_[0].stamp, when)) < kStill_s)
+    return odometry_[0].odometry_from_robot;
   if (odometry_.size() < 2) return std::nullopt;
   std::size_t later = 1;
   while (later + 1 < odometry_.size() && odometry_[later].stamp < when) ++later;
@@ -57,13 +58,15 @@ std::optional<Eigen::Quaterniond> MotionPrior::turned(Stamp from, Stamp to) cons
   bool any = false;
   for (std::size_t i = 0; i < turning_.size(); ++i) {
     // Each reading holds until the next one.
-    const Stamp begin = std::max(from, turning_[i].stamp), end = i + 1 < turning_.size() ? std::min(to, turning_[i + 1].stamp) : to;
+    const Stamp begin = std::max(from, turning_[i].stamp),
+                end = i + 1 < turning_.size() ? std::min(to, turning_[i + 1].stamp) : to;
     const double held_s = seconds_between(begin, end);
     if (!(held_s > 0.0)) continue;
     if (held_s > kLongestGap_s) return std::nullopt;
     any = true;
     const Eigen::Vector3d turn_rad = held_s * turning_[i].rad_per_s;
-    if (turn_rad.norm() > 1e-12) turn = turn * Eigen::Quaterniond(Eigen::AngleAxisd(turn_rad.norm(), turn_rad.normalized()));
+    if (turn_rad.norm() > 1e-12)
+      turn = turn * Eigen::Quaterniond(Eigen::AngleAxisd(turn_rad.norm(), turn_rad.normalized()));
   }
   return any ? std::optional(turn.normalized()) : std::nullopt;
 }
@@ -77,7 +80,8 @@ std::optional<ExpectedMotion> MotionPrior::at(Stamp now, const Pose3& robot_from
     const Pose3 moved = compose(compose(inverse(robot_from_camera), spatial(between(*from, *to))), robot_from_camera);
     return ExpectedMotion{moved.q, moved.t};
   }
-  if (const auto turn = turned(*before, now)) return ExpectedMotion{camera_from_robot * *turn * robot_from_camera.q, std::nullopt};
+  if (const auto turn = turned(*before, now))
+    return ExpectedMotion{camera_from_robot * *turn * robot_from_camera.q, std::nullopt};
   return std::nullopt;
 }
 

@@ -12,8 +12,8 @@ class MotionPrior {
  public:
   // Of one robot, in the order of stamps; whatever tells nothing of motion is passed over.
   void add(const rawlog::Record& record);
-  // Since the frame before, whose stamp it keeps. Odometry is preferred; its last motion is taken to go on until `now`. nullopt at the
-  // first frame, and where nothing was received since the one before.
+  // Since the frame before, whose stamp it keeps. Odometry is preferred; its last motion is taken to go on until `now`.
+  // nullopt at the first frame, and where nothing was received since the one before.
   std::optional<ExpectedMotion> at(Stamp now, const Pose3& robot_from_camera);
   // Where the camera is by odometry alone, at a moment near the latest; nullopt without odometry.
   std::optional<Pose3> odometry_from_camera(Stamp now, const Pose3& robot_from_camera) const;

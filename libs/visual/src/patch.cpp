@@ -11,12 +11,14 @@ std::optional<Patch> cut_patch(const Pyramid& pyramid, const Eigen::Vector2d& pi
   const GreyImage& image = pyramid[level];
   const double x = at_level(pixel.x(), level), y = at_level(pixel.y(), level);
   const int ix = static_cast<int>(std::lround(x)), iy = static_cast<int>(std::lround(y));
-  if (ix < kPatchHalf || iy < kPatchHalf || ix >= image.width - kPatchHalf || iy >= image.height - kPatchHalf) return std::nullopt;
+  if (ix < kPatchHalf || iy < kPatchHalf || ix >= image.width - kPatchHalf || iy >= image.height - kPatchHalf)
+    return std::nullopt;
   Patch patch;
   patch.level = level;
   patch.offset = {static_cast<float>(x - ix), static_cast<float>(y - iy)};
   for (int row = 0; row < kPatchSize; ++row)
-    std::copy_n(image.row(iy - kPatchHalf + row) + ix - kPatchHalf, kPatchSize, patch.pixels.begin() + row * kPatchSize);
+    std::copy_n(image.row(iy - kPatchHalf + row) + ix - kPatchHalf, kPatchSize,
+                patch.pixels.begin() + row * kPatchSize);
   return patch;
 }
 
@@ -32,7 +34,8 @@ std::optional<WarpedPatch> warp_patch(const Patch& patch, const Eigen::Matrix2d&
   WarpedPatch result;
   result.level = level;
   constexpr float kReach = kAlignHalf + 0.5F, kLimit = kPatchHalf - 1.01F;
-  if ((step.cwiseAbs() * Eigen::Vector2f(kReach + 1, kReach + 1) + patch.offset.cwiseAbs()).maxCoeff() > kLimit) return std::nullopt;
+  if ((step.cwiseAbs() * Eigen::Vector2f(kReach + 1, kReach + 1) + patch.offset.cwiseAbs()).maxCoeff() > kLimit)
+    return std::nullopt;
   float* out = result.values.data();
   for (int y = 0; y < kAlignSize + 2; ++y) {
     for (int x = 0; x < kAlignSize + 2; ++x) {
@@ -51,7 +54,8 @@ std::optional<WarpedPatch> warp_patch(const Patch& patch, const Eigen::Matrix2d&
   return result;
 }
 
-std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage& image, const Eigen::Vector2d& start, float reach) {
+std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage& image, const Eigen::Vector2d& start,
+                                      float reach) {
   constexpr int kStride = kAlignSize + 2, kCount = kAlignSize * kAlignSize;
   std::array<float, kCount> gx, gy, reference;
   Eigen::Matrix3f hessian = Eigen::Matrix3f::Zero();
@@ -123,7 +127,8 @@ std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage&
 
 WarpedPatch plain_patch(const Patch& patch) { return *warp_patch(patch, Eigen::Matrix2d::Identity()); }
 
-std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& left, const Pyramid& right, double low, double high) {
+std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& left, const Pyramid& right, double low,
+                                     double high) {
   constexpr int kStride = kAlignSize + 2, kCount = kAlignSize * kAlignSize;
   const WarpedPatch plain = plain_patch(patch);
   const GreyImage& image = right[patch.level];
@@ -131,7 +136,8 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
   float mean = 0, variance = 0;
   for (int y = 0, i = 0; y < kAlignSize; ++y)
     for (int x = 0; x < kAlignSize; ++x, ++i)
-      mean += reference[static_cast<std::size_t>(i)] = plain.values[static_cast<std::size_t>((y + 1) * kStride + x + 1)];
+      mean += reference[static_cast<std::size_t>(i)] =
+          plain.values[static_cast<std::size_t>((y + 1) * kStride + x + 1)];
   mean /= kCount;
   for (float& value : reference) value -= mean, variance += value * value;
   if (variance < 1.0F) return std::nullopt;
@@ -139,14 +145,17 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
   const int top = static_cast<int>(std::lround(y - (kAlignHalf - 0.5)));
   const double scale = 1.0 / (1 << patch.level);
   const int first = std::max(0, static_cast<int>(std::floor(x - high * scale - (kAlignHalf - 0.5))));
-  const int last = std::min(image.width - kAlignSize - 1, static_cast<int>(std::ceil(x - low * scale - (kAlignHalf - 0.5))));
+  const int last =
+      std::min(image.width - kAlignSize - 1, static_cast<int>(std::ceil(x - low * scale - (kAlignHalf - 0.5))));
   if (top < 0 || top + kAlignSize > image.height || last < first) return std::nullopt;
   // All columns at once, row by row of the patch: sums, sums of squares, and products with the patch.
   const Eigen::Index count = last - first + 1, wide = count + kAlignSize - 1;
-  Eigen::ArrayXf strip(wide), sum = Eigen::ArrayXf::Zero(count), squares = Eigen::ArrayXf::Zero(count), cross = Eigen::ArrayXf::Zero(count);
+  Eigen::ArrayXf strip(wide), sum = Eigen::ArrayXf::Zero(count), squares = Eigen::ArrayXf::Zero(count),
+                              cross = Eigen::ArrayXf::Zero(count);
   Eigen::ArrayXf column_sum = Eigen::ArrayXf::Zero(wide), column_squares = Eigen::ArrayXf::Zero(wide);
   for (int row = 0, i = 0; row < kAlignSize; ++row) {
-    strip = Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(image.row(top + row) + first, wide).cast<float>();
+    strip = Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(image.row(top + row) + first, wide)
+                .cast<float>();
     column_sum += strip, column_squares += strip.square();
     for (int u = 0; u < kAlignSize; ++u, ++i) cross += reference[static_cast<std::size_t>(i)] * strip.segment(u, count);
   }
@@ -159,10 +168,12 @@ std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& 
   const auto best = static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
   if (scores[static_cast<std::size_t>(best)] < 0.7F) return std::nullopt;
   for (int i = 0; i < static_cast<int>(scores.size()); ++i)
-    if (std::abs(i - best) > 3 && scores[static_cast<std::size_t>(i)] > 0.95F * scores[static_cast<std::size_t>(best)]) return std::nullopt;
+    if (std::abs(i - best) > 3 && scores[static_cast<std::size_t>(i)] > 0.95F * scores[static_cast<std::size_t>(best)])
+      return std::nullopt;
   const Eigen::Vector2d start(from_level(first + best + kAlignHalf - 0.5, patch.level), left.y());
   const auto match = align_patch(plain, image, start, 2.0F);
-  if (!match || match->correlation < 0.8F || std::abs(match->pixel.y() - left.y()) > 1.5 * (1 << patch.level)) return std::nullopt;
+  if (!match || match->correlation < 0.8F || std::abs(match->pixel.y() - left.y()) > 1.5 * (1 << patch.level))
+    return std::nullopt;
   const double disparity = left.x() - match->pixel.x();
   if (disparity < low || disparity > high) return std::nullopt;
   return disparity;

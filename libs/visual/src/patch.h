@@ -18,7 +18,8 @@ inline constexpr int kAlignSize = 2 * kAlignHalf;
 struct Patch {
   std::array<std::uint8_t, kPatchSize * kPatchSize> pixels;
   int level = 0;
-  Eigen::Vector2f offset = Eigen::Vector2f::Zero();  // of the landmark from the patch's middle pixel, pixels of its level
+  Eigen::Vector2f offset =
+      Eigen::Vector2f::Zero();  // of the landmark from the patch's middle pixel, pixels of its level
 };
 
 // nullopt too near to the border. `pixel` of level 0.
@@ -30,8 +31,8 @@ struct WarpedPatch {
   int level = 0;
 };
 
-// new_from_patch: derivative of level-0 pixels of the new view by level-0 pixels of the patch's. nullopt where the patch is too small for
-// that.
+// new_from_patch: derivative of level-0 pixels of the new view by level-0 pixels of the patch's. nullopt where the
+// patch is too small for that.
 std::optional<WarpedPatch> warp_patch(const Patch& patch, const Eigen::Matrix2d& new_from_patch);
 
 struct PatchMatch {
@@ -39,14 +40,17 @@ struct PatchMatch {
   float correlation = 0;  // zero-mean normalised, -1 to 1
 };
 
-// From `start` (level-0 pixels), at most `reach` pixels of its level away. nullopt where it does not come to rest inside the picture.
-std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage& image, const Eigen::Vector2d& start, float reach);
+// From `start` (level-0 pixels), at most `reach` pixels of its level away. nullopt where it does not come to rest
+// inside the picture.
+std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage& image, const Eigen::Vector2d& start,
+                                      float reach);
 
 // A patch as its own picture shows it.
 WarpedPatch plain_patch(const Patch& patch);
 
-// Along the row of `left` in the right picture of a rectified pair, for disparities within [low, high] (pixels of level 0): the disparity,
-// to a fraction of a pixel. nullopt where nothing is alike, or two places are.
-std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& left, const Pyramid& right, double low, double high);
+// Along the row of `left` in the right picture of a rectified pair, for disparities within [low, high] (pixels of level
+// 0): the disparity, to a fraction of a pixel. nullopt where nothing is alike, or two places are.
+std::optional<double> find_disparity(const Patch& patch, const Eigen::Vector2d& left, const Pyramid& right, double low,
+                                     double high);
 
 }  // namespace mapweave::visual

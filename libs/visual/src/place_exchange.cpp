@@ -30,7 +30,8 @@ std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& l
   return result;
 }
 
-PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view, const TrackingOptions& options) {
+PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
+                         const TrackingOptions& options) {
   std::vector<Sighting> sightings;
   for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.sigma_px, &view));
   if (found.size() >= kLeastTogether) {
@@ -51,7 +52,8 @@ PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found
   return here;
 }
 
-std::optional<PlaceRequest> PlaceExchange::request(const LandmarkMap& map, const ClientPlace& place, const ClientOptions& options) {
+std::optional<PlaceRequest> PlaceExchange::request(const LandmarkMap& map, const ClientPlace& place,
+                                                   const ClientOptions& options) {
   if (!missed_) return std::nullopt;
   UnplacedFrame asked = std::move(*missed_);
   missed_.reset();
@@ -87,15 +89,15 @@ std::optional<UnplacedFrame> PlaceExchange::take(Stamp stamp) {
   return std::nullopt;
 }
 
-std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session, const UnplacedFrame& asked,
-                                        const View& view, const TrackingOptions& options) {
+std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session,
+                                        const UnplacedFrame& asked, const View& view, const TrackingOptions& options) {
   const FrameFeatureGrid grid = grid_of(asked.features, map.camera);
   CheckedPlace place{view, {}};
   const auto drop_all = [&] { borrowed.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
   for (const double reach : {kFar, kClose}) {
     drop_all();
-    place.matches =
-        borrowed.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width, asked.picture.features ? 0.0 : kFeature_px);
+    place.matches = borrowed.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width,
+                                  asked.picture.features ? 0.0 : kFeature_px);
     const PoseFromPoints pose = agreement(map, place.matches, place.view, options);
     if (pose.count < kLeastShown || pose.count < kShownShare * static_cast<double>(place.matches.size())) {
       drop_all();

@@ -14,9 +14,10 @@ struct UnplacedFrame {
   matching::OrbFeatures features;  // that were asked with
 };
 
-// What landmarks that were found by their descriptors say of the view: those that agree with each other near `view`, or where they are too
-// few for that, with `view` itself.
-PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view, const TrackingOptions& options);
+// What landmarks that were found by their descriptors say of the view: those that agree with each other near `view`, or
+// where they are too few for that, with `view` itself.
+PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
+                         const TrackingOptions& options);
 
 // Those that `own` did not make, in the frame of the map in memory: that of the first camera, not of the robot.
 std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
@@ -36,14 +37,14 @@ class PlaceExchange {
   std::deque<UnplacedFrame> asked_;
 };
 
-// Landmarks of the session that the frame shows around `view`, as matches, and the view that they tell: nullopt where they do not agree.
-// Those that it does not show are no landmarks of the map afterwards.
+// Landmarks of the session that the frame shows around `view`, as matches, and the view that they tell: nullopt where
+// they do not agree. Those that it does not show are no landmarks of the map afterwards.
 struct CheckedPlace {
   View view;
   std::vector<Match> matches;
 };
-std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session, const UnplacedFrame& asked,
-                                        const View& view, const TrackingOptions& options);
+std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session,
+                                        const UnplacedFrame& asked, const View& view, const TrackingOptions& options);
 
 // Features of a picture, as what a landmark's descriptor is looked for in.
 FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);

@@ -9,7 +9,9 @@ constexpr int kMostBits = 70;
 constexpr double kClearlyNearer = 0.85;
 constexpr int kLeastFeatures = 12;
 
-Eigen::Vector2d pixel_of(const matching::FeaturePoint& point) { return {static_cast<double>(point.u_px), static_cast<double>(point.v_px)}; }
+Eigen::Vector2d pixel_of(const matching::FeaturePoint& point) {
+  return {static_cast<double>(point.u_px), static_cast<double>(point.v_px)};
+}
 double sigma_of(const matching::FeaturePoint& point) { return 1.2 * std::pow(1.2, point.level); }
 
 }  // namespace
@@ -22,8 +24,8 @@ matching::OrbFeatures features_of(const Pyramid& pictures, int most) {
   matching::OrbFeatureOptions options;
   options.features = most;
   if (half) options.levels -= kLevelsOfHalf;
-  matching::OrbFeatures features =
-      matching::orb_features({picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
+  matching::OrbFeatures features = matching::orb_features(
+      {picture.pixels.data(), picture.width, picture.height, static_cast<std::size_t>(picture.width)}, options);
   if (!half) return features;
   for (matching::FeaturePoint& point : features.points) {
     point.u_px = static_cast<float>(from_level(static_cast<double>(point.u_px), 1));
@@ -33,8 +35,8 @@ matching::OrbFeatures features_of(const Pyramid& pictures, int most) {
   return features;
 }
 
-std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,
-                               std::uint64_t seed) {
+std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes,
+                               const matching::OrbFeatures& features, std::uint64_t seed) {
   matching::AlignmentProblem problem;
   const Pinhole& pinhole = map.camera;
   problem.cameras_b.push_back({pinhole, Pose3()});
@@ -44,11 +46,12 @@ std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& k
     problem.cameras_a.push_back({pinhole, pose_of(keyframe.view)});
     for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
       if (!(keyframe.depths[i] > 0.0F)) continue;
-      const auto there =
-          matching::nearest_descriptors(keyframe.features.descriptors[i], features.descriptors.data(), features.descriptors.size());
+      const auto there = matching::nearest_descriptors(keyframe.features.descriptors[i], features.descriptors.data(),
+                                                       features.descriptors.size());
       if (there.distance > kMostBits || there.distance > kClearlyNearer * there.second_distance) continue;
-      const auto back = matching::nearest_descriptors(features.descriptors[there.first], keyframe.features.descriptors.data(),
-                                                      keyframe.features.descriptors.size());
+      const auto back =
+          matching::nearest_descriptors(features.descriptors[there.first], keyframe.features.descriptors.data(),
+                                        keyframe.features.descriptors.size());
       if (back.first != i) continue;
       matching::FeaturePair pair;
       pair.camera_a = static_cast<std::uint32_t>(problem.cameras_a.size() - 1);

@@ -10,7 +10,7 @@ namespace mapweave::visual {
 matching::OrbFeatures features_of(const Pyramid& pictures, int most);
 
 // The view from which most of `features` agree with what `keyframes` know. nullopt where too few do.
-std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes, const matching::OrbFeatures& features,
-                               std::uint64_t seed);
+std::optional<View> find_place(const LandmarkMap& map, const std::vector<int>& keyframes,
+                               const matching::OrbFeatures& features, std::uint64_t seed);
 
 }  // namespace mapweave::visual

@@ -5,17 +5,18 @@
 
 namespace mapweave::visual {
 
-bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera, const SensorCalibration& calibration,
-                 Residual& out) {
+bool residual_of(const Sighting& sighting, const Eigen::Vector3d& p, const Pinhole& camera,
+                 const SensorCalibration& calibration, Residual& out) {
   if (!(p.z() > 0.02)) return false;
   const double z = 1.0 / p.z(), z2 = z * z, weight = 1.0 / sighting.sigma_px;
   out.value.head<2>() = weight * (camera.project(p) - sighting.pixel + calibration.readout_s * sighting.row_flow);
-  out.by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z2, 0, weight * camera.fy * z, -weight * camera.fy * p.y() * z2,
-      0, 0, 0;
+  out.by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z2, 0, weight * camera.fy * z,
+      -weight * camera.fy * p.y() * z2, 0, 0, 0;
   const double slack = sighting.slack_px.squaredNorm();
   if (slack > 0.0) {  // whitened by sigma^2 I + slack slack^T
     const double kept = sighting.sigma_px / std::sqrt(sighting.sigma_px * sighting.sigma_px + slack);
-    const Eigen::Matrix2d white = Eigen::Matrix2d::Identity() - (1.0 - kept) / slack * sighting.slack_px * sighting.slack_px.transpose();
+    const Eigen::Matrix2d white =
+        Eigen::Matrix2d::Identity() - (1.0 - kept) / slack * sighting.slack_px * sighting.slack_px.transpose();
     out.value.head<2>() = white * out.value.head<2>().eval();
     out.by_point.topRows<2>() = white * out.by_point.topRows<2>().eval();
   }
@@ -39,8 +40,8 @@ PoseFromPoints pose_from_points(const std::vector<Sighting>& sightings, const Pi
   result.fits.assign(sightings.size(), 1);
   if (first_gate < std::numeric_limits<double>::infinity())
     for (std::size_t i = 0; i < sightings.size(); ++i)
-      result.fits[i] =
-          residual_of(sightings[i], guess * sightings[i].point_in_map, camera, calibration, r) && r.value.head<2>().norm() < first_gate;
+      result.fits[i] = residual_of(sightings[i], guess * sightings[i].point_in_map, camera, calibration, r) &&
+                       r.value.head<2>().norm() < first_gate;
   for (int round = 0; round < 2; ++round) {
     const double soft = round == 0 ? 2.0 : 1.5;
     for (int step = 0; step < 10; ++step) {

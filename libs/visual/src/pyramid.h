@@ -10,7 +10,7 @@ inline constexpr int kLevels = 5;
 class FrameFeatureGrid;
 
 struct Pyramid {
-  std::vector<GreyImage> levels;                     // the first is the picture itself; a pixel of level l covers 2^l x 2^l of it
+  std::vector<GreyImage> levels;  // the first is the picture itself; a pixel of level l covers 2^l x 2^l of it
   std::shared_ptr<const FrameFeatureGrid> features;  // of a sensor that hands over features: then there are no levels
   const GreyImage& operator[](int level) const { return levels[static_cast<std::size_t>(level)]; }
 };

@@ -1,6 +1,6 @@
 #pragma once
-// Was a camera led astray? Who walks close by takes it along: fewer and fewer landmarks are where they should be, then many of another
-// world are, and odometry says otherwise. Wheels alone may slip.
+// Was a camera led astray? Who walks close by takes it along: fewer and fewer landmarks are where they should be, then
+// many of another world are, and odometry says otherwise. Wheels alone may slip.
 
 #include "driven_motion.h"
 #include "frame_pose.h"

@@ -54,12 +54,15 @@ Rectifier::Rectifier(const LensCalibration& lens) : camera_(lens.camera) {
   if (!lens.distortion.is_none()) left_ = lookup_of<Lookup>(lens, camera_, Eigen::Matrix3d::Identity());
 }
 
-// Both cameras are turned by half of their difference each, then so that the x axis runs along the baseline (Bouguet's way).
+// Both cameras are turned by half of their difference each, then so that the x axis runs along the baseline (Bouguet's
+// way).
 Rectifier::Rectifier(const LensCalibration& left, const LensCalibration& right, const Pose3& left_from_right) {
-  MAPWEAVE_EXPECT(left.camera.width == right.camera.width && left.camera.height == right.camera.height, "both pictures of one size");
+  MAPWEAVE_EXPECT(left.camera.width == right.camera.width && left.camera.height == right.camera.height,
+                  "both pictures of one size");
   baseline_m_ = left_from_right.t.norm();
-  const Eigen::Matrix3d half = half_of(left_from_right.q.toRotationMatrix());  // middle_from_right; its inverse: middle_from_left
-  Eigen::Vector3d x = half.transpose() * left_from_right.t.normalized();       // in the middle frame
+  const Eigen::Matrix3d half =
+      half_of(left_from_right.q.toRotationMatrix());  // middle_from_right; its inverse: middle_from_left
+  Eigen::Vector3d x = half.transpose() * left_from_right.t.normalized();  // in the middle frame
   const Eigen::Vector3d y = Eigen::Vector3d::UnitZ().cross(x).normalized();
   Eigen::Matrix3d rectified_from_middle;
   rectified_from_middle << x.transpose(), y.transpose(), x.cross(y).transpose();
@@ -67,11 +70,12 @@ Rectifier::Rectifier(const LensCalibration& left, const LensCalibration& right, 
   left_from_rectified_.q = Eigen::Quaterniond(from_left.transpose()).normalized();
 
   const auto same = [](const Pinhole& a, const Pinhole& b) {
-    return std::abs(a.fx - b.fx) < 1e-6 && std::abs(a.fy - b.fy) < 1e-6 && std::abs(a.cx - b.cx) < 1e-6 && std::abs(a.cy - b.cy) < 1e-6;
+    return std::abs(a.fx - b.fx) < 1e-6 && std::abs(a.fy - b.fy) < 1e-6 && std::abs(a.cx - b.cx) < 1e-6 &&
+           std::abs(a.cy - b.cy) < 1e-6;
   };
   camera_ = left.camera;
-  if (left.distortion.is_none() && right.distortion.is_none() && same(left.camera, right.camera) && from_left.isIdentity(1e-9) &&
-      from_right.isIdentity(1e-9))
+  if (left.distortion.is_none() && right.distortion.is_none() && same(left.camera, right.camera) &&
+      from_left.isIdentity(1e-9) && from_right.isIdentity(1e-9))
     return;
   // One focal length for all; the middle of what both see stays in the middle.
   const double focal = std::min({left.camera.fx, left.camera.fy, right.camera.fx, right.camera.fy});
@@ -80,8 +84,8 @@ Rectifier::Rectifier(const LensCalibration& left, const LensCalibration& right, 
   for (int side = 0; side < 2; ++side) {
     const LensCalibration& lens = side == 0 ? left : right;
     for (int corner = 0; corner < 4; ++corner) {
-      const Eigen::Vector2d ideal =
-          undistorted(lens, corner % 2 == 0 ? 0.0 : lens.camera.width - 1.0, corner < 2 ? 0.0 : lens.camera.height - 1.0);
+      const Eigen::Vector2d ideal = undistorted(lens, corner % 2 == 0 ? 0.0 : lens.camera.width - 1.0,
+                                                corner < 2 ? 0.0 : lens.camera.height - 1.0);
       const Eigen::Vector3d ray = (side == 0 ? from_left : from_right) * Eigen::Vector3d(ideal.x(), ideal.y(), 1.0);
       middle += Eigen::Vector2d(ray.x() / ray.z(), ray.y() / ray.z()) / 8.0;
     }

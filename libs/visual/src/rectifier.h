@@ -21,7 +21,7 @@ class Rectifier {
   Rectifier(const LensCalibration& left, const LensCalibration& right, const Pose3& left_from_right);
 
   const Pinhole& camera() const { return camera_; }  // of the rectified pictures
-  double baseline_m() const { return baseline_m_; }        // 0 of a single camera
+  double baseline_m() const { return baseline_m_; }  // 0 of a single camera
   const Pose3& left_from_rectified() const { return left_from_rectified_; }
   GreyImage left(const GreyImage& raw) const { return applied(left_, raw); }
   GreyImage right(const GreyImage& raw) const { return applied(right_, raw); }

@@ -27,10 +27,11 @@ void ReducedSystem::set_zero() {
 
 ReducedSystem::Block& ReducedSystem::below(int row, int column) {
   const auto r = static_cast<std::size_t>(row);
-  if (!is_sparse(views_)) return blocks_[static_cast<std::size_t>(views_) + r * (r - 1) / 2 + static_cast<std::size_t>(column)];
+  if (!is_sparse(views_))
+    return blocks_[static_cast<std::size_t>(views_) + r * (r - 1) / 2 + static_cast<std::size_t>(column)];
   const auto first = columns_.begin();
-  const auto place =
-      std::lower_bound(first + static_cast<std::ptrdiff_t>(row_begin_[r]), first + static_cast<std::ptrdiff_t>(row_begin_[r + 1]), column);
+  const auto place = std::lower_bound(first + static_cast<std::ptrdiff_t>(row_begin_[r]),
+                                      first + static_cast<std::ptrdiff_t>(row_begin_[r + 1]), column);
   return blocks_[static_cast<std::size_t>(views_) + static_cast<std::size_t>(place - first)];
 }
 

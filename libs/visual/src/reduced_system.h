@@ -1,6 +1,6 @@
 #pragma once
-// The normal equations of bundle adjustment once points are eliminated: a block of 6 x 6 for each two views that see a common point, and a
-// border of two for what all views share. Dense for a window, sparse for a whole map.
+// The normal equations of bundle adjustment once points are eliminated: a block of 6 x 6 for each two views that see a
+// common point, and a border of two for what all views share. Dense for a window, sparse for a whole map.
 
 #include <Eigen/Core>
 #include <Eigen/SparseCholesky>
@@ -14,7 +14,8 @@ class ReducedSystem {
  public:
   using Block = Eigen::Matrix<double, 6, 6>;
   using Border = Eigen::Matrix<double, 2, 6>;
-  // pairs: (row, column) with column < row, of free views that see a common point; sorted, each once. Not looked at where few are free.
+  // pairs: (row, column) with column < row, of free views that see a common point; sorted, each once. Not looked at
+  // where few are free.
   ReducedSystem(int views, const std::vector<std::pair<int, int>>& pairs);
   static bool is_sparse(int views) { return views > kMostDense; }
 

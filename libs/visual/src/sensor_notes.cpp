@@ -28,8 +28,10 @@ std::string note_on_pair(const Frame& frame, const LandmarkMap& map, const Clien
   Frame exchanged;
   exchanged.grey = frame.right, exchanged.right = frame.grey;
   if (depths_in(exchanged, make_pyramid(exchanged.grey), map, options) >= options.tracking.least_landmarks)
-    return "the left and right pictures seem to be exchanged: what the one shows lies on the wrong side in the other; exchange them";
-  return "hardly anything in the left pictures is found in the right ones: check that both are taken at once, and the calibration";
+    return "the left and right pictures seem to be exchanged: what the one shows lies on the wrong side in the other; "
+           "exchange them";
+  return "hardly anything in the left pictures is found in the right ones: check that both are taken at once, and the "
+         "calibration";
 }
 
 }  // namespace
@@ -46,7 +48,8 @@ std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const Clie
   const double depth_m = *middle * frame.depth.metres_per_unit;
   if (depth_m < options.depth.min_depth_m || depth_m > options.depth.max_depth_m)
     return said("the depth pictures read ", depth_m, " m in the middle, where ", options.depth.min_depth_m, " to ",
-                options.depth.max_depth_m, " m are used: check the depth scale (", frame.depth.metres_per_unit, " m per unit now)");
+                options.depth.max_depth_m, " m are used: check the depth scale (", frame.depth.metres_per_unit,
+                " m per unit now)");
   return "the depth pictures do not fit what the others show: check that both are of one camera, and the calibration";
 }
 

@@ -29,7 +29,9 @@ struct Model {
   double score = -1.0;
 };
 
-Vector9 least_vector(const Matrix9& moments) { return Eigen::SelfAdjointEigenSolver<Matrix9>(moments).eigenvectors().col(0); }
+Vector9 least_vector(const Matrix9& moments) {
+  return Eigen::SelfAdjointEigenSolver<Matrix9>(moments).eigenvectors().col(0);
+}
 Matrix3d by_rows(const Vector9& v) { return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(v.data()); }
 
 // Moves and scales points on z = 1 to their middle and to a spread of sqrt(2) (Hartley, PAMI 19(6), 1997).
@@ -54,7 +56,8 @@ Matrix3d essential_of(const std::vector<RayPair>& pairs, const std::vector<std::
     row << y.x() * x, y.y() * x, y.z() * x;
     moments += row * row.transpose();
   }
-  const Eigen::JacobiSVD<Matrix3d> svd(b.transpose() * by_rows(least_vector(moments)) * a, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::JacobiSVD<Matrix3d> svd(b.transpose() * by_rows(least_vector(moments)) * a,
+                                       Eigen::ComputeFullU | Eigen::ComputeFullV);
   return svd.matrixU() * Vector3d(1, 1, 0).asDiagonal() * svd.matrixV().transpose();
 }
 
@@ -81,11 +84,13 @@ double homography_error(const Matrix3d& h, const Matrix3d& back, const RayPair& 
   const Vector3d there = h * pair.first, here = back * pair.second;
   if (!(std::abs(there.z()) > 1e-9 && std::abs(here.z()) > 1e-9)) return 1e9;
   const double forth = (there.head<2>() / there.z() - pair.second.head<2>()).squaredNorm();
-  return std::max(forth, (here.head<2>() / here.z() - pair.first.head<2>()).squaredNorm()) / (2.0 * pair.sigma * pair.sigma);
+  return std::max(forth, (here.head<2>() / here.z() - pair.first.head<2>()).squaredNorm()) /
+         (2.0 * pair.sigma * pair.sigma);
 }
 
 template <class Fit, class Error>
-Model best_model(const std::vector<RayPair>& pairs, std::size_t sample_size, const TwoViewOptions& options, Fit&& fit, Error&& error) {
+Model best_model(const std::vector<RayPair>& pairs, std::size_t sample_size, const TwoViewOptions& options, Fit&& fit,
+                 Error&& error) {
   std::mt19937_64 random(options.seed);
   const double gate = options.gate_sigmas * options.gate_sigmas;
   Model best;
@@ -126,8 +131,8 @@ std::optional<Vector3d> agreed_point(const RayPair& pair, const View& motion, do
 }
 
 // Points from the pairs, then both made better together.
-TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>& rays, const Pinhole& camera, View motion,
-                 const TwoViewOptions& options) {
+TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>& rays, const Pinhole& camera,
+                 View motion, const TwoViewOptions& options) {
   TwoViews result;
   for (double wider : {4.0, 1.5}) {
     WindowBundle bundle;
@@ -175,19 +180,23 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
 }
 
 int count_in_front(const std::vector<RayPair>& rays, const View& motion, const TwoViewOptions& options) {
-  return static_cast<int>(std::count_if(rays.begin(), rays.end(),
-                                        [&](const RayPair& pair) { return agreed_point(pair, motion, options.gate_sigmas).has_value(); }));
+  return static_cast<int>(std::count_if(rays.begin(), rays.end(), [&](const RayPair& pair) {
+    return agreed_point(pair, motion, options.gate_sigmas).has_value();
+  }));
 }
 
 bool is_alike(const View& a, const View& b) {
   constexpr double kTurn_rad = 0.03, kDirection = 0.97;
-  return Eigen::AngleAxisd(a.rotation.transpose() * b.rotation).angle() < kTurn_rad && a.translation.dot(b.translation) > kDirection;
+  return Eigen::AngleAxisd(a.rotation.transpose() * b.rotation).angle() < kTurn_rad &&
+         a.translation.dot(b.translation) > kDirection;
 }
 
 }  // namespace
 
-std::optional<Vector3d> meet(const Vector3d& ray_in_first, const Vector3d& ray_in_second, const View& second_from_first) {
-  const Vector3d a = ray_in_second.cross(second_from_first.rotation * ray_in_first), b = ray_in_second.cross(second_from_first.translation);
+std::optional<Vector3d> meet(const Vector3d& ray_in_first, const Vector3d& ray_in_second,
+                             const View& second_from_first) {
+  const Vector3d a = ray_in_second.cross(second_from_first.rotation * ray_in_first),
+                 b = ray_in_second.cross(second_from_first.translation);
   // a + inverse_depth * b = 0: well told by both ends only where neither is near to nothing.
   const double inverse_depth = -a.dot(b) / b.squaredNorm();
   if (!(inverse_depth > 1e-6 && std::isfinite(inverse_depth))) return std::nullopt;
@@ -218,7 +227,8 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   if (v1.cross(v2).dot(v3) < 0) v3 = -v3;
   std::vector<View> result;
   for (double sign : {1.0, -1.0}) {
-    const Vector3d in_plane = (std::sqrt(1.0 - least) * v1 + sign * std::sqrt(greatest - 1.0) * v3) / std::sqrt(greatest - least);
+    const Vector3d in_plane =
+        (std::sqrt(1.0 - least) * v1 + sign * std::sqrt(greatest - 1.0) * v3) / std::sqrt(greatest - least);
     Matrix3d before, after;
     const Vector3d normal = v2.cross(in_plane);
     before << v2, in_plane, normal;
@@ -232,14 +242,16 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   return result;
 }
 
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera, const TwoViewOptions& options) {
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                     const TwoViewOptions& options) {
   constexpr std::size_t kEssential = 8, kHomography = 4;
   if (pairs.size() < std::max(kEssential, static_cast<std::size_t>(options.least_pairs))) return std::nullopt;
   std::vector<RayPair> rays;
   for (const PixelPair& pair : pairs)
     rays.push_back({camera.ray(pair.first), camera.ray(pair.second), pair.sigma_px / std::sqrt(camera.fx * camera.fy)});
-  const Model essential = best_model(rays, kEssential, options, essential_of,
-                                     [](const Matrix3d& e) { return [e](const RayPair& pair) { return essential_error(e, pair); }; });
+  const Model essential = best_model(rays, kEssential, options, essential_of, [](const Matrix3d& e) {
+    return [e](const RayPair& pair) { return essential_error(e, pair); };
+  });
   const Model homography = best_model(rays, kHomography, options, homography_of, [](const Matrix3d& h) {
     return [h, back = Matrix3d(h.inverse())](const RayPair& pair) { return homography_error(h, back, pair); };
   });
@@ -255,12 +267,15 @@ std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const 
   std::vector<TwoViews> ends;
   for (std::size_t i = 0; i < proposed.size(); ++i)
     if (2 * counts[i] >= most && counts[i] > 0) ends.push_back(settled(pairs, rays, camera, proposed[i], options));
-  const auto best = std::max_element(ends.begin(), ends.end(), [](const TwoViews& a, const TwoViews& b) { return a.count < b.count; });
-  if (best == ends.end() || best->count < options.least_pairs || best->count < options.least_share * static_cast<double>(pairs.size()) ||
+  const auto best = std::max_element(ends.begin(), ends.end(),
+                                     [](const TwoViews& a, const TwoViews& b) { return a.count < b.count; });
+  if (best == ends.end() || best->count < options.least_pairs ||
+      best->count < options.least_share * static_cast<double>(pairs.size()) ||
       best->parallax_rad < options.least_parallax_rad)
     return std::nullopt;
   for (const TwoViews& other : ends)
-    if (other.count > options.distinct * best->count && !is_alike(other.second_from_first, best->second_from_first)) return std::nullopt;
+    if (other.count > options.distinct * best->count && !is_alike(other.second_from_first, best->second_from_first))
+      return std::nullopt;
   return std::move(*best);
 }
 

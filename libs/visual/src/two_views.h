@@ -1,6 +1,6 @@
 #pragma once
-// How two pictures of one camera lie to each other, from points that both show, without knowing how far any is (Hartley and Zisserman:
-// Multiple View Geometry, 2004, chapters 9, 11 and 13).
+// How two pictures of one camera lie to each other, from points that both show, without knowing how far any is (Hartley
+// and Zisserman: Multiple View Geometry, 2004, chapters 9, 11 and 13).
 
 #include "pose_from_points.h"
 
@@ -32,19 +32,21 @@ struct TwoViews {
   double parallax_rad = 0.0;
 };
 
-// Motions are proposed by an essential matrix, which planes deceive, and by a homography, which depth does, each of the sample (RANSAC)
-// that most pairs agree with; all of them are then refined by bundle adjustment and judged alike, by pairs that fit and lie in front of
-// both cameras. nullopt where parallax is too small or where two of them explain the pairs: a plane may be seen in two ways. The same input
-// gives the same answer, to the bit.
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera, const TwoViewOptions& options);
+// Motions are proposed by an essential matrix, which planes deceive, and by a homography, which depth does, each of the
+// sample (RANSAC) that most pairs agree with; all of them are then refined by bundle adjustment and judged alike, by
+// pairs that fit and lie in front of both cameras. nullopt where parallax is too small or where two of them explain the
+// pairs: a plane may be seen in two ways. The same input gives the same answer, to the bit.
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                     const TwoViewOptions& options);
 
-// What two rays (any length; the second's frame is reached by second_from_first) meet in, in the first's frame, by least squares of angles'
-// sines. nullopt where they run apart, or together without parallax.
+// What two rays (any length; the second's frame is reached by second_from_first) meet in, in the first's frame, by
+// least squares of angles' sines. nullopt where they run apart, or together without parallax.
 std::optional<Eigen::Vector3d> meet(const Eigen::Vector3d& ray_in_first, const Eigen::Vector3d& ray_in_second,
                                     const View& second_from_first);
 
-// (R, t) of an essential matrix: four; of a homography between rays (second ~ H first): at most four, none where nothing but rotation is
-// seen (Ma, Soatto, Kosecka, Sastry: An Invitation to 3-D Vision, 2004, sections 5.2.1 and 5.3.3). Translations have length 1.
+// (R, t) of an essential matrix: four; of a homography between rays (second ~ H first): at most four, none where
+// nothing but rotation is seen (Ma, Soatto, Kosecka, Sastry: An Invitation to 3-D Vision, 2004, sections 5.2.1
+// and 5.3.3). Translations have length 1.
 std::vector<View> motions_of_essential(const Eigen::Matrix3d& essential);
 std::vector<View> motions_of_homography(const Eigen::Matrix3d& homography);
 

@@ -72,13 +72,15 @@ struct VisualClient::State : Follower {
     for (const Match& match : matches) depths.push_back((view * map.landmark(match.landmark).point).z());
     const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
     std::nth_element(depths.begin(), middle, depths.end());
-    return static_cast<double>(matches.size()) < options.keyframe.kept_share * static_cast<double>(reference_landmarks) ||
+    return static_cast<double>(matches.size()) <
+               options.keyframe.kept_share * static_cast<double>(reference_landmarks) ||
            Eigen::AngleAxisd(since.rotation).angle() > options.keyframe.turn_rad ||
            since.centre().norm() > options.keyframe.parallax * *middle;
   }
 
   void drop_what_is_gone() {
-    matches.erase(std::remove_if(matches.begin(), matches.end(), [&](const Match& match) { return map.landmark(match.landmark).gone; }),
+    matches.erase(std::remove_if(matches.begin(), matches.end(),
+                                 [&](const Match& match) { return map.landmark(match.landmark).gone; }),
                   matches.end());
   }
 
@@ -88,8 +90,9 @@ struct VisualClient::State : Follower {
     look_for_borrowed(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
-    fuse_duplicates(map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes), matches,
-                    picture, map.keyframe(reference).view);
+    fuse_duplicates(
+        map, near_keyframes(map, session, matches, map.keyframe(reference).view, options.tracking.near_keyframes),
+        matches, picture, map.keyframe(reference).view);
     cull_landmarks(map, reference, options.memory);
     borrowed.tidy(map, session, map.keyframe(reference).view);
     drop_what_is_gone();
@@ -104,9 +107,9 @@ struct VisualClient::State : Follower {
     const Keyframe& keyframe = map.keyframe(reference);
     const View here = keyframe.view;
     const double reach_px = std::max(8.0, kBorrowedReach * map.camera.width);
-    auto found = picture.features
-                     ? borrowed.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
-                     : borrowed.look(map, session, grid_of(keyframe.features, map.camera), here, speed, matches, reach_px, kFeature_px);
+    auto found = picture.features ? borrowed.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
+                                  : borrowed.look(map, session, grid_of(keyframe.features, map.camera), here, speed,
+                                                  matches, reach_px, kFeature_px);
     borrowed.keep(map, found, agreement(map, found, here, options.tracking).fits);
     for (const Match& match : found) see_borrowed(map, reference, picture, match, options.tracking.sigma_px);
     matches.insert(matches.end(), found.begin(), found.end());
@@ -133,14 +136,15 @@ struct VisualClient::State : Follower {
       for (int one : {session, other}) forget_borrowed(one);
       const auto moves = [&](const ReanchoredFrame& frame) { return frame.session == std::max(session, other); };
       reanchored.erase(std::remove_if(reanchored.begin(), reanchored.end(), moves), reanchored.end());
-      map.reanchored.erase(std::remove(map.reanchored.begin(), map.reanchored.end(), std::max(session, other)), map.reanchored.end());
+      map.reanchored.erase(std::remove(map.reanchored.begin(), map.reanchored.end(), std::max(session, other)),
+                           map.reanchored.end());
       join_sessions(map, *loop);
       session = map.keyframe(reference).session;
     }
     const auto correction = std::make_shared<MapCorrection>(map, *loop, options.tracking.sigma_px);
     const auto delay = static_cast<std::int64_t>(options.loops.delay_s * 1e9);
-    loop_correction =
-        LoopCorrection{stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
+    loop_correction = LoopCorrection{
+        stamp, {stamp.ns + delay}, correction, std::make_shared<BackgroundWork>([correction] { correction->run(); })};
   }
 
   void forget_borrowed(int number) {
@@ -168,7 +172,9 @@ struct VisualClient::State : Follower {
   }
 
   bool correct(const ClientPlace& place, int number, const std::vector<MovedNode>& corrected, double scale) {
-    if (!has_session(number) || loop_correction || !(std::isfinite(scale) && scale > 0.0) || (scale != 1.0 && !map.monocular)) return false;
+    if (!has_session(number) || loop_correction || !(std::isfinite(scale) && scale > 0.0) ||
+        (scale != 1.0 && !map.monocular))
+      return false;
     const auto motions = motions_to(map, number, {place.client, begun->ns}, corrected, place.robot_from_camera, scale);
     if (motions.empty()) return false;
     forget_borrowed(number);
@@ -189,7 +195,8 @@ struct VisualClient::State : Follower {
     const int made = add_keyframe(map, number, frame, picture, view, Motion(), {}, matches, options);
     if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {
       map.discard(made);
-      if (shows_something(picture) && ++without_depth == kNotedAfter) notes.push_back(note_on_depth(frame, map, options));
+      if (shows_something(picture) && ++without_depth == kNotedAfter)
+        notes.push_back(note_on_depth(frame, map, options));
       std::swap(matches, none), view = before;
       return false;
     }
@@ -221,7 +228,8 @@ struct VisualClient::State : Follower {
     last_stamp = stamp, last_driven = driven, lost_s = 0.0, lost_stamp = stamp;
     exchange.clear();
     map.keyframe(reference).frames.push_back(anchored(stamp, view * map.keyframe(reference).view.inverse()));
-    if (const auto most = static_cast<std::size_t>(options.memory.frames); ++frames > most) frames = thin_frames(map, most);
+    if (const auto most = static_cast<std::size_t>(options.memory.frames); ++frames > most)
+      frames = thin_frames(map, most);
     return {TrackState::tracked, pose_of(view), static_cast<int>(matches.size()), keyframe, session};
   }
 
@@ -237,7 +245,8 @@ struct VisualClient::State : Follower {
     if (shows_something(picture)) lost_s += std::max(1e-3, seconds_between(lost_stamp, frame.stamp));
     lost_stamp = frame.stamp;
     exchange.miss(frame, picture);
-    if (lost_s >= options.session.patience_s && begin(frame, std::move(picture), sessions_begun)) return kept(frame.stamp, true);
+    if (lost_s >= options.session.patience_s && begin(frame, std::move(picture), sessions_begun))
+      return kept(frame.stamp, true);
     Tracked tracked;
     tracked.state = TrackState::lost, tracked.session = session;
     return tracked;
@@ -260,7 +269,8 @@ struct VisualClient::State : Follower {
       notes.push_back(note_on_delay(frame.depth.delay_s));
       noted_delay = true;
     }
-    if (loop_correction && (options.loops.wait ? loop_correction->due <= frame.stamp : loop_correction->work->is_done()))
+    if (loop_correction &&
+        (options.loops.wait ? loop_correction->due <= frame.stamp : loop_correction->work->is_done()))
       apply_loop_correction(frame.stamp);
     if (reference < 0) {
       exchange.miss(frame, picture), lost_stamp = frame.stamp;
@@ -270,7 +280,8 @@ struct VisualClient::State : Follower {
     Attempt attempt = follow(frame, picture, interval_s);
     const bool just_now = lost_stamp == last_stamp || (lost_s == 0.0 && interval_s < kCarried_s);
     bool followed = just_now && is_good(attempt, true);
-    if (followed && !map.monocular && recent.contradict(attempt, {frame.stamp, driven, attempt.pose.view}, options.session))
+    if (followed && !map.monocular &&
+        recent.contradict(attempt, {frame.stamp, driven, attempt.pose.view}, options.session))
       followed = false, attempt = Attempt(), go_back(Station(recent.oldest()));
     if (!followed) attempt = find_again(picture, frame.stamp, std::move(attempt));
     if (!followed && !is_good(attempt)) return lost(frame, std::move(picture));
@@ -292,7 +303,8 @@ struct VisualClient::State : Follower {
       motion = attempt.pose.view * view.inverse();
     }
     view = attempt.pose.view;
-    if (map.monocular) mono_start.clear(), look_for_candidates(map, picture, view, attempt.motion, matches, options.tracking);
+    if (map.monocular)
+      mono_start.clear(), look_for_candidates(map, picture, view, attempt.motion, matches, options.tracking);
     const bool keyframe = keyframe_is_due();
     if (keyframe) make_keyframe(frame, picture, attempt.motion);
     last = std::move(picture);
@@ -301,7 +313,8 @@ struct VisualClient::State : Follower {
   }
 
   MapPublisher publisher_for(const ClientPlace& place) const {
-    return MapPublisher(place, SessionId{place.client, begun->ns}, options.tracking.sigma_px, options.depth.inverse_depth_sigma);
+    return MapPublisher(place, SessionId{place.client, begun->ns}, options.tracking.sigma_px,
+                        options.depth.inverse_depth_sigma);
   }
 
   int receive(const ClientPlace& place, int number, const std::vector<DescribedLandmark>& landmarks) {
@@ -320,10 +333,11 @@ struct VisualClient::State : Follower {
     const auto own = session_of(place.client, answer.map);
     const bool begins = !own;
     const int number = own.value_or(sessions_begun);
-    if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 || answer.landmarks.empty() ||
-        !(begins || has_session(number)))
+    if (!is_finite(answer.map_from_robot) || std::abs(answer.map_from_robot.q.norm() - 1.0) > 1e-6 ||
+        answer.landmarks.empty() || !(begins || has_session(number)))
       return PlaceVerdict::unsound;
-    const Pose3 map_from_camera = compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
+    const Pose3 map_from_camera =
+        compose(compose(inverse(place.robot_from_camera), answer.map_from_robot), place.robot_from_camera);
     receive(place, number, answer.landmarks);
     auto checked = check_place(map, borrowed, number, *asked, view_of(map_from_camera), options.tracking);
     if (!checked) {
@@ -336,12 +350,14 @@ struct VisualClient::State : Follower {
     reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
     map.keyframe(reference).driven = driven;
     reference_landmarks = matches.size(), session = number;
-    if (begins) sessions_begun = number + 1, reanchored.push_back({number, answer.map}), map.reanchored.push_back(number);
+    if (begins)
+      sessions_begun = number + 1, reanchored.push_back({number, answer.map}), map.reanchored.push_back(number);
     if (closer) closer->add(map, reference);
     mono_start.clear();
     last = asked->picture;
     kept(asked->frame.stamp, true);
-    if (asked->frame.stamp < newest) lost_s = 1e-3, lost_stamp = newest;  // since then the camera may have come anywhere
+    if (asked->frame.stamp < newest)
+      lost_s = 1e-3, lost_stamp = newest;  // since then the camera may have come anywhere
     return PlaceVerdict::taken;
   }
 };
@@ -349,7 +365,8 @@ struct VisualClient::State : Follower {
 VisualClient::VisualClient(Pinhole camera, double baseline_m, ClientOptions options,
                            std::optional<matching::BinaryVocabulary> vocabulary)
     : state_(new State) {
-  MAPWEAVE_EXPECT(camera.width >= 64 && camera.height >= 64 && camera.fx > 0 && camera.fy > 0, "a camera of at least 64 x 64 pixels");
+  MAPWEAVE_EXPECT(camera.width >= 64 && camera.height >= 64 && camera.fx > 0 && camera.fy > 0,
+                  "a camera of at least 64 x 64 pixels");
   state_->options = options;
   state_->map.camera = camera, state_->map.baseline_m = baseline_m;
   if (vocabulary) state_->closer.emplace(*vocabulary, options);
@@ -370,7 +387,9 @@ Tracked VisualClient::add(const FeatureFrame& frame) {
   return state_->add(frame);
 }
 
-std::shared_ptr<BackgroundWork> VisualClient::pending() const { return state_->loop_correction ? state_->loop_correction->work : nullptr; }
+std::shared_ptr<BackgroundWork> VisualClient::pending() const {
+  return state_->loop_correction ? state_->loop_correction->work : nullptr;
+}
 
 void VisualClient::finish() {
   if (state_->loop_correction) state_->apply_loop_correction(state_->last_stamp);
@@ -387,26 +406,30 @@ std::vector<MapUpdate> VisualClient::take_updates(const ClientPlace& place, Publ
 }
 
 void VisualClient::publish_again(const ClientPlace& place, const MapId& map) {
-  if (const auto number = session_of(place.client, map); number && state_->publisher) state_->publisher->forget(*number);
+  if (const auto number = session_of(place.client, map); number && state_->publisher)
+    state_->publisher->forget(*number);
 }
 
 std::vector<Map> VisualClient::maps(const ClientPlace& place) const {
   if (!state_->begun) return {};
   std::vector<Map> result;
   MapPublisher publisher = state_->publisher_for(place);
-  for (const MapUpdate& update : publisher.take(state_->map, PublishedDetail::exact)) result.push_back(updated(Map{}, update));
+  for (const MapUpdate& update : publisher.take(state_->map, PublishedDetail::exact))
+    result.push_back(updated(Map{}, update));
   return result;
 }
 
 int VisualClient::borrow(const ClientPlace& place, int session, const std::vector<DescribedLandmark>& landmarks) {
   return state_->has_session(session) ? state_->receive(place, session, landmarks) : 0;
 }
-bool VisualClient::correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected, double scale) {
+bool VisualClient::correct(const ClientPlace& place, int session, const std::vector<MovedNode>& corrected,
+                           double scale) {
   return state_->correct(place, session, corrected, scale);
 }
 std::optional<ClientView> VisualClient::view(const ClientPlace& place) const {
   if (state_->reference < 0 || state_->lost_s > 0.0) return std::nullopt;
-  const Pose3 map_from_robot = compose(compose(place.robot_from_camera, pose_of(state_->view)), inverse(place.robot_from_camera));
+  const Pose3 map_from_robot =
+      compose(compose(place.robot_from_camera, pose_of(state_->view)), inverse(place.robot_from_camera));
   return ClientView{map_of(place.client, state_->session), state_->last_stamp, map_from_robot, state_->forgotten};
 }
 std::size_t VisualClient::borrowed() const { return state_->borrowed.size(); }
@@ -415,7 +438,9 @@ std::size_t VisualClient::borrowed_seen() const { return borrowed_of(state_->map
 std::optional<PlaceRequest> VisualClient::place_request(const ClientPlace& place) {
   return state_->exchange.request(state_->map, place, state_->options);
 }
-PlaceVerdict VisualClient::place(const ClientPlace& place, const PlaceAnswer& answer) { return state_->place_at(place, answer); }
+PlaceVerdict VisualClient::place(const ClientPlace& place, const PlaceAnswer& answer) {
+  return state_->place_at(place, answer);
+}
 std::vector<ReanchoredFrame> VisualClient::reanchored() const { return state_->reanchored; }
 
 std::vector<SeenLandmark> VisualClient::seen() const {

@@ -13,11 +13,12 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kNear_m = 6.0;         // between the middles of submaps that should show the same, at least
-constexpr double kFarthest_m = 14.0;    // the same, where both see far
+constexpr double kNear_m = 6.0;       // between the middles of submaps that should show the same, at least
+constexpr double kFarthest_m = 14.0;  // the same, where both see far
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
-constexpr double kSure_m = 0.7;         // standard deviation up to which a window is narrow
-constexpr double kWidest_m = 6.0, kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
+constexpr double kSure_m = 0.7;                       // standard deviation up to which a window is narrow
+constexpr double kWidest_m = 6.0,
+                 kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kThorough_m = 15.0;  // radius of windows that are searched for what little two submaps share
 constexpr double kWindowSigmas = 3.0;
@@ -29,27 +30,34 @@ constexpr std::size_t kFewestLooks = 6;
 constexpr int kFruitless = 4;  // rounds without a new match that end the last search
 
 double position_sigma(const Eigen::Matrix3d& covariance) {
-  const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)), difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
+  const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)),
+               difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
   return std::sqrt(std::max(0.0, half + std::sqrt(difference * difference + covariance(0, 1) * covariance(0, 1))));
 }
 
 // Of motions of a frame, as motions of a place of the team's frame that moves along with it.
-Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_from_frame, const Eigen::Vector2d& place) {
+Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_from_frame,
+                         const Eigen::Vector2d& place) {
   const Eigen::Matrix3d carry = adjoint(between(Pose2{place.x(), place.y(), 0.0}, team_from_frame));
   return carry * covariance * carry.transpose();
 }
 
-bool fixes_position(const SubmapMatch& match) { return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m; }
+bool fixes_position(const SubmapMatch& match) {
+  return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m;
+}
 
 std::size_t apart(std::size_t one, std::size_t other) { return one > other ? one - other : other - one; }
 
 }  // namespace
 
 double inconsistency(const SubmapMatch& one, const SubmapMatch& other, const SolvedSubmaps& from_side,
-                     graph::RelativeCovariance& from_covariance, const SolvedSubmaps& to_side, graph::RelativeCovariance& to_covariance) {
+                     graph::RelativeCovariance& from_covariance, const SolvedSubmaps& to_side,
+                     graph::RelativeCovariance& to_covariance) {
   // Around the cycle: from -> other.from -> other.to -> to.
-  const auto from = static_cast<std::uint32_t>(from_side.place_of(one.from)), other_from = static_cast<std::uint32_t>(from_side.place_of(other.from));
-  const auto to = static_cast<std::uint32_t>(to_side.place_of(one.to)), other_to = static_cast<std::uint32_t>(to_side.place_of(other.to));
+  const auto from = static_cast<std::uint32_t>(from_side.place_of(one.from)),
+             other_from = static_cast<std::uint32_t>(from_side.place_of(other.from));
+  const auto to = static_cast<std::uint32_t>(to_side.place_of(one.to)),
+             other_to = static_cast<std::uint32_t>(to_side.place_of(other.to));
   const Pose2 there = between(from_side.team_from_submap[from], from_side.team_from_submap[other_from]);
   const Pose2 back = between(to_side.team_from_submap[other_to], to_side.team_from_submap[to]);
   const Pose2 rest = compose(other.from_from_to, back);
@@ -64,9 +72,10 @@ double inconsistency(const SubmapMatch& one, const SubmapMatch& other, const Sol
   return e.dot(covariance.ldlt().solve(e));
 }
 
-std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const SolvedSubmaps& solved, graph::RelativeCovariance& covariance,
-                                                                      const std::function<bool(std::size_t, std::size_t)>& in_scope,
-                                                                      double widest_m, const ExaminedPairs& examined) const {
+std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(
+    const SolvedSubmaps& solved, graph::RelativeCovariance& covariance,
+    const std::function<bool(std::size_t, std::size_t)>& in_scope, double widest_m,
+    const ExaminedPairs& examined) const {
   const bool is_wide = widest_m > 0.0;
   std::vector<Eigen::Vector2d> middles;
   for (std::size_t k = 0; k < solved.submaps.size(); ++k) {
@@ -106,22 +115,27 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
                                        std::min(12.0, static_cast<double>(map_j.radii_m[graph_.submap_of(j)])));
           const double near_m = std::clamp(extent, kNear_m, kFarthest_m);
           if (distance > (is_wide ? reach : near_m) || !in_scope(i, j) || graph_.is_constrained(i, j)) continue;
-          const Eigen::Matrix3d apart_by = covariance.between(static_cast<std::uint32_t>(ki), static_cast<std::uint32_t>(kj));
+          const Eigen::Matrix3d apart_by =
+              covariance.between(static_cast<std::uint32_t>(ki), static_cast<std::uint32_t>(kj));
           // At the walls of either, not where a submap happens to begin.
           const Pose2& there = solved.team_from_submap[kj];
-          const double sigma_m = std::max(position_sigma(at_place(apart_by, there, middles[ki])), position_sigma(at_place(apart_by, there, middles[kj])));
+          const double sigma_m = std::max(position_sigma(at_place(apart_by, there, middles[ki])),
+                                          position_sigma(at_place(apart_by, there, middles[kj])));
           const double sigma_rad = std::sqrt(apart_by(2, 2));
-          if (is_wide ? (sigma_m <= kSure_m || sigma_m > widest_m || distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m))
+          if (is_wide ? (sigma_m <= kSure_m || sigma_m > widest_m ||
+                         distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m))
                       : (sigma_m > kSure_m || (sigma_m < kKnown_m && sigma_rad < kKnown_rad)))
             continue;
           const auto before = examined.find({i, j});
           if (before != examined.end()) {
-            const Pose2 moved = between(before->second.expected, between(solved.team_from_submap[ki], solved.team_from_submap[kj]));
+            const Pose2 moved =
+                between(before->second.expected, between(solved.team_from_submap[ki], solved.team_from_submap[kj]));
             if (std::hypot(moved.x, moved.y) < 0.5 * before->second.radius_m && std::abs(moved.phi) < 0.1) continue;
           }
           const double unlikeness =
               is_wide ? matching::ring_distance(map_i.keys[graph_.submap_of(i)], map_j.keys[graph_.submap_of(j)]) +
-                            matching::ring_distance(map_i.far_keys[graph_.submap_of(i)], map_j.far_keys[graph_.submap_of(j)])
+                            matching::ring_distance(map_i.far_keys[graph_.submap_of(i)],
+                                                    map_j.far_keys[graph_.submap_of(j)])
                       : 0.0;
           near[kj].push_back({distance, unlikeness, ki, sigma_m, sigma_rad});
           near[ki].push_back({distance, unlikeness, kj, sigma_m, sigma_rad});
@@ -129,7 +143,9 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
       }
   }
   std::map<std::pair<std::size_t, std::size_t>, const Near*> chosen;  // by place, the lower first
-  const auto choose = [&](std::size_t place, const Near& other) { chosen.emplace(std::minmax(place, other.place), &other); };
+  const auto choose = [&](std::size_t place, const Near& other) {
+    chosen.emplace(std::minmax(place, other.place), &other);
+  };
   // Where hardly anything is known, the nearest are no better than others.
   const std::size_t nearest = is_wide ? (widest_m > kWidest_m ? 0 : kNearestWide) : kNearest;
   for (std::size_t place = 0; place < near.size(); ++place) {
@@ -153,7 +169,8 @@ std::vector<ConstraintSearch::Candidate> ConstraintSearch::candidates(const Solv
   return result;
 }
 
-// What a match of a wide window says of the submaps around its own, looked up there: too little of these may be shared for the wide window.
+// What a match of a wide window says of the submaps around its own, looked up there: too little of these may be shared
+// for the wide window.
 void ConstraintSearch::look_beside(std::vector<SubmapMatch>& waiting, std::size_t first,
                                    const std::function<bool(std::size_t, std::size_t)>& in_scope) const {
   std::set<std::pair<std::size_t, std::size_t>> known;
@@ -171,8 +188,9 @@ void ConstraintSearch::look_beside(std::vector<SubmapMatch>& waiting, std::size_
       for (std::size_t j = to.first; j < to.second; ++j) {
         if (i >= j || !in_scope(i, j) || graph_.is_constrained(i, j) || !known.insert({i, j}).second) continue;
         SubmapQuestion question{i, j, {}, Thoroughness::least_part};
-        question.from_from_to.a_from_b = compose(compose(between(own_pose(i), own_pose(match.from)), match.from_from_to),
-                                                 between(own_pose(match.to), own_pose(j)));
+        question.from_from_to.a_from_b =
+            compose(compose(between(own_pose(i), own_pose(match.from)), match.from_from_to),
+                    between(own_pose(match.to), own_pose(j)));
         question.from_from_to.radius_m = kBesideRadius_m;
         question.from_from_to.yaw_rad = kBesideYaw_rad;
         questions.push_back(question);
@@ -183,7 +201,8 @@ void ConstraintSearch::look_beside(std::vector<SubmapMatch>& waiting, std::size_
 }
 
 ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
-                                             const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds, bool is_final) {
+                                             const std::function<bool(std::size_t, std::size_t)>& in_scope,
+                                             int most_rounds, bool is_final) {
   ConstraintSearchResult result;
   ExaminedPairs examined;
   std::vector<SubmapMatch> waiting;  // of wide windows, that nothing confirmed yet
@@ -198,7 +217,8 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
   };
   settle();
   const std::size_t given = matches.size();
-  // In the last search narrow and wide windows take turns once they find nothing new: narrow ones are many, and rounds are few.
+  // In the last search narrow and wide windows take turns once they find nothing new: narrow ones are many, and rounds
+  // are few.
   bool widen = false;
   int fruitless = 0;  // rounds, since the last match
   for (int round = 0; round < most_rounds; ++round) {
@@ -206,7 +226,8 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     bool is_wide = widen;
     const auto widened = [&] {
       std::vector<Candidate> wide = candidates(result.solved, covariance, in_scope, kWidest_m, examined);
-      return wide.empty() && is_final ? candidates(result.solved, covariance, in_scope, kWidestFinal_m, examined) : wide;
+      return wide.empty() && is_final ? candidates(result.solved, covariance, in_scope, kWidestFinal_m, examined)
+                                      : wide;
     };
     std::vector<Candidate> found = is_wide ? widened() : candidates(result.solved, covariance, in_scope, 0.0, examined);
     if (found.empty()) {
@@ -217,7 +238,8 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     std::vector<SubmapQuestion> questions;
     for (const Candidate& candidate : found) {
       questions.push_back(candidate.question);
-      if (is_final && is_wide && candidate.question.from_from_to.radius_m <= kThorough_m) questions.back().wanted = Thoroughness::part;
+      if (is_final && is_wide && candidate.question.from_from_to.radius_m <= kThorough_m)
+        questions.back().wanted = Thoroughness::part;
       examined[{candidate.question.from, candidate.question.to}] = {candidate.question.from_from_to.a_from_b,
                                                                     candidate.question.from_from_to.radius_m};
     }
@@ -243,12 +265,13 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     for (std::size_t a = 0; a < waiting.size(); ++a) {
       const auto agrees = [&](const SubmapMatch& other) {
         return (other.from != waiting[a].from || other.to != waiting[a].to) && fixes_position(other) &&
-               apart(other.from, waiting[a].from) <= kBeside &&
-               apart(other.to, waiting[a].to) <= kBeside && graph_.map_of(other.from) == graph_.map_of(waiting[a].from) &&
+               apart(other.from, waiting[a].from) <= kBeside && apart(other.to, waiting[a].to) <= kBeside &&
+               graph_.map_of(other.from) == graph_.map_of(waiting[a].from) &&
                graph_.map_of(other.to) == graph_.map_of(waiting[a].to) &&
                inconsistency(waiting[a], other, result.solved, covariance, result.solved, covariance) < kConsistent;
       };
-      confirmed[a] = std::any_of(waiting.begin(), waiting.end(), agrees) || std::any_of(matches.begin(), matches.end(), agrees);
+      confirmed[a] =
+          std::any_of(waiting.begin(), waiting.end(), agrees) || std::any_of(matches.begin(), matches.end(), agrees);
     }
     for (std::size_t a = 0; a < waiting.size(); ++a) {
       if (confirmed[a])
@@ -261,7 +284,8 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
     fruitless = any ? 0 : fruitless + 1;
     if (is_final && fruitless == kFruitless) break;
     widen = is_final && !any && !is_wide;
-    if (!is_wide && result.supporting + result.contradicting >= kFewestLooks && result.contradicting > 2 * (result.supporting + given) + 2) {
+    if (!is_wide && result.supporting + result.contradicting >= kFewestLooks &&
+        result.contradicting > 2 * (result.supporting + given) + 2) {
       result.is_hopeless = true;
       break;
     }

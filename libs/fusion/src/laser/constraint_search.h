@@ -1,6 +1,7 @@
 #pragma once
-// The search for further matches once some are known: where the joint graph says that submaps lie near each other, as certainly as it
-// knows. After each solution again, until nothing new is found. The same between robots, and within one.
+// The search for further matches once some are known: where the joint graph says that submaps lie near each other, as
+// certainly as it knows. After each solution again, until nothing new is found. The same between robots, and within
+// one.
 
 #include "submap_judge.h"
 
@@ -9,10 +10,12 @@
 
 namespace mapweave::fusion {
 
-// Whether two matches contradict each other, given what lies between them in the solved graph (pairwise consistency: Mangelson et al.,
-// ICRA 2018). Squared error in standard deviations, 3 degrees of freedom. Both lead from the one side of the graph to the other.
+// Whether two matches contradict each other, given what lies between them in the solved graph (pairwise consistency:
+// Mangelson et al., ICRA 2018). Squared error in standard deviations, 3 degrees of freedom. Both lead from the one side
+// of the graph to the other.
 double inconsistency(const SubmapMatch& one, const SubmapMatch& other, const SolvedSubmaps& from_side,
-                     graph::RelativeCovariance& from_covariance, const SolvedSubmaps& to_side, graph::RelativeCovariance& to_covariance);
+                     graph::RelativeCovariance& from_covariance, const SolvedSubmaps& to_side,
+                     graph::RelativeCovariance& to_covariance);
 constexpr double kConsistent = 14.2;  // 99.73 % of what is consistent
 
 struct ConstraintSearchResult {
@@ -28,10 +31,11 @@ class ConstraintSearch {
   ConstraintSearch(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, SubmapJudge& judge)
       : maps_(maps), graph_(graph), judge_(judge) {}
 
-  // `in_scope(i, j)`, i < j: whether a pair of submaps of the members is looked at. `is_final`: also where the graph hardly knows how two
-  // places lie to each other (a loop of hundreds of metres).
+  // `in_scope(i, j)`, i < j: whether a pair of submaps of the members is looked at. `is_final`: also where the graph
+  // hardly knows how two places lie to each other (a loop of hundreds of metres).
   ConstraintSearchResult run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
-                             const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds, bool is_final);
+                             const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds,
+                             bool is_final);
 
  private:
   struct Candidate {

@@ -13,7 +13,8 @@ namespace mapweave::fusion {
 namespace {
 
 constexpr double kSameScale = 0.005;  // of grids that bend by more than that anyway
-// Of grids of one place: walls of the one in free space of the other, as a share of those that coincide; and some that people moved.
+// Of grids of one place: walls of the one in free space of the other, as a share of those that coincide; and some that
+// people moved.
 constexpr double kMostConflict = 0.35, kMoved_m = 4.0;
 
 Hash pair_id(const Map& a, const Map& b, const GridPairOptions& options) {
@@ -68,8 +69,8 @@ struct MatchSum {
 
 }  // namespace
 
-GridAlignments::GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool,
-                               const std::set<std::pair<std::size_t, std::size_t>>& excluded)
+GridAlignments::GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options,
+                               WorkerPool& pool, const std::set<std::pair<std::size_t, std::size_t>>& excluded)
     : maps_(std::move(maps)), options_(options), grids_(maps_.size()), scales_(maps_.size(), 1.0) {
   align_all(vetoed, excluded, pool);
   estimate_scales();
@@ -80,7 +81,8 @@ const GridAlignments::Pair* GridAlignments::pair(std::size_t a, std::size_t b) c
   return known == pairs_.end() ? nullptr : &known->second;
 }
 
-void GridAlignments::align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool) {
+void GridAlignments::align_all(const std::set<Hash>& vetoed,
+                               const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool) {
   std::vector<std::size_t> numbers;
   for (std::size_t m = 0; m < maps_.size(); ++m)
     if (fusion::is_grid(*maps_[m])) numbers.push_back(m);
@@ -126,7 +128,8 @@ void GridAlignments::estimate_scales() {
     right[b] += weight * step;
   }
   for (Eigen::Index m = 0; m < count; ++m)
-    if (groups.find(static_cast<std::size_t>(m)) == static_cast<std::size_t>(m)) normal(m, m) += 1e9;  // the lowest of its group stays as it is
+    if (groups.find(static_cast<std::size_t>(m)) == static_cast<std::size_t>(m))
+      normal(m, m) += 1e9;  // the lowest of its group stays as it is
   if (count == 0) return;
   const Eigen::VectorXd logarithms = normal.ldlt().solve(right);
   for (std::size_t m = 0; m < maps_.size(); ++m) {
@@ -170,21 +173,23 @@ std::vector<SubmapMatch> GridAlignments::matches(std::size_t a, std::size_t b, c
     const std::size_t from = homes_a.at(constraint.id.from), to = homes_b.at(constraint.id.to);
     const Pose2 tile_from_submap = inverse(submap_from(*prepared[b].submaps[to], constraint.id.to));
     const Pose2 submap_from_tile = submap_from(*prepared[a].submaps[from], constraint.id.from);
-    const Pose2 from_from_to = compose(compose(submap_from_tile, planar(constraint.from_from_to.pose)), tile_from_submap);
+    const Pose2 from_from_to =
+        compose(compose(submap_from_tile, planar(constraint.from_from_to.pose)), tile_from_submap);
     const Eigen::Matrix3d carry = adjoint(tile_from_submap);
     sums[{from, to}].add(from_from_to, carry.transpose() * planar(constraint.information) * carry);
   }
   const Pair& pair = pairs_.at({a, b});
   std::vector<SubmapMatch> matches;
   for (const auto& [names, sum] : sums)
-    matches.push_back({graph.number(a, names.first), graph.number(b, names.second), sum.mean(), sum.information, pair.result.probability,
-                       pair.judgement.id, true});
+    matches.push_back({graph.number(a, names.first), graph.number(b, names.second), sum.mean(), sum.information,
+                       pair.result.probability, pair.judgement.id, true});
   return matches;
 }
 
 bool GridAlignments::may_lie(std::size_t a, std::size_t b, const Pose2& a_from_b) const {
   const Pose2 in_a(a_from_b.x / scales_[a], a_from_b.y / scales_[a], a_from_b.phi);
-  const GridVerification counts = verify_alignment(*grids_[a], *grids_[b], {in_a, scales_[b] / scales_[a]}, options_.grids);
+  const GridVerification counts =
+      verify_alignment(*grids_[a], *grids_[b], {in_a, scales_[b] / scales_[a]}, options_.grids);
   return counts.mean_conflict_m() <= kMoved_m + kMostConflict * counts.mean_fit_m();
 }
 

@@ -1,6 +1,7 @@
 #pragma once
-// The map_server grids among the maps: each two are aligned as a whole. What other makers' scales are is estimated and applied before
-// anything else looks at them; what holds two of them together becomes matches of submaps and constraints of tiles.
+// The map_server grids among the maps: each two are aligned as a whole. What other makers' scales are is estimated and
+// applied before anything else looks at them; what holds two of them together becomes matches of submaps and
+// constraints of tiles.
 
 #include "submap_graph.h"
 
@@ -23,11 +24,12 @@ class GridAlignments {
   };
 
   // `maps` must outlive it. Aligns all pairs of grids but the excluded ones (numbers, the lower first), side by side.
-  GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options, WorkerPool& pool,
-                 const std::set<std::pair<std::size_t, std::size_t>>& excluded = {});
+  GridAlignments(std::vector<const Map*> maps, const std::set<Hash>& vetoed, const FusionOptions& options,
+                 WorkerPool& pool, const std::set<std::pair<std::size_t, std::size_t>>& excluded = {});
 
   bool is_grid(std::size_t map) const { return grids_[map] != nullptr; }
-  // Against the grid with the lowest number that it is surely aligned with, through others or not; 1 where the difference is none.
+  // Against the grid with the lowest number that it is surely aligned with, through others or not; 1 where the
+  // difference is none.
   double scale(std::size_t map) const { return scales_[map]; }
   const Map& given(std::size_t map) const { return *maps_[map]; }
   const Map& rescaled(std::size_t map) const { return scales_[map] == 1.0 ? *maps_[map] : rescaled_.at(map); }
@@ -37,12 +39,14 @@ class GridAlignments {
   // Between the rescaled maps; a < b.
   Pose2 a_from_b(std::size_t a, std::size_t b) const;
   std::vector<Constraint> constraints(std::size_t a, std::size_t b) const;
-  std::vector<SubmapMatch> matches(std::size_t a, std::size_t b, const std::vector<PreparedMap>& prepared, const SubmapGraph& graph) const;
+  std::vector<SubmapMatch> matches(std::size_t a, std::size_t b, const std::vector<PreparedMap>& prepared,
+                                   const SubmapGraph& graph) const;
   // Whether the two could lie so: not much more wall in free space than there is in grids of one place.
   bool may_lie(std::size_t a, std::size_t b, const Pose2& a_from_b) const;
 
  private:
-  void align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded, WorkerPool& pool);
+  void align_all(const std::set<Hash>& vetoed, const std::set<std::pair<std::size_t, std::size_t>>& excluded,
+                 WorkerPool& pool);
   void estimate_scales();
 
   std::vector<const Map*> maps_;

@@ -62,7 +62,8 @@ bool LaserMerger::add_grid_pair(MergeHypothesis& hypothesis, std::size_t a, std:
   if (pair.is_sure) {
     const Pose2 own = grids_.a_from_b(a, b);
     const auto& middle = maps_[b].centres[maps_[b].centres.size() / 2];
-    if (middle_distance_m(own, implied, middle) > kAlike_m || std::abs(wrap_angle(own.phi - implied.phi)) > kAlike_rad) return false;
+    if (middle_distance_m(own, implied, middle) > kAlike_m || std::abs(wrap_angle(own.phi - implied.phi)) > kAlike_rad)
+      return false;
     const auto matches = grids_.matches(a, b, maps_, graph_);
     hypothesis.matches.insert(hypothesis.matches.end(), matches.begin(), matches.end());
     return true;
@@ -77,7 +78,8 @@ std::vector<MergeHypothesis> LaserMerger::grid_hypotheses(const LaserTeam& x, co
       const auto [a, b] = std::minmax(one, other);
       const GridAlignments::Pair* pair = grids_.pair(a, b);
       if (pair == nullptr || pair->is_vetoed || refused_.count({a, b}) != 0) continue;
-      known.push_back({pair->result.probability, pair->result.hypotheses.empty() ? 0.0 : pair->result.hypotheses.front().support_m, a, b});
+      known.push_back({pair->result.probability,
+                       pair->result.hypotheses.empty() ? 0.0 : pair->result.hypotheses.front().support_m, a, b});
     }
   std::stable_sort(known.begin(), known.end(), [](const GridsOfTeams& l, const GridsOfTeams& r) {
     return std::make_pair(l.probability, l.support_m) > std::make_pair(r.probability, r.support_m);
@@ -125,7 +127,8 @@ void LaserMerger::describe_grids(std::size_t a, std::size_t b, Verdict& verdict)
   const matching::Point2f in_b{static_cast<float>(middle.x / scale), static_cast<float>(middle.y / scale)};
   const auto lie_together = [&](const matching::PlanarSimilarity& one, const matching::PlanarSimilarity& other) {
     const auto here = matching::transformed(one, in_b), there = matching::transformed(other, in_b);
-    return std::hypot(here.x - there.x, here.y - there.y) < kAlike_m && std::abs(wrap_angle(one.pose.phi - other.pose.phi)) < kAlike_rad;
+    return std::hypot(here.x - there.x, here.y - there.y) < kAlike_m &&
+           std::abs(wrap_angle(one.pose.phi - other.pose.phi)) < kAlike_rad;
   };
   std::vector<const GridVerification*> reported;
   for (const GridVerification& counts : pair.result.hypotheses) {

@@ -13,21 +13,23 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kMostHypotheses = 4;  // evaluated for two groups of maps
-constexpr double kCertain = 15.0;           // log odds from which a merge waits for no other
-constexpr double kLeastSeed = 1.0;          // log odds of the matches that a hypothesis begins with
+constexpr std::size_t kMostHypotheses = 4;   // evaluated for two groups of maps
+constexpr double kCertain = 15.0;            // log odds from which a merge waits for no other
+constexpr double kLeastSeed = 1.0;           // log odds of the matches that a hypothesis begins with
 constexpr std::size_t kSearchSteps = 20000;  // for each set of matches
 // Walls are compared where the graph knows to this how the two lie to each other.
 constexpr double kCompared_m = 20.0, kCompared_sigma_m = 0.4;
 constexpr int kMostRounds = 12, kMostRoundsFinal = 32;
-constexpr int kMostMendings = 6, kMostMendingsAlone = 2;  // of a team; of two groups that are not merged yet
-constexpr std::size_t kFewestToMend = 3;                  // matches
+constexpr int kMostMendings = 6, kMostMendingsAlone = 2;    // of a team; of two groups that are not merged yet
+constexpr std::size_t kFewestToMend = 3;                    // matches
 constexpr std::size_t kMostAtOnce = std::size_t{1} << 20U;  // questions of a pair of maps: more than a pair has
 constexpr double kBentRadius_m = 0.7, kBentYaw_rad = 0.06;  // how a submap may lie to what its region says
 constexpr double kAsGoodAFit = 0.9;
 constexpr double kPriorDistinguishes = 2.0;  // log odds of a prior
 
-bool contains(const std::vector<std::size_t>& sorted, std::size_t value) { return std::binary_search(sorted.begin(), sorted.end(), value); }
+bool contains(const std::vector<std::size_t>& sorted, std::size_t value) {
+  return std::binary_search(sorted.begin(), sorted.end(), value);
+}
 
 std::vector<std::size_t> united(const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) {
   std::vector<std::size_t> all;
@@ -53,7 +55,8 @@ LaserMerger::LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignme
       proposals_(maps, graph_) {}
 
 const LaserTeam* LaserMerger::team_of(std::size_t map) const {
-  const auto team = std::find_if(teams_.begin(), teams_.end(), [&](const LaserTeam& t) { return contains(t.maps, map); });
+  const auto team =
+      std::find_if(teams_.begin(), teams_.end(), [&](const LaserTeam& t) { return contains(t.maps, map); });
   return team == teams_.end() ? nullptr : &*team;
 }
 
@@ -93,7 +96,8 @@ std::vector<MergeHypothesis> LaserMerger::seeds(const LaserTeam& x, const LaserT
             inconsistency(entries[i].match, entries[j].match, x.solved, in_x, z.solved, in_z) < kConsistent;
   std::vector<double> weights;
   for (const Entry& entry : entries)
-    weights.push_back(std::max(0.05, log_odds(entry.match.probability)) * (entry.match.is_observable ? 1.0 : 0.3) + priors_.weight(entry.match));
+    weights.push_back(std::max(0.05, log_odds(entry.match.probability)) * (entry.match.is_observable ? 1.0 : 0.3) +
+                      priors_.weight(entry.match));
   for (const Commitment& set : commit(agree, weights, {kMostHypotheses, kLeastSeed, kSearchSteps})) {
     MergeHypothesis& hypothesis = result.emplace_back();
     for (const std::size_t i : set.agreeing) hypothesis.matches.push_back(entries[i].match);
@@ -107,8 +111,8 @@ std::vector<PlacedSubmap> LaserMerger::placed(const std::vector<std::size_t>& ma
     for (const std::size_t s : maps_[m].representatives) {
       const Pose2 pose = pose_of(m, s);
       const Eigen::Vector2d middle = middle_of(maps_[m], s, pose);
-      result.push_back(
-          {graph_.number(m, s), pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s]), &maps_[m].walls[s]});
+      result.push_back({graph_.number(m, s), pose, middle.x(), middle.y(), static_cast<double>(maps_[m].radii_m[s]),
+                        &maps_[m].walls[s]});
     }
   return result;
 }
@@ -121,7 +125,8 @@ SightOf LaserMerger::sight_of(const std::vector<const std::vector<PlacedSubmap>*
   return [this](std::size_t number) { return judge_.sight(number); };
 }
 
-WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const {
+WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a,
+                                     const std::vector<std::size_t>& b) const {
   const auto pose_of = [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); };
   const std::vector<PlacedSubmap> placed[2] = {this->placed(a, pose_of), this->placed(b, pose_of)};
   // Elsewhere nothing is expected to coincide.
@@ -130,7 +135,9 @@ WallAgreement LaserMerger::agreement(const SolvedSubmaps& solved, const std::vec
   for (std::size_t i = 0; i < placed[0].size(); ++i)
     for (std::size_t j = 0; j < placed[1].size(); ++j) {
       const PlacedSubmap &one = placed[0][i], &other = placed[1][j];
-      if ((is_known[0][i] != 0 && is_known[1][j] != 0) || std::hypot(one.x_m - other.x_m, one.y_m - other.y_m) > kCompared_m) continue;
+      if ((is_known[0][i] != 0 && is_known[1][j] != 0) ||
+          std::hypot(one.x_m - other.x_m, one.y_m - other.y_m) > kCompared_m)
+        continue;
       const Eigen::Matrix3d apart = covariance.between(static_cast<std::uint32_t>(solved.place_of(one.number)),
                                                        static_cast<std::uint32_t>(solved.place_of(other.number)));
       if (std::sqrt(std::max(apart(0, 0), apart(1, 1))) < kCompared_sigma_m) is_known[0][i] = is_known[1][j] = true;
@@ -169,7 +176,8 @@ void LaserMerger::grow(MergeHypothesis& hypothesis, const LaserTeam& x, const La
     if (hypothesis.matches.empty() || (found.is_hopeless && !may_be_bent)) return;
     hypothesis.walls = agreement(hypothesis.solved, x.maps, z.maps);
     hypothesis.prior_log_odds = priors_.log_odds(hypothesis.solved, x.maps, z.maps);
-    hypothesis.log_odds = std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
+    hypothesis.log_odds =
+        std::clamp(log_odds_of(hypothesis.walls) + hypothesis.prior_log_odds, -kSurestLogOdds, kSurestLogOdds);
     if (hypothesis.log_odds == kSurestLogOdds || !may_be_bent || mendings == kMostMendingsAlone) return;
     const std::vector<SubmapMatch> mending = matches_at_ghosts(both, hypothesis.solved, between_maps, asked);
     if (mending.empty()) return;
@@ -201,7 +209,8 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
     const bool fits_as_well = fit_of(hypothesis.walls) >= kAsGoodAFit * fit_of(best.walls) && fit_of(best.walls) > 0.0;
     const double as_well = std::max(odds, std::exp(best.log_odds - best.prior_log_odds + hypothesis.prior_log_odds));
     sum += fits_as_well ? as_well : odds;
-    evaluation.rival = std::max(evaluation.rival, std::min(1.0, (fits_as_well ? as_well : odds) / std::exp(best.log_odds)));
+    evaluation.rival =
+        std::max(evaluation.rival, std::min(1.0, (fits_as_well ? as_well : odds) / std::exp(best.log_odds)));
   }
   if (evaluation.hypotheses.empty()) return evaluation;
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
@@ -217,9 +226,11 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
 }
 
 // In whichever order they were compared; nullptr where nothing was found.
-const LaserMerger::Evaluation* LaserMerger::last_evaluation(const std::vector<std::size_t>& one, const std::vector<std::size_t>& other) const {
+const LaserMerger::Evaluation* LaserMerger::last_evaluation(const std::vector<std::size_t>& one,
+                                                            const std::vector<std::size_t>& other) const {
   for (const auto& pair : {std::pair(one, other), std::pair(other, one)})
-    if (const auto found = evaluations_.find(pair); found != evaluations_.end() && !found->second.hypotheses.empty()) return &found->second;
+    if (const auto found = evaluations_.find(pair); found != evaluations_.end() && !found->second.hypotheses.empty())
+      return &found->second;
   return nullptr;
 }
 
@@ -235,26 +246,31 @@ bool LaserMerger::fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses)
   const MergeHypothesis& best = hypotheses.front();
   const double enough = log_odds(options_.merge_probability);
   return std::any_of(hypotheses.begin() + 1, hypotheses.end(), [&](const MergeHypothesis& other) {
-    return !other.is_of_grids && !is_same(other, best) && fits_by_chance(best.walls, other.walls, other.log_odds, enough);
+    return !other.is_of_grids && !is_same(other, best) &&
+           fits_by_chance(best.walls, other.walls, other.log_odds, enough);
   });
 }
 
-// Whether what makes two teams fit stands more than once in one of them: then they would fit there as well, unless the rest of both would
-// contradict that, as the graph bends them.
+// Whether what makes two teams fit stands more than once in one of them: then they would fit there as well, unless the
+// rest of both would contradict that, as the graph bends them.
 bool LaserMerger::stands_twice(const MergeHypothesis& hypothesis, const LaserTeam& x, const LaserTeam& z) {
   const auto pose_of = [&](std::size_t map, std::size_t s) { return hypothesis.solved.pose_of(graph_.number(map, s)); };
   const auto in_x = placed(x.maps, pose_of), in_z = placed(z.maps, pose_of);
   for (const Repetition& repetition : self_repetitions(in_x, in_z, sight_of({&in_x, &in_z}))) {
-    const auto pose_elsewhere = [&](std::size_t map, std::size_t s) { return compose(repetition.b_moved, pose_of(map, s)); };
+    const auto pose_elsewhere = [&](std::size_t map, std::size_t s) {
+      return compose(repetition.b_moved, pose_of(map, s));
+    };
     const auto elsewhere = placed(z.maps, pose_elsewhere);
-    const WallAgreement rigid = wall_agreement(in_x, length_of_walls(in_x), elsewhere, length_of_walls(elsewhere), sight_of({&in_x, &elsewhere}));
+    const WallAgreement rigid = wall_agreement(in_x, length_of_walls(in_x), elsewhere, length_of_walls(elsewhere),
+                                               sight_of({&in_x, &elsewhere}));
     if (!is_contradicted(rigid, hypothesis.walls)) return true;
     MergeHypothesis rival;
     std::vector<SubmapQuestion> questions;
     for (const std::size_t a : x.maps)
       for (const std::size_t b : z.maps) {
         const auto in_a = placed({a}, pose_of), in_b = placed({b}, pose_of);
-        const auto some = proposals_.of_most_shared(a, b, in_a, in_b, repetition.b_moved, kBentRadius_m, kBentYaw_rad, sight_of({&in_a, &in_b}));
+        const auto some = proposals_.of_most_shared(a, b, in_a, in_b, repetition.b_moved, kBentRadius_m, kBentYaw_rad,
+                                                    sight_of({&in_a, &in_b}));
         questions.insert(questions.end(), some.begin(), some.end());
       }
     for (const SubmapAnswer& answer : judge_.ask(questions))
@@ -281,7 +297,8 @@ std::vector<std::pair<std::size_t, std::size_t>> LaserMerger::likeliest_first() 
     for (std::size_t z = x + 1; z < teams_.size(); ++z) {
       double weight = 0.0;
       for (const SubmapAnswer* answer : answers_between(teams_[x], teams_[z]))
-        if (answer->holds) weight += log_odds(answer->hypotheses.front().probability) * answer->judgement.evidence.overlap_m2;
+        if (answer->holds)
+          weight += log_odds(answer->hypotheses.front().probability) * answer->judgement.evidence.overlap_m2;
       order.emplace_back(-weight, x, z);
     }
   std::sort(order.begin(), order.end());
@@ -299,7 +316,8 @@ bool LaserMerger::merge_surest() {
     const Evaluation& evaluation = evaluated(teams_[x], teams_[z]);
     if (evaluation.hypotheses.empty() || evaluation.probability < surest) continue;
     const MergeHypothesis& hypothesis = evaluation.hypotheses.front();
-    if (best != nullptr && evaluation.probability == surest && hypothesis.walls.distinctive_m <= best->hypotheses.front().walls.distinctive_m)
+    if (best != nullptr && evaluation.probability == surest &&
+        hypothesis.walls.distinctive_m <= best->hypotheses.front().walls.distinctive_m)
       continue;
     surest = evaluation.probability;
     best_x = x;
@@ -333,7 +351,8 @@ void LaserMerger::close_loops(LaserTeam& team) {
   search();
   std::set<Hash> asked;
   for (int round = 0; round < kMostMendings; ++round) {
-    const std::vector<SubmapMatch> found = matches_at_ghosts(team.maps, team.solved, [](std::size_t, std::size_t) { return true; }, asked);
+    const std::vector<SubmapMatch> found = matches_at_ghosts(
+        team.maps, team.solved, [](std::size_t, std::size_t) { return true; }, asked);
     if (found.empty()) break;
     team.matches.insert(team.matches.end(), found.begin(), found.end());
     search();
@@ -341,9 +360,12 @@ void LaserMerger::close_loops(LaserTeam& team) {
 }
 
 // New ones, where maps would no longer show something twice. `asked`: judgements that were tried.
-std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
-                                                        const std::function<bool(std::size_t, std::size_t)>& may_match, std::set<Hash>& asked) {
-  const auto placed_maps = placed_apart(maps, [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); });
+std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::size_t>& maps,
+                                                        const SolvedSubmaps& solved,
+                                                        const std::function<bool(std::size_t, std::size_t)>& may_match,
+                                                        std::set<Hash>& asked) {
+  const auto placed_maps =
+      placed_apart(maps, [&](std::size_t map, std::size_t s) { return solved.pose_of(graph_.number(map, s)); });
   std::vector<const std::vector<PlacedSubmap>*> sides;
   for (const auto& side : placed_maps) sides.push_back(&side);
   const SightOf sight = sight_of(sides);
@@ -356,9 +378,11 @@ std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::s
     std::vector<PlacedSubmap> there[2];
     for (const std::size_t side : {0, 1})
       for (const PlacedSubmap& submap : placed_maps[side == 0 ? region.a : region.b])
-        if (std::hypot(submap.x_m - region.x_m, submap.y_m - region.y_m) < submap.radius_m + 0.5 * RegionAgreement::kSide_m) there[side].push_back(submap);
-    const auto some = proposals_.of_most_shared(maps[region.a], maps[region.b], there[0], there[1], inverse(region.moved), kBentRadius_m,
-                                                kBentYaw_rad, sight);
+        if (std::hypot(submap.x_m - region.x_m, submap.y_m - region.y_m) <
+            submap.radius_m + 0.5 * RegionAgreement::kSide_m)
+          there[side].push_back(submap);
+    const auto some = proposals_.of_most_shared(maps[region.a], maps[region.b], there[0], there[1],
+                                                inverse(region.moved), kBentRadius_m, kBentYaw_rad, sight);
     questions.insert(questions.end(), some.begin(), some.end());
   }
   std::vector<SubmapMatch> found;
@@ -367,7 +391,8 @@ std::vector<SubmapMatch> LaserMerger::matches_at_ghosts(const std::vector<std::s
   return found;
 }
 
-std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const {
+std::vector<std::vector<PlacedSubmap>> LaserMerger::placed_apart(const std::vector<std::size_t>& maps,
+                                                                 const PoseOfSubmap& pose_of) const {
   std::vector<std::vector<PlacedSubmap>> result;
   for (const std::size_t map : maps) result.push_back(placed({map}, pose_of));
   return result;
@@ -388,13 +413,16 @@ TeamAudit LaserMerger::audited(const std::vector<std::size_t>& maps, const PoseO
 bool LaserMerger::take_back() {
   for (const LaserTeam& team : teams_) {
     if (team.maps.size() < 2) continue;
-    const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) { return team.solved.pose_of(graph_.number(map, s)); };
+    const PoseOfSubmap pose_of = [&](std::size_t map, std::size_t s) {
+      return team.solved.pose_of(graph_.number(map, s));
+    };
     const TeamAudit audit = audited(team.maps, pose_of);
     if (!audit.taken_out) continue;
     const std::size_t who = team.maps[*audit.taken_out];
     for (PairAudit& ghost : ghosts_of(audit, team.maps, who, pose_of)) taken_apart_.push_back(std::move(ghost));
     for (const AuditedPair& pair : audit.pairs)
-      if (const MapPair maps{team.maps[pair.a], team.maps[pair.b]}; pair.ghosts_m > 0.0 && (maps.first == who || maps.second == who))
+      if (const MapPair maps{team.maps[pair.a], team.maps[pair.b]};
+          pair.ghosts_m > 0.0 && (maps.first == who || maps.second == who))
         contradicted_.insert(maps);
     remember_taken_back(team, audit, who);
     for (const std::size_t other : team.maps)

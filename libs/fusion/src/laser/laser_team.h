@@ -1,6 +1,6 @@
 #pragma once
-// Which robots' laser maps belong together, and how: hypotheses of all pairs are decided together, the surest merge first, and every merge
-// is judged by the whole maps as the joint graph bends them.
+// Which robots' laser maps belong together, and how: hypotheses of all pairs are decided together, the surest merge
+// first, and every merge is judged by the whole maps as the joint graph bends them.
 
 #include "constraint_search.h"
 #include "grid_alignments.h"
@@ -19,8 +19,8 @@ namespace mapweave::fusion {
 constexpr double kSurestLogOdds = 20.0;
 constexpr std::size_t kFirstRound = 4;  // questions of a pair of maps, then four times as many
 PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b);
-// What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear (each by its
-// weight, wall_weights.h), less what would fit by chance. Metres.
+// What the log odds of a merge are the sum of: what fits nowhere around, less what is seen through and what is unclear
+// (each by its weight, wall_weights.h), less what would fit by chance. Metres.
 struct WeighedWalls {
   double unclear_m = 0.0;  // that counts
   double by_chance_m = 0.0;
@@ -29,9 +29,10 @@ struct WeighedWalls {
 };
 WeighedWalls weighed(const WallAgreement& walls);
 double log_odds_of(const WallAgreement& walls);
-// Whether as much may fit by chance as decides here: what fits nowhere around at another place, which cannot be right as well, is more than
-// the log odds here stand without, or that place has `enough` log odds itself.
-bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere, double enough);
+// Whether as much may fit by chance as decides here: what fits nowhere around at another place, which cannot be right
+// as well, is more than the log odds here stand without, or that place has `enough` log odds itself.
+bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere,
+                    double enough);
 // Metres of wall that two hypotheses are compared by.
 double fit_of(const WallAgreement& walls);
 // The same match, from the other side.
@@ -58,9 +59,11 @@ using PoseOfSubmap = std::function<Pose2(std::size_t map, std::size_t submap)>;
 // Maps that have no submaps are left out.
 class LaserMerger {
  public:
-  // Everything must outlive it. `refused`: pairs of maps (numbers, the lower first) that must not be matched to each other.
-  LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignments& grids, const FusionInput& input, const FusionOptions& options,
-              const std::set<std::pair<std::size_t, std::size_t>>& refused, matching::ModelCache& cache, Memo& memo, WorkerPool& pool);
+  // Everything must outlive it. `refused`: pairs of maps (numbers, the lower first) that must not be matched to each
+  // other.
+  LaserMerger(const std::vector<PreparedMap>& maps, const GridAlignments& grids, const FusionInput& input,
+              const FusionOptions& options, const std::set<std::pair<std::size_t, std::size_t>>& refused,
+              matching::ModelCache& cache, Memo& memo, WorkerPool& pool);
 
   void run(Progress& progress);
   const std::vector<LaserTeam>& teams() const { return teams_; }
@@ -89,7 +92,7 @@ class LaserMerger {
     std::vector<SubmapQuestion> open;  // those of a prior, then the most alike first
     std::size_t of_prior = 0;          // how many are a prior's: they are asked beside the others
     bool is_proposed = false;          // as whole maps
-    double unlikeness = 0.0;           // of the places that the first questions are about; maps with a prior are asked first
+    double unlikeness = 0.0;  // of the places that the first questions are about; maps with a prior are asked first
     std::vector<SubmapAnswer> answers;
   };
   struct Evaluation {
@@ -121,7 +124,8 @@ class LaserMerger {
   const Evaluation& evaluated(const LaserTeam& x, const LaserTeam& z);
   const Evaluation* last_evaluation(const std::vector<std::size_t>& one, const std::vector<std::size_t>& other) const;
   bool is_known_to_repeat(const MapPair& pair) const;
-  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a, const std::vector<std::size_t>& b) const;
+  WallAgreement agreement(const SolvedSubmaps& solved, const std::vector<std::size_t>& a,
+                          const std::vector<std::size_t>& b) const;
   std::vector<PlacedSubmap> placed(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
   SightOf sight_of(const std::vector<const std::vector<PlacedSubmap>*>& sides) const;
   bool fits_elsewhere(const std::vector<MergeHypothesis>& hypotheses) const;
@@ -130,16 +134,19 @@ class LaserMerger {
   bool merge_surest();
   void merge_all();
   void close_loops(LaserTeam& team);
-  std::vector<std::vector<PlacedSubmap>> placed_apart(const std::vector<std::size_t>& maps, const PoseOfSubmap& pose_of) const;
+  std::vector<std::vector<PlacedSubmap>> placed_apart(const std::vector<std::size_t>& maps,
+                                                      const PoseOfSubmap& pose_of) const;
   std::vector<SubmapMatch> matches_at_ghosts(const std::vector<std::size_t>& maps, const SolvedSubmaps& solved,
-                                             const std::function<bool(std::size_t, std::size_t)>& may_match, std::set<Hash>& asked);
+                                             const std::function<bool(std::size_t, std::size_t)>& may_match,
+                                             std::set<Hash>& asked);
   void split_unconnected();
   bool take_back();
   bool is_same(const MergeHypothesis& one, const MergeHypothesis& other) const;
   std::vector<SubmapMatch> doubted(std::size_t a, std::size_t b, Verdict& verdict) const;
   void remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who);
   std::size_t matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const;
-  PairHypothesis hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const;
+  PairHypothesis hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved,
+                               const WallAgreement& walls) const;
   std::vector<PairHypothesis> hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const;
 
   const std::vector<PreparedMap>& maps_;

@@ -14,13 +14,15 @@
 namespace mapweave::fusion {
 namespace {
 
-// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through, or has close beside
-// its own, against it. The weights are from hypotheses, right and wrong, of public buildings, of their mirror images and of simulated rooms.
+// Log odds of a merge: metres of wall that fit here and nowhere around speak for it, metres that the other saw through,
+// or has close beside its own, against it. The weights are from hypotheses, right and wrong, of public buildings, of
+// their mirror images and of simulated rooms.
 constexpr double kPerMetre = 1.0;
-// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay them so; there a
-// share of what fits, too.
+// What would be found by chance: more where most of both maps lies beside each other, since there are more ways to lay
+// them so; there a share of what fits, too.
 constexpr double kByChance_m = 5.0, kByChanceBeside_m = 5.0, kByChanceShare = 0.08, kWholeOverlap = 0.7;
-// Where one map covers the other, walls that the other saw only in part are doubtful as well; where they overlap less, its view just ends there.
+// Where one map covers the other, walls that the other saw only in part are doubtful as well; where they overlap less,
+// its view just ends there.
 constexpr double kPartlyOverlap = 0.35;
 
 Eigen::Vector2d placed_by(const Pose2& pose, const Eigen::Vector2d& place) {
@@ -54,9 +56,10 @@ Pose2 mean_transform(const std::vector<MatchedPlaces>& matches) {
 
 Eigen::Vector2d vector_of(const matching::Point2f& point) { return {point.x, point.y}; }
 
-// Submaps of two maps that a solved graph puts beside each other, whether they were matched or not: which of them are is chance.
-std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first_of_a, const PreparedMap& b, std::size_t first_of_b,
-                                         const SolvedSubmaps& solved) {
+// Submaps of two maps that a solved graph puts beside each other, whether they were matched or not: which of them are
+// is chance.
+std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first_of_a, const PreparedMap& b,
+                                         std::size_t first_of_b, const SolvedSubmaps& solved) {
   constexpr double kBeside_m = 8.0;
   std::vector<MatchedPlaces> places;
   for (std::size_t i = 0; i < a.submaps.size(); ++i)
@@ -76,12 +79,13 @@ PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const Prepar
   constexpr std::size_t kMostConflicts = 20;
   PairAudit audit{a.map->id, b.map->id, pair.coinciding_m, pair.contradicted_m, pair.unclear_m, {}};
   for (std::size_t i = 0; i < std::min(kMostConflicts, pair.contradictions.size()); ++i)
-    audit.conflicts.push_back({pair.contradictions[i].x_m, pair.contradictions[i].y_m, pair.contradictions[i].length_m});
+    audit.conflicts.push_back(
+        {pair.contradictions[i].x_m, pair.contradictions[i].y_m, pair.contradictions[i].length_m});
   return audit;
 }
 
-std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std::vector<std::size_t>& maps, std::size_t with,
-                                              const PoseOfSubmap& pose_of) const {
+std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std::vector<std::size_t>& maps,
+                                              std::size_t with, const PoseOfSubmap& pose_of) const {
   std::vector<PairAudit> ghosts;
   for (const AuditedPair& pair : audit.pairs) {
     const std::size_t a = maps[pair.a], b = maps[pair.b];
@@ -92,8 +96,10 @@ std::vector<PairAudit> LaserMerger::ghosts_of(const TeamAudit& audit, const std:
     for (PairAudit::Conflict& conflict : ghost.conflicts) {
       const Eigen::Vector2d place(conflict.x_m, conflict.y_m);
       std::pair<double, std::size_t> nearest{1e300, 0};
-      for (const std::size_t s : maps_[a].representatives) nearest = std::min(nearest, {(middle_of(maps_[a], s, pose_of(a, s)) - place).norm(), s});
-      const Pose2 own = compose(compose(maps_[a].map_from_submap[nearest.second], inverse(pose_of(a, nearest.second))), Pose2{place.x(), place.y(), 0.0});
+      for (const std::size_t s : maps_[a].representatives)
+        nearest = std::min(nearest, {(middle_of(maps_[a], s, pose_of(a, s)) - place).norm(), s});
+      const Pose2 own = compose(compose(maps_[a].map_from_submap[nearest.second], inverse(pose_of(a, nearest.second))),
+                                Pose2{place.x(), place.y(), 0.0});
       conflict.x_m = own.x;
       conflict.y_m = own.y;
     }
@@ -114,7 +120,8 @@ WeighedWalls weighed(const WallAgreement& walls) {
   return result;
 }
 
-bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere, double enough) {
+bool fits_by_chance(const WallAgreement& here, const WallAgreement& elsewhere, double log_odds_elsewhere,
+                    double enough) {
   const WeighedWalls walls = weighed(here);
   return log_odds_elsewhere >= enough || walls.sum_m + walls.by_chance_m - elsewhere.distinctive_m < enough;
 }
@@ -141,7 +148,8 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   std::vector<SubmapMatch> matches;
   if (team != nullptr && team == team_of(b))
     for (const SubmapMatch& match : team->matches)
-      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
+      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b))
+        matches.push_back(match);
   verdict.merge = merge_of(a, b);
   if (grids != nullptr) {
     describe_grids(a, b, verdict);
@@ -161,7 +169,8 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     refuse_by_audit(verdict);
     for (const PairAudit& ghost : taken_apart_)
       if (ghost.a == verdict.a && ghost.b == verdict.b)
-        verdict.conflict = ghost.contradicted_m / std::max(1e-9, ghost.coinciding_m + ghost.contradicted_m + ghost.unclear_m);
+        verdict.conflict =
+            ghost.contradicted_m / std::max(1e-9, ghost.coinciding_m + ghost.contradicted_m + ghost.unclear_m);
   } else if (taken_back_.count({a, b}) != 0) {
     refuse_as_inconsistent(verdict);  // they matched, but a third one showed that one of them lay wrongly
   } else {
@@ -184,7 +193,8 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
     witness.submap_information = match.information;
     witness.a_from_b = compose(compose(maps_[a].map_from_submap[witness.submap_a], match.from_from_to),
                                inverse(maps_[b].map_from_submap[witness.submap_b]));
-    transforms.push_back({witness.a_from_b, vector_of(maps_[a].centres[witness.submap_a]), vector_of(maps_[b].centres[witness.submap_b])});
+    transforms.push_back({witness.a_from_b, vector_of(maps_[a].centres[witness.submap_a]),
+                          vector_of(maps_[b].centres[witness.submap_b])});
     const Eigen::Matrix3d carry = adjoint(inverse(maps_[b].map_from_submap[witness.submap_b]));
     information += carry.transpose() * match.information * carry;
     if (verdict.decision == Decision::accepted) result.witnesses.push_back(std::move(witness));
@@ -203,15 +213,17 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   return result;
 }
 
-// What kept two maps apart, and the matches of the best hypothesis: what they were by themselves, unless that would have merged them or
-// nothing was found then; else what their teams were.
+// What kept two maps apart, and the matches of the best hypothesis: what they were by themselves, unless that would
+// have merged them or nothing was found then; else what their teams were.
 std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verdict& verdict) const {
   const auto doubt_by = [&](const Evaluation& evaluation) {
     const MergeHypothesis& best = evaluation.hypotheses.front();
-    doubt_by_lasers(verdict, {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats}, best.walls, options_);
+    doubt_by_lasers(verdict, {best.log_odds, evaluation.probability, evaluation.rival, evaluation.repeats}, best.walls,
+                    options_);
     std::vector<SubmapMatch> matches;
     for (const SubmapMatch& match : best.matches)
-      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b)) matches.push_back(match);
+      if (std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b))
+        matches.push_back(match);
     return matches;
   };
   const Evaluation* alone = last_evaluation({a}, {b});
@@ -229,7 +241,8 @@ std::vector<SubmapMatch> LaserMerger::doubted(std::size_t a, std::size_t b, Verd
     if (!answer.judgement.hypotheses.empty() &&
         (likeliest == nullptr || answer.judgement.probability > likeliest->judgement.probability))
       likeliest = &answer;
-  if (likeliest != nullptr) doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.overlap, Reason::little_evidence);
+  if (likeliest != nullptr)
+    doubt_as(verdict, likeliest->judgement, likeliest->judgement.evidence.overlap, Reason::little_evidence);
   return {};
 }
 

@@ -16,7 +16,8 @@ Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t nu
 }
 
 // A place of the solved frame in a map's own one, by the submap that lies nearest.
-Pose2 in_map(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved, double x_m, double y_m) {
+Pose2 in_map(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved,
+             double x_m, double y_m) {
   double nearest = 1e300;
   Pose2 result;
   for (std::size_t s = 0; s < map.submaps.size(); ++s) {
@@ -37,7 +38,8 @@ bool lie_together(const Sim3& one, const Sim3& other) {
 
 }  // namespace
 
-PairHypothesis LaserMerger::hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved, const WallAgreement& walls) const {
+PairHypothesis LaserMerger::hypothesis_of(std::size_t a, std::size_t b, const SolvedSubmaps& solved,
+                                          const WallAgreement& walls) const {
   PairHypothesis hypothesis;
   // Of the maps as they were given: grids may have another scale here.
   const double scale_a = grids_.scale(a);
@@ -60,10 +62,13 @@ PairHypothesis LaserMerger::hypothesis_of(std::size_t a, std::size_t b, const So
   return hypothesis;
 }
 
-std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_t b, const WallAgreement* accepted) const {
+std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_t b,
+                                                       const WallAgreement* accepted) const {
   std::vector<PairHypothesis> result;
   const auto add = [&](PairHypothesis hypothesis, double log_odds, double prior, std::size_t matches) {
-    if (std::any_of(result.begin(), result.end(), [&](const PairHypothesis& h) { return lie_together(h.a_from_b, hypothesis.a_from_b); })) return;
+    if (std::any_of(result.begin(), result.end(),
+                    [&](const PairHypothesis& h) { return lie_together(h.a_from_b, hypothesis.a_from_b); }))
+      return;
     hypothesis.log_odds = log_odds;
     hypothesis.prior_log_odds = prior;
     hypothesis.matches = static_cast<std::uint32_t>(matches);
@@ -73,12 +78,15 @@ std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_
   if (of_a == nullptr || of_b == nullptr) return result;
   if (accepted != nullptr) {
     const double prior = priors_.log_odds(of_a->solved, {a}, {b});
-    add(hypothesis_of(a, b, of_a->solved, *accepted), log_odds_of(*accepted) + prior, prior, matches_between(*of_a, a, b));
+    add(hypothesis_of(a, b, of_a->solved, *accepted), log_odds_of(*accepted) + prior, prior,
+        matches_between(*of_a, a, b));
   }
-  if (const auto taken = taken_back_.find({a, b}); taken != taken_back_.end() && accepted == nullptr) result.push_back(taken->second);
+  if (const auto taken = taken_back_.find({a, b}); taken != taken_back_.end() && accepted == nullptr)
+    result.push_back(taken->second);
   // As their teams were compared at last, then as they were by themselves.
   const std::vector<std::size_t> only_a{a}, only_b{b};
-  for (const auto& [one, other] : {std::tie(of_a->maps, of_b->maps), std::tie(of_b->maps, of_a->maps), std::tie(only_a, only_b)}) {
+  for (const auto& [one, other] :
+       {std::tie(of_a->maps, of_b->maps), std::tie(of_b->maps, of_a->maps), std::tie(only_a, only_b)}) {
     const auto evaluation = evaluations_.find({one, other});
     if (evaluation == evaluations_.end()) continue;
     for (const MergeHypothesis& hypothesis : evaluation->second.hypotheses)
@@ -94,7 +102,9 @@ std::vector<PairHypothesis> LaserMerger::hypotheses_of(std::size_t a, std::size_
 
 // By which two maps came into one team.
 std::optional<TeamMerge> LaserMerger::merge_of(std::size_t a, std::size_t b) const {
-  const auto has = [](const std::vector<std::size_t>& maps, std::size_t map) { return std::binary_search(maps.begin(), maps.end(), map); };
+  const auto has = [](const std::vector<std::size_t>& maps, std::size_t map) {
+    return std::binary_search(maps.begin(), maps.end(), map);
+  };
   const LaserTeam* team = team_of(a);
   if (team == nullptr || team != team_of(b)) return std::nullopt;
   const auto ids = [&](const std::vector<std::size_t>& maps) {
@@ -105,16 +115,18 @@ std::optional<TeamMerge> LaserMerger::merge_of(std::size_t a, std::size_t b) con
   for (const MergedTeams& merge : merges_) {
     if ((has(merge.one, a) && has(merge.other, b)) || (has(merge.one, b) && has(merge.other, a))) {
       const bool is_in_order = merge.one.front() < merge.other.front();
-      return TeamMerge{ids(is_in_order ? merge.one : merge.other), ids(is_in_order ? merge.other : merge.one), merge.probability};
+      return TeamMerge{ids(is_in_order ? merge.one : merge.other), ids(is_in_order ? merge.other : merge.one),
+                       merge.probability};
     }
   }
   return std::nullopt;
 }
 
 std::size_t LaserMerger::matches_between(const LaserTeam& team, std::size_t a, std::size_t b) const {
-  return static_cast<std::size_t>(std::count_if(team.matches.begin(), team.matches.end(), [&](const SubmapMatch& match) {
-    return std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b);
-  }));
+  return static_cast<std::size_t>(
+      std::count_if(team.matches.begin(), team.matches.end(), [&](const SubmapMatch& match) {
+        return std::minmax(graph_.map_of(match.from), graph_.map_of(match.to)) == std::minmax(a, b);
+      }));
 }
 
 void LaserMerger::remember_taken_back(const LaserTeam& team, const TeamAudit& audit, std::size_t who) {
@@ -135,10 +147,12 @@ void LaserMerger::remember_taken_back(const LaserTeam& team, const TeamAudit& au
   }
 }
 
-std::optional<PriorCheck> LaserMerger::check_of_prior(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b) const {
+std::optional<PriorCheck> LaserMerger::check_of_prior(std::size_t a, std::size_t b,
+                                                      const std::optional<Pose2>& a_from_b) const {
   return priors_.check(a, b, a_from_b, [&](const Pose2& there) {
     const auto in_a = placed({a}, [&](std::size_t map, std::size_t s) { return maps_[map].map_from_submap[s]; });
-    const auto in_b = placed({b}, [&](std::size_t map, std::size_t s) { return compose(there, maps_[map].map_from_submap[s]); });
+    const auto in_b =
+        placed({b}, [&](std::size_t map, std::size_t s) { return compose(there, maps_[map].map_from_submap[s]); });
     return wall_agreement(in_a, maps_[a].walls_m, in_b, maps_[b].walls_m, sight_of({&in_a, &in_b}));
   });
 }

@@ -12,9 +12,10 @@ namespace mapweave::fusion {
 namespace {
 
 constexpr double kWideRadius_m = 12.0;
-// Of one map with others, those most alike: looked at together, before the next ones; in the first round; in each later one.
+// Of one map with others, those most alike: looked at together, before the next ones; in the first round; in each later
+// one.
 constexpr std::size_t kAtOnce = 3, kMostAtFirst = 12, kMostLater = 6;
-constexpr std::size_t kBesidePrior = 16;    // questions of a pair that a prior is compared with, at first
+constexpr std::size_t kBesidePrior = 16;  // questions of a pair that a prior is compared with, at first
 
 }  // namespace
 
@@ -26,7 +27,8 @@ matching::WideWindow LaserMerger::window_for(std::size_t map_a, std::size_t a, s
   const Pose2 centre_a = in_submap(maps_[map_a], a), centre_b = in_submap(maps_[map_b], b);
   matching::WideWindow window;
   window.a_from_b = {centre_a.x - centre_b.x, centre_a.y - centre_b.y, 0.0};
-  window.radius_m = std::min(kWideRadius_m, std::max(4.0, 0.7 * static_cast<double>(maps_[map_a].radii_m[a] + maps_[map_b].radii_m[b])));
+  window.radius_m = std::min(
+      kWideRadius_m, std::max(4.0, 0.7 * static_cast<double>(maps_[map_a].radii_m[a] + maps_[map_b].radii_m[b])));
   window.yaw_rad = M_PI;
   return window;
 }
@@ -39,7 +41,8 @@ std::vector<SubmapQuestion> LaserMerger::first_questions(std::size_t a, std::siz
     for (const auto i : from.representatives) {
       std::vector<std::tuple<double, Hash, std::size_t>> alike;
       for (const auto j : to.representatives)
-        alike.emplace_back(matching::ring_distance(from.keys[i], to.keys[j]) + matching::ring_distance(from.far_keys[i], to.far_keys[j]),
+        alike.emplace_back(matching::ring_distance(from.keys[i], to.keys[j]) +
+                               matching::ring_distance(from.far_keys[i], to.far_keys[j]),
                            to.fingerprints[j], j);
       std::sort(alike.begin(), alike.end());
       if (alike.size() > static_cast<std::size_t>(options_.candidates_per_submap))
@@ -54,7 +57,8 @@ std::vector<SubmapQuestion> LaserMerger::first_questions(std::size_t a, std::siz
   best_of(other, one, true);
   std::sort(ranked.begin(), ranked.end());
   ranked.erase(std::unique(ranked.begin(), ranked.end()), ranked.end());
-  if (ranked.size() > static_cast<std::size_t>(options_.most_pairs)) ranked.resize(static_cast<std::size_t>(options_.most_pairs));
+  if (ranked.size() > static_cast<std::size_t>(options_.most_pairs))
+    ranked.resize(static_cast<std::size_t>(options_.most_pairs));
   std::vector<SubmapQuestion> questions;
   for (const auto& entry : ranked) {
     const std::size_t i = std::get<3>(entry), j = std::get<4>(entry);
@@ -69,13 +73,15 @@ double LaserMerger::unlikeness(const std::vector<SubmapQuestion>& questions) con
   for (std::size_t k = 0; k < count; ++k) {
     const PreparedMap &one = maps_[graph_.map_of(questions[k].from)], &other = maps_[graph_.map_of(questions[k].to)];
     const std::size_t i = graph_.submap_of(questions[k].from), j = graph_.submap_of(questions[k].to);
-    sum += matching::ring_distance(one.keys[i], other.keys[j]) + matching::ring_distance(one.far_keys[i], other.far_keys[j]);
+    sum += matching::ring_distance(one.keys[i], other.keys[j]) +
+           matching::ring_distance(one.far_keys[i], other.far_keys[j]);
   }
   return count == 0 ? 1e300 : sum / static_cast<double>(count);
 }
 
-// Of the pairs of maps that are not in one team and were not asked in this round: with each map those that are most like it. In a large team
-// a map need not be compared with all others: who knows the neighbours of its neighbours finds them by the graph.
+// Of the pairs of maps that are not in one team and were not asked in this round: with each map those that are most
+// like it. In a large team a map need not be compared with all others: who knows the neighbours of its neighbours finds
+// them by the graph.
 std::vector<LaserMerger::MapPair> LaserMerger::next_pairs(bool is_first, std::set<MapPair>& asked) const {
   std::vector<std::size_t> times(maps_.size(), 0), now(maps_.size(), 0);
   std::vector<std::pair<double, MapPair>> open;
@@ -146,8 +152,8 @@ bool LaserMerger::ask_more(std::size_t count, std::set<MapPair>& asked) {
 bool LaserMerger::propose_whole_maps() {
   std::vector<std::pair<double, MapPair>> apart;
   for (const auto& [pair, state] : pairs_)
-    if (!state.is_proposed && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) && !grids_.is_grid(pair.second) &&
-        team_of(pair.first) != team_of(pair.second) && !is_known_to_repeat(pair))
+    if (!state.is_proposed && refused_.count(pair) == 0 && !grids_.is_grid(pair.first) &&
+        !grids_.is_grid(pair.second) && team_of(pair.first) != team_of(pair.second) && !is_known_to_repeat(pair))
       apart.emplace_back(state.unlikeness, pair);
   std::sort(apart.begin(), apart.end());
   std::vector<std::size_t> times(maps_.size(), 0);

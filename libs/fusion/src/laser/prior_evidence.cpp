@@ -9,9 +9,10 @@
 namespace mapweave::fusion {
 namespace {
 
-// A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be wrong altogether.
+// A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be
+// wrong altogether.
 constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
-constexpr double kSeedWeight = 2.0;     // of a match that agrees, log odds
+constexpr double kSeedWeight = 2.0;                  // of a match that agrees, log odds
 constexpr double kNear_m = 6.0, kFarthest_m = 14.0;  // between middles of submaps that may show the same
 constexpr double kFarthestReach_m = 12.0, kSigmas = 3.0;
 constexpr std::size_t kNearest = 2, kMostQuestions = 16;
@@ -22,11 +23,13 @@ double reach(const matching::Point2f& centre) { return std::hypot(centre.x, cent
 
 }  // namespace
 
-PriorEvidence::PriorEvidence(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const std::vector<MapPrior>& priors)
+PriorEvidence::PriorEvidence(const std::vector<PreparedMap>& maps, const SubmapGraph& graph,
+                             const std::vector<MapPrior>& priors)
     : maps_(maps), graph_(graph) {
   const auto number_of = [&](const MapId& id) {
     return static_cast<std::size_t>(
-        std::find_if(maps.begin(), maps.end(), [&](const PreparedMap& map) { return map.map->id == id; }) - maps.begin());
+        std::find_if(maps.begin(), maps.end(), [&](const PreparedMap& map) { return map.map->id == id; }) -
+        maps.begin());
   };
   for (const MapPrior& prior : priors) {
     const std::size_t a = number_of(prior.a), b = number_of(prior.b);
@@ -61,8 +64,10 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
       const double distance = std::hypot(one.centres[i].x - there.x(), one.centres[i].y - there.y());
       const double lever_m = reach(prior->a == a ? other.centres[j] : one.centres[i]);
       const double drift_m = kPathDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
-      const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m + lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
-      if (distance < std::min(kFarthest_m, kNear_m + 2.0 * sigma_m)) near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
+      const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m +
+                                       lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
+      if (distance < std::min(kFarthest_m, kNear_m + 2.0 * sigma_m))
+        near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
     }
     std::sort(near.begin(), near.end());
     for (std::size_t k = 0; k < std::min(kNearest, near.size()); ++k) {
@@ -76,7 +81,8 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
     }
   }
   std::stable_sort(ranked.begin(), ranked.end(), [](const auto& l, const auto& r) {
-    return std::tie(std::get<0>(l), std::get<1>(l), std::get<2>(l)) < std::tie(std::get<0>(r), std::get<1>(r), std::get<2>(r));
+    return std::tie(std::get<0>(l), std::get<1>(l), std::get<2>(l)) <
+           std::tie(std::get<0>(r), std::get<1>(r), std::get<2>(r));
   });
   for (std::size_t k = 0; k < std::min(kMostQuestions, ranked.size()); ++k) result.push_back(std::get<3>(ranked[k]));
   return result;
@@ -87,15 +93,20 @@ double PriorEvidence::weight(const SubmapMatch& match) const {
   const Prior* prior = of(from, to);
   if (prior == nullptr) return 0.0;
   const std::size_t i = graph_.submap_of(match.from), j = graph_.submap_of(match.to);
-  const Pose2 from_from_to = compose(compose(maps_[from].map_from_submap[i], match.from_from_to), inverse(maps_[to].map_from_submap[j]));
+  const Pose2 from_from_to =
+      compose(compose(maps_[from].map_from_submap[i], match.from_from_to), inverse(maps_[to].map_from_submap[j]));
   const double drift_m = kPathDrift_per_m * (reach(maps_[from].centres[i]) + reach(maps_[to].centres[j]));
-  return kSeedWeight * std::exp(-0.5 * distance2(*prior, prior->a == from ? from_from_to : inverse(from_from_to), drift_m));
+  return kSeedWeight *
+         std::exp(-0.5 * distance2(*prior, prior->a == from ? from_from_to : inverse(from_from_to), drift_m));
 }
 
-double PriorEvidence::log_odds(const SolvedSubmaps& solved, const std::vector<std::size_t>& x, const std::vector<std::size_t>& z) const {
+double PriorEvidence::log_odds(const SolvedSubmaps& solved, const std::vector<std::size_t>& x,
+                               const std::vector<std::size_t>& z) const {
   double sum = 0.0;
   std::size_t count = 0;
-  const auto contains = [](const std::vector<std::size_t>& group, std::size_t map) { return std::binary_search(group.begin(), group.end(), map); };
+  const auto contains = [](const std::vector<std::size_t>& group, std::size_t map) {
+    return std::binary_search(group.begin(), group.end(), map);
+  };
   const auto map_frame = [&](std::size_t map) {
     return compose(solved.pose_of(graph_.number(map, 0)), inverse(maps_[map].map_from_submap.front()));
   };
@@ -109,8 +120,9 @@ double PriorEvidence::log_odds(const SolvedSubmaps& solved, const std::vector<st
   return count == 0 ? 0.0 : sum / static_cast<double>(count);
 }
 
-std::optional<PriorCheck> PriorEvidence::check(std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b,
-                                               const std::function<WallAgreement(const Pose2& a_from_b)>& walls_at) const {
+std::optional<PriorCheck> PriorEvidence::check(
+    std::size_t a, std::size_t b, const std::optional<Pose2>& a_from_b,
+    const std::function<WallAgreement(const Pose2& a_from_b)>& walls_at) const {
   const Prior* prior = of(a, b);
   if (prior == nullptr) return std::nullopt;
   PriorCheck check;
@@ -127,7 +139,8 @@ std::optional<PriorCheck> PriorEvidence::check(std::size_t a, std::size_t b, con
   const WallAgreement walls = walls_at(check.a_from_b);
   check.coinciding_m = walls.coinciding_m;
   check.contradicted_m = walls.contradicted_m;
-  if (!a_from_b) check.is_contradicted = walls.contradicted_m > std::max(kLeastContradiction_m, 0.5 * walls.coinciding_m);
+  if (!a_from_b)
+    check.is_contradicted = walls.contradicted_m > std::max(kLeastContradiction_m, 0.5 * walls.coinciding_m);
   return check;
 }
 

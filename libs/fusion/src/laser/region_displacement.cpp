@@ -14,15 +14,16 @@ using matching::WallPoint;
 
 constexpr double kFarthest_m = 2.0, kFarthest_rad = 0.12;  // of a displacement
 constexpr double kStep_m = 0.2, kStep_rad = 0.02;
-constexpr double kNear_m = 0.3;                   // a step both ways, and a cell
-constexpr std::size_t kMostWalls = 400;           // of a side that are looked at
-constexpr double kContradiction = 2.0;            // a wall that is seen through, against one that coincides
-constexpr double kLess = 0.5;                     // of what is in doubt, where it lies better
+constexpr double kNear_m = 0.3;          // a step both ways, and a cell
+constexpr std::size_t kMostWalls = 400;  // of a side that are looked at
+constexpr double kContradiction = 2.0;   // a wall that is seen through, against one that coincides
+constexpr double kLess = 0.5;            // of what is in doubt, where it lies better
 constexpr double kGain_m = 1.0;
-constexpr double kSeenStill = 0.7;                // of the walls that the other side saw anything of
-constexpr double kSame_m = 0.15, kArm_m = 8.0;    // a displacement that is none; from the middle of a region to its walls, about
-constexpr double kPerMetre_m = 0.3;               // of wall on wall, that a metre of displacement has to be worth
-constexpr int kSectors = 8;                       // of directions that walls face
+constexpr double kSeenStill = 0.7;  // of the walls that the other side saw anything of
+constexpr double kSame_m = 0.15,
+                 kArm_m = 8.0;       // a displacement that is none; from the middle of a region to its walls, about
+constexpr double kPerMetre_m = 0.3;  // of wall on wall, that a metre of displacement has to be worth
+constexpr int kSectors = 8;          // of directions that walls face
 
 struct Displacement {
   double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0;  // of `a`, about the middle of the region
@@ -43,22 +44,27 @@ struct Wall {
 };
 
 int sector_of(const WallPoint& wall) {
-  const int sector = static_cast<int>(std::floor(std::atan2(wall.normal_y, wall.normal_x) * kSectors / (2.0 * M_PI) + 0.5));
+  const int sector =
+      static_cast<int>(std::floor(std::atan2(wall.normal_y, wall.normal_x) * kSectors / (2.0 * M_PI) + 0.5));
   return (sector + kSectors) % kSectors;
 }
 
-// What one side saw in each cell, and which way walls face in and beside it: a bit for each sector and the two next to it.
+// What one side saw in each cell, and which way walls face in and beside it: a bit for each sector and the two next to
+// it.
 class Target {
  public:
   Target(const std::vector<PlacedSubmap>& side, const PlaneBox& box, const SightOf& sight_of)
-      : cells_(cell_of(box.x0_m, kPerCell) - 1, cell_of(box.y0_m, kPerCell) - 1, cell_of(box.x1_m, kPerCell) + 1, cell_of(box.y1_m, kPerCell) + 1) {
+      : cells_(cell_of(box.x0_m, kPerCell) - 1, cell_of(box.y0_m, kPerCell) - 1, cell_of(box.x1_m, kPerCell) + 1,
+               cell_of(box.y1_m, kPerCell) + 1) {
     const SeenRaster seen(side, box, sight_of);
     for (int y = cells_.first_y(); y < cells_.first_y() + cells_.height(); ++y)
-      for (int x = cells_.first_x(); x < cells_.first_x() + cells_.width(); ++x) cells_.at(x, y).seen = seen.at_cell(x, y);
+      for (int x = cells_.first_x(); x < cells_.first_x() + cells_.width(); ++x)
+        cells_.at(x, y).seen = seen.at_cell(x, y);
     for (const WallPoint& wall : walls_in(side, box)) {
       const int x = cell_of(wall.x, kPerCell), y = cell_of(wall.y, kPerCell), sector = sector_of(wall);
       std::uint8_t bits = 0;
-      for (const int beside : {kSectors - 1, 0, 1}) bits = static_cast<std::uint8_t>(bits | 1U << static_cast<unsigned>((sector + beside) % kSectors));
+      for (const int beside : {kSectors - 1, 0, 1})
+        bits = static_cast<std::uint8_t>(bits | 1U << static_cast<unsigned>((sector + beside) % kSectors));
       for (int j = -1; j <= 1; ++j)
         for (int i = -1; i <= 1; ++i) cells_.at(x + i, y + j).facing |= bits;
     }
@@ -101,8 +107,8 @@ class Target {
 class RegionFit {
  public:
   // Targets outlive it.
-  RegionFit(const std::vector<PlacedSubmap>& a, const Target& target_a, const std::vector<PlacedSubmap>& b, const Target& target_b,
-            const PlaneBox& box, double x_m, double y_m)
+  RegionFit(const std::vector<PlacedSubmap>& a, const Target& target_a, const std::vector<PlacedSubmap>& b,
+            const Target& target_b, const PlaneBox& box, double x_m, double y_m)
       : x_m_(x_m), y_m_(y_m), targets_{&target_a, &target_b} {
     choose_walls(0, a, box);
     choose_walls(1, b, box);
@@ -114,7 +120,8 @@ class RegionFit {
     for (std::size_t side = 0; side < 2; ++side) {
       const double c = std::cos(yaw_rad), s = side == 0 ? std::sin(yaw_rad) : -std::sin(yaw_rad);
       turned_[side].clear();
-      for (const Wall& wall : walls_[side]) turned_[side].push_back({c * wall.x - s * wall.y, s * wall.x + c * wall.y, wall.sector});
+      for (const Wall& wall : walls_[side])
+        turned_[side].push_back({c * wall.x - s * wall.y, s * wall.x + c * wall.y, wall.sector});
     }
   }
 
@@ -148,15 +155,18 @@ class RegionFit {
   // Whether a displacement within kStep_m of this one, both ways, may have this value.
   bool may_reach(double x_m, double y_m, double least) const {
     const Shifts shift = shifts(x_m, y_m);
-    double most = all_m() - kPerMetre_m * std::max(0.0, Displacement{x_m, y_m, yaw_rad_}.length_m() - std::hypot(kStep_m, kStep_m));
+    double most = all_m() - kPerMetre_m * std::max(0.0, Displacement{x_m, y_m, yaw_rad_}.length_m() -
+                                                            std::hypot(kStep_m, kStep_m));
     for (std::size_t side = 0; side < 2; ++side) {
       const std::vector<Wall>& walls = turned_[side];
       for (std::size_t first = 0; first < walls.size(); first += kAtOnce) {
         const std::size_t end = std::min(walls.size(), first + kAtOnce);
         int missed = 0;
         for (std::size_t i = first; i < end; ++i) {
-          const Target::Cell best = targets_[1 - side]->best_near(walls[i].x + shift.x[side], walls[i].y + shift.y[side]);
-          if (!best.agrees(walls[i].sector)) missed += best.seen == Seen::through ? 1 + static_cast<int>(kContradiction) : 1;
+          const Target::Cell best =
+              targets_[1 - side]->best_near(walls[i].x + shift.x[side], walls[i].y + shift.y[side]);
+          if (!best.agrees(walls[i].sector))
+            missed += best.seen == Seen::through ? 1 + static_cast<int>(kContradiction) : 1;
         }
         most -= each_m_[side] * missed;
         if (most < least) return false;
@@ -182,9 +192,11 @@ class RegionFit {
   void choose_walls(std::size_t side, const std::vector<PlacedSubmap>& submaps, const PlaneBox& box) {
     std::vector<Wall> walls;
     for (const WallPoint& wall : walls_in(submaps, box))
-      if (targets_[1 - side]->at(wall.x, wall.y).seen != Seen::not_at_all) walls.push_back({wall.x - x_m_, wall.y - y_m_, sector_of(wall)});
+      if (targets_[1 - side]->at(wall.x, wall.y).seen != Seen::not_at_all)
+        walls.push_back({wall.x - x_m_, wall.y - y_m_, sector_of(wall)});
     const std::size_t count = std::min(kMostWalls, walls.size());
-    each_m_[side] = SeenRaster::kCell_m * static_cast<double>(walls.size()) / static_cast<double>(std::max<std::size_t>(1, count));
+    each_m_[side] =
+        SeenRaster::kCell_m * static_cast<double>(walls.size()) / static_cast<double>(std::max<std::size_t>(1, count));
     // From all over the region in turn, so that few tell how well all of them fit.
     constexpr std::size_t kParts = 16;
     for (std::size_t part = 0; part < kParts; ++part)
@@ -200,7 +212,8 @@ class RegionFit {
 std::vector<PlacedSubmap> reaching(const std::vector<PlacedSubmap>& side, const PlaneBox& box) {
   std::vector<PlacedSubmap> result;
   for (const PlacedSubmap& submap : side)
-    if (std::hypot(std::clamp(submap.x_m, box.x0_m, box.x1_m) - submap.x_m, std::clamp(submap.y_m, box.y0_m, box.y1_m) - submap.y_m) <= submap.radius_m)
+    if (std::hypot(std::clamp(submap.x_m, box.x0_m, box.x1_m) - submap.x_m,
+                   std::clamp(submap.y_m, box.y0_m, box.y1_m) - submap.y_m) <= submap.radius_m)
       result.push_back(submap);
   return result;
 }
@@ -245,7 +258,8 @@ std::optional<Pose2> RegionDisplacement::better_place(const RegionAgreement& reg
     most = *there;
     best = displacement;
   };
-  const int turns = static_cast<int>(kFarthest_rad / kStep_rad + 0.5), shifts = static_cast<int>(kFarthest_m / kStep_m + 0.5);
+  const int turns = static_cast<int>(kFarthest_rad / kStep_rad + 0.5),
+            shifts = static_cast<int>(kFarthest_m / kStep_m + 0.5);
   for (int turn = -turns; turn <= turns; ++turn) {
     fit.turn(turn * kStep_rad);
     for (int middle_y = 1 - shifts; middle_y <= shifts; middle_y += 3)
@@ -261,13 +275,15 @@ std::optional<Pose2> RegionDisplacement::better_place(const RegionAgreement& reg
       const double yaw_rad = around.yaw_rad + part * turn * kStep_rad;
       fit.turn(yaw_rad);
       for (int y = -1; y <= 1; ++y)
-        for (int x = -1; x <= 1; ++x) consider({around.x_m + part * x * kStep_m, around.y_m + part * y * kStep_m, yaw_rad});
+        for (int x = -1; x <= 1; ++x)
+          consider({around.x_m + part * x * kStep_m, around.y_m + part * y * kStep_m, yaw_rad});
     }
   }
   const bool is_better = most.in_doubt_m <= kLess * here.in_doubt_m && most.coinciding_m >= here.coinciding_m &&
                          most.value_at(best) >= here.value_at({}) + kGain_m;
   if (best.length_m() <= kSame_m || !is_better) return std::nullopt;
-  return compose(Pose2{region.x_m + best.x_m, region.y_m + best.y_m, best.yaw_rad}, Pose2{-region.x_m, -region.y_m, 0.0});
+  return compose(Pose2{region.x_m + best.x_m, region.y_m + best.y_m, best.yaw_rad},
+                 Pose2{-region.x_m, -region.y_m, 0.0});
 }
 
 }  // namespace mapweave::fusion

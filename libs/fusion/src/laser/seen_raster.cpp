@@ -15,7 +15,8 @@ void PlaneBox::add(double x, double y, double around_m) {
 }
 
 PlaneBox PlaneBox::within(const PlaneBox& other) const {
-  return {std::max(x0_m, other.x0_m), std::max(y0_m, other.y0_m), std::min(x1_m, other.x1_m), std::min(y1_m, other.y1_m)};
+  return {std::max(x0_m, other.x0_m), std::max(y0_m, other.y0_m), std::min(x1_m, other.x1_m),
+          std::min(y1_m, other.y1_m)};
 }
 
 PlaneBox box_of(const std::vector<PlacedSubmap>& side) {
@@ -26,17 +27,20 @@ PlaneBox box_of(const std::vector<PlacedSubmap>& side) {
 
 std::vector<matching::WallPoint> walls_in(const std::vector<PlacedSubmap>& side, const PlaneBox& box) {
   std::vector<matching::WallPoint> walls;
-  matching::Raster<char> taken(cell_of(box.x0_m, 1.0 / SeenRaster::kCell_m), cell_of(box.y0_m, 1.0 / SeenRaster::kCell_m), cell_of(box.x1_m, 1.0 / SeenRaster::kCell_m),
-                               cell_of(box.y1_m, 1.0 / SeenRaster::kCell_m));
+  matching::Raster<char> taken(
+      cell_of(box.x0_m, 1.0 / SeenRaster::kCell_m), cell_of(box.y0_m, 1.0 / SeenRaster::kCell_m),
+      cell_of(box.x1_m, 1.0 / SeenRaster::kCell_m), cell_of(box.y1_m, 1.0 / SeenRaster::kCell_m));
   for (const PlacedSubmap& submap : side) {
     const double c = std::cos(submap.team_from_submap.phi), s = std::sin(submap.team_from_submap.phi);
     for (const matching::WallPoint& wall : *submap.walls) {
-      const double x = c * wall.x - s * wall.y + submap.team_from_submap.x, y = s * wall.x + c * wall.y + submap.team_from_submap.y;
+      const double x = c * wall.x - s * wall.y + submap.team_from_submap.x,
+                   y = s * wall.x + c * wall.y + submap.team_from_submap.y;
       if (!box.has(x, y)) continue;
       char& cell = taken.at(cell_of(x, 1.0 / SeenRaster::kCell_m), cell_of(y, 1.0 / SeenRaster::kCell_m));
       if (cell != 0) continue;
       cell = 1;
-      walls.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(c * wall.normal_x - s * wall.normal_y),
+      walls.push_back({static_cast<float>(x), static_cast<float>(y),
+                       static_cast<float>(c * wall.normal_x - s * wall.normal_y),
                        static_cast<float>(s * wall.normal_x + c * wall.normal_y)});
     }
   }
@@ -67,7 +71,8 @@ SeenRaster::SeenRaster(const std::vector<PlacedSubmap>& side, const PlaneBox& bo
 
 matching::Raster<char> SeenRaster::walls_about() const {
   const auto half = [](int cell) { return cell_of(cell, 0.5); };
-  matching::Raster<char> about(half(cells_.first_x()) - 1, half(cells_.first_y()) - 1, half(cells_.first_x() + cells_.width() - 1) + 1,
+  matching::Raster<char> about(half(cells_.first_x()) - 1, half(cells_.first_y()) - 1,
+                               half(cells_.first_x() + cells_.width() - 1) + 1,
                                half(cells_.first_y() + cells_.height() - 1) + 1);
   for (int j = cells_.first_y(); j < cells_.first_y() + cells_.height(); ++j)
     for (int i = cells_.first_x(); i < cells_.first_x() + cells_.width(); ++i)
@@ -89,7 +94,9 @@ OccupancyGrid SeenRaster::grid() const {
   for (int j = cells_.first_y(); j < cells_.first_y() + cells_.height(); ++j)
     for (int i = cells_.first_x(); i < cells_.first_x() + cells_.width(); ++i) {
       const Seen seen = cells_.at(i, j);
-      grid.log_odds.push_back(seen == Seen::not_at_all ? OccupancyGrid::kUnknown : static_cast<std::int16_t>(seen == Seen::wall ? kSure : -kSure));
+      grid.log_odds.push_back(seen == Seen::not_at_all
+                                  ? OccupancyGrid::kUnknown
+                                  : static_cast<std::int16_t>(seen == Seen::wall ? kSure : -kSure));
     }
   return grid;
 }

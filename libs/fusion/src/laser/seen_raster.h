@@ -28,7 +28,9 @@ class SeenRaster {
  public:
   static constexpr double kCell_m = 0.1;
   SeenRaster(const std::vector<PlacedSubmap>& side, const PlaneBox& box, const SightOf& sight_of);
-  Seen at(double x, double y) const { return at_cell(matching::cell_of(x, 1.0 / kCell_m), matching::cell_of(y, 1.0 / kCell_m)); }
+  Seen at(double x, double y) const {
+    return at_cell(matching::cell_of(x, 1.0 / kCell_m), matching::cell_of(y, 1.0 / kCell_m));
+  }
   Seen at_cell(int x, int y) const { return cells_.get(x, y); }
   // Cells of twice the size that hold a wall or lie beside one that does.
   matching::Raster<char> walls_about() const;

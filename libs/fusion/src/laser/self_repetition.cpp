@@ -14,12 +14,12 @@ using matching::cell_of;
 using matching::WallPoint;
 
 constexpr double kCell_m = SeenRaster::kCell_m, kStep_m = 2.0 * kCell_m;  // of walls; of the first look
-constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;  // around the part
-constexpr double kElsewhere_m = 3.0;                // from the middle of the part, at least
-constexpr double kShare = 0.32, kRoom_m = 20.0;     // of a part that stands twice
+constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;                 // around the part
+constexpr double kElsewhere_m = 3.0;                                      // from the middle of the part, at least
+constexpr double kShare = 0.32, kRoom_m = 20.0;                           // of a part that stands twice
 // What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
 constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
-constexpr double kAcross = 0.1;                     // share of walls of the rarer direction: lines fit anywhere along themselves
+constexpr double kAcross = 0.1;  // share of walls of the rarer direction: lines fit anywhere along themselves
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64, kMostRepetitions = 8;
 
 std::vector<WallPoint> some_of(const std::vector<WallPoint>& walls, std::size_t most) {
@@ -56,13 +56,16 @@ struct Motion {
   }
 };
 
-// For each of `columns` cells from (x, y) rightwards: how many of the places, which are cells relative to it, hold a wall.
-void count_hits(const std::vector<std::pair<int, int>>& places, int x, int y, const matching::Raster<char>& walls, std::vector<char>& hits) {
+// For each of `columns` cells from (x, y) rightwards: how many of the places, which are cells relative to it, hold a
+// wall.
+void count_hits(const std::vector<std::pair<int, int>>& places, int x, int y, const matching::Raster<char>& walls,
+                std::vector<char>& hits) {
   static_assert(kFirstLook < 128, "they are counted in a byte");
   std::fill(hits.begin(), hits.end(), char{0});
   const int columns = static_cast<int>(hits.size());
   for (const auto& [right, up] : places) {
-    const int row = y + up, first = std::max(x + right, walls.first_x()), end = std::min(x + right + columns, walls.first_x() + walls.width());
+    const int row = y + up, first = std::max(x + right, walls.first_x()),
+              end = std::min(x + right + columns, walls.first_x() + walls.width());
     if (first >= end || row < walls.first_y() || row >= walls.first_y() + walls.height()) continue;
     const char* wall = walls.row(first, row);
     char* hit = hits.data() + (first - x - right);
@@ -81,7 +84,8 @@ void count_hits(const std::vector<std::pair<int, int>>& places, int x, int y, co
 // The part of a guest that a host knows, and how it lies on the host.
 class Part {
  public:
-  Part(const std::vector<WallPoint>& guest_walls, const SeenRaster& guest, const std::vector<WallPoint>& host_walls, const SeenRaster& host)
+  Part(const std::vector<WallPoint>& guest_walls, const SeenRaster& guest, const std::vector<WallPoint>& host_walls,
+       const SeenRaster& host)
       : guest_(guest), host_(host), host_walls_(host_walls) {
     double cosine = 0.0, sine = 0.0;
     for (const WallPoint& wall : guest_walls) {
@@ -95,7 +99,8 @@ class Part {
     middle_x_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
     middle_y_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
     const double direction = 0.25 * std::atan2(sine, cosine);
-    for (const WallPoint& wall : walls_) faces_.push_back(std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction)) > 0.0 ? 0 : 1);
+    for (const WallPoint& wall : walls_)
+      faces_.push_back(std::cos(2.0 * (std::atan2(wall.normal_y, wall.normal_x) - direction)) > 0.0 ? 0 : 1);
     const Motion here{middle_x_, middle_y_, 0, 0.0, 0.0};
     here_ = look(placed(here, walls_.size()), 0, 0);
     if (shared_m() >= kRoom_m) here_.contradicted_m += missing_m(here, 1e300);
@@ -104,7 +109,8 @@ class Part {
   double shared_m() const { return here_.coinciding_m; }
 
   // Places elsewhere on the host where enough of the part coincides: walls that do, and how the part is moved.
-  std::vector<std::pair<double, Pose2>> places_elsewhere(const matching::Raster<char>& host_about, const PlaneBox& host_box) const {
+  std::vector<std::pair<double, Pose2>> places_elsewhere(const matching::Raster<char>& host_about,
+                                                         const PlaneBox& host_box) const {
     const double least_m = std::max(kRoom_m, kShare * here_.coinciding_m);
     const double doubt = std::clamp(kAsDoubtful * here_.doubt(), kLeastDoubt, kMostDoubt);
     std::vector<Motion> looked;
@@ -112,7 +118,8 @@ class Part {
     for (const Likely& likely : likely_places(host_about, host_box, least_m)) {
       const Motion place{middle_x_, middle_y_, likely.quarters, likely.shift_x, likely.shift_y};
       const auto is_near = [&](const Motion& other) {
-        return other.quarters == place.quarters && std::hypot(other.shift_x - place.shift_x, other.shift_y - place.shift_y) < 0.5;
+        return other.quarters == place.quarters &&
+               std::hypot(other.shift_x - place.shift_x, other.shift_y - place.shift_y) < 0.5;
       };
       if (std::any_of(looked.begin(), looked.end(), is_near)) continue;
       looked.push_back(place);
@@ -122,10 +129,13 @@ class Part {
       for (int j = -2; j <= 2; ++j)
         for (int i = -2; i <= 2; ++i) {
           Look there = look(walls, i, j);
-          if (there.coinciding_m < least_m || there.coinciding_m <= most_m || !there.is_of_two_directions() || there.doubt() > doubt) continue;
+          if (there.coinciding_m < least_m || there.coinciding_m <= most_m || !there.is_of_two_directions() ||
+              there.doubt() > doubt)
+            continue;
           Motion near = place;
           near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
-          there.contradicted_m += missing_m(near, doubt * there.coinciding_m / kContradictionWeight - there.contradicted_m);
+          there.contradicted_m +=
+              missing_m(near, doubt * there.coinciding_m / kContradictionWeight - there.contradicted_m);
           if (there.doubt() > doubt) continue;
           most_m = there.coinciding_m;
           best = near;
@@ -141,7 +151,9 @@ class Part {
     double coinciding_m = 0.0, contradicted_m = 0.0;
     std::array<double, 2> by_direction_m{0.0, 0.0};  // of what coincides
     double doubt() const { return kContradictionWeight * contradicted_m / std::max(kCell_m, coinciding_m); }
-    bool is_of_two_directions() const { return std::min(by_direction_m[0], by_direction_m[1]) >= kAcross * coinciding_m; }
+    bool is_of_two_directions() const {
+      return std::min(by_direction_m[0], by_direction_m[1]) >= kAcross * coinciding_m;
+    }
   };
   struct Likely {
     int hits, quarters;
@@ -153,7 +165,8 @@ class Part {
   };
 
   // Where some of the walls may coincide, most of them first.
-  std::vector<Likely> likely_places(const matching::Raster<char>& host_about, const PlaneBox& host_box, double least_m) const {
+  std::vector<Likely> likely_places(const matching::Raster<char>& host_about, const PlaneBox& host_box,
+                                    double least_m) const {
     const std::vector<WallPoint> few = some_of(walls_, kFirstLook);
     const double share = least_m / (kCell_m * static_cast<double>(walls_.size()));
     const auto needed = std::max(1, static_cast<int>(0.75 * share * static_cast<double>(few.size())));
@@ -171,7 +184,8 @@ class Part {
         count_hits(about, 0, j, host_about, hits);
         for (int i = 0; i < columns; ++i) {
           if (hits[static_cast<std::size_t>(i)] < needed) continue;
-          const double shift_x = host_box.x0_m + i * kStep_m - middle_x_, shift_y = host_box.y0_m + j * kStep_m - middle_y_;
+          const double shift_x = host_box.x0_m + i * kStep_m - middle_x_,
+                       shift_y = host_box.y0_m + j * kStep_m - middle_y_;
           if (std::hypot(shift_x, shift_y) < kElsewhere_m) continue;
           places.push_back({hits[static_cast<std::size_t>(i)], quarters, shift_x, shift_y});
         }
@@ -202,7 +216,8 @@ class Part {
       hits[wall.face] += seen == Seen::wall ? 1 : 0;
       through += seen == Seen::through ? 1 : 0;
     }
-    const double each_m = kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, walls.size()));
+    const double each_m =
+        kCell_m * static_cast<double>(walls_.size()) / static_cast<double>(std::max<std::size_t>(1, walls.size()));
     return {each_m * (hits[0] + hits[1]), each_m * through, {each_m * hits[0], each_m * hits[1]}};
   }
 
@@ -229,7 +244,8 @@ class Part {
 
 }  // namespace
 
-std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of) {
+std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b,
+                                         const SightOf& sight_of) {
   std::vector<Repetition> result;
   const PlaneBox in_a = box_of(a), in_b = box_of(b), common = in_a.within(in_b);
   if (common.empty()) return result;
@@ -244,13 +260,17 @@ std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, con
       if (repeated_m >= std::max(kRoom_m, kShare * part.shared_m()))
         result.push_back({part.shared_m(), repeated_m, guest == 0 ? inverse(moved) : moved});
   }
-  std::stable_sort(result.begin(), result.end(), [](const Repetition& l, const Repetition& r) { return l.repeated_m * r.shared_m > r.repeated_m * l.shared_m; });
+  std::stable_sort(result.begin(), result.end(), [](const Repetition& l, const Repetition& r) {
+    return l.repeated_m * r.shared_m > r.repeated_m * l.shared_m;
+  });
   if (result.size() > kMostRepetitions) result.resize(kMostRepetitions);
   return result;
 }
 
 bool is_contradicted(const WallAgreement& elsewhere, const WallAgreement& here) {
-  const auto doubt = [](const WallAgreement& walls) { return kContradictionWeight * walls.contradicted_m / std::max(kCell_m, walls.coinciding_m); };
+  const auto doubt = [](const WallAgreement& walls) {
+    return kContradictionWeight * walls.contradicted_m / std::max(kCell_m, walls.coinciding_m);
+  };
   return doubt(elsewhere) > std::clamp(kAsDoubtful * doubt(here), kLeastDoubt, kMostDoubt);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// Whether what two sides share stands more than once in one of them, as the rooms of a hotel do: then they may as well lie elsewhere.
+// Whether what two sides share stands more than once in one of them, as the rooms of a hotel do: then they may as well
+// lie elsewhere.
 
 #include "wall_agreement.h"
 
@@ -7,17 +8,21 @@
 
 namespace mapweave::fusion {
 
-// A part of one side that the other one knows, laid elsewhere on that other one, where hardly any wall of it is contradicted.
+// A part of one side that the other one knows, laid elsewhere on that other one, where hardly any wall of it is
+// contradicted.
 struct Repetition {
   double shared_m = 0.0;    // walls of the part that coincide where it lies
   double repeated_m = 0.0;  // the same elsewhere: at least a third of them, and as much as the walls of a room
   Pose2 b_moved;            // the motion of the team's plane by which b lies to a as the part does elsewhere
 };
 
-// Of either side's part, those that repeat most first, few. Parts of more than 300 m of wall are taken to stand only once.
-std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b, const SightOf& sight_of);
+// Of either side's part, those that repeat most first, few. Parts of more than 300 m of wall are taken to stand only
+// once.
+std::vector<Repetition> self_repetitions(const std::vector<PlacedSubmap>& a, const std::vector<PlacedSubmap>& b,
+                                         const SightOf& sight_of);
 
-// Whether walls of both sides would contradict each other if they lay so, as a building that only repeats in part has them.
+// Whether walls of both sides would contradict each other if they lay so, as a building that only repeats in part has
+// them.
 bool is_contradicted(const WallAgreement& elsewhere, const WallAgreement& here);
 
 }  // namespace mapweave::fusion

@@ -17,11 +17,13 @@ constexpr std::size_t kFewestScans = 8;  // matched again in another submap, for
 constexpr std::size_t kNextOnes = 2;     // submaps this near along a trajectory share scans
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_rad) {
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad)).asDiagonal();
+  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_rad * sigma_rad))
+      .asDiagonal();
 }
 
 Eigen::Matrix3d softened(const Eigen::Matrix3d& information) {
-  const Eigen::Matrix3d soft = (Eigen::Matrix3d::Identity() + information * submap_bend_covariance()).inverse() * information;
+  const Eigen::Matrix3d soft =
+      (Eigen::Matrix3d::Identity() + information * submap_bend_covariance()).inverse() * information;
   return 0.5 * (soft + soft.transpose());
 }
 
@@ -49,7 +51,8 @@ Eigen::Vector2d middle_of(const PreparedMap& map, std::size_t submap, const Pose
   return {moved.x + c * p.x - s * p.y, moved.y + s * p.x + c * p.y};
 }
 
-SubmapGraph::SubmapGraph(const std::vector<PreparedMap>& maps, const graph::SolveOptions& options) : maps_(maps), options_(options) {
+SubmapGraph::SubmapGraph(const std::vector<PreparedMap>& maps, const graph::SolveOptions& options)
+    : maps_(maps), options_(options) {
   for (std::size_t m = 0; m < maps.size(); ++m) {
     first_.push_back(map_of_.size());
     map_of_.insert(map_of_.end(), maps[m].submaps.size(), m);
@@ -78,8 +81,8 @@ void SubmapGraph::add_own_edges(std::size_t map) {
         for (std::size_t j = i + 1; j < entry.second.size(); ++j) ++shared[{entry.second[i], entry.second[j]}];
   }
   const auto add = [&](std::size_t from, std::size_t to, const Eigen::Matrix3d& information, bool is_loop) {
-    own_[map].push_back({first_[map] + from, first_[map] + to, between(own.map_from_submap[from], own.map_from_submap[to]), information,
-                         is_loop});
+    own_[map].push_back({first_[map] + from, first_[map] + to,
+                         between(own.map_from_submap[from], own.map_from_submap[to]), information, is_loop});
   };
   for (std::size_t s = 0; s + 1 < own.submaps.size(); ++s) {
     const Pose2 step = between(own.map_from_submap[s], own.map_from_submap[s + 1]);
@@ -100,10 +103,12 @@ bool SubmapGraph::is_constrained(std::size_t one, std::size_t other) const {
   const auto [low, high] = std::minmax(one, other);
   if (high - low <= kNextOnes) return true;
   const auto& own = own_[map_of_[one]];
-  return std::any_of(own.begin(), own.end(), [low = low, high = high](const OwnEdge& edge) { return edge.from == low && edge.to == high; });
+  return std::any_of(own.begin(), own.end(),
+                     [low = low, high = high](const OwnEdge& edge) { return edge.from == low && edge.to == high; });
 }
 
-SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members, const std::vector<SubmapMatch>& matches) const {
+SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members,
+                                 const std::vector<SubmapMatch>& matches) const {
   SolvedSubmaps solved;
   for (const std::size_t m : members)
     for (std::size_t s = 0; s < maps_[m].submaps.size(); ++s) solved.submaps.push_back(number(m, s));
@@ -125,7 +130,8 @@ SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members, const 
         const std::size_t a = map_of(match->from), b = map_of(match->to);
         const bool has_a = team_from_map.count(a) != 0, has_b = team_from_map.count(b) != 0;
         if (has_a == has_b) continue;
-        const Pose2 a_from_b = compose(compose(map_from(match->from), match->from_from_to), inverse(map_from(match->to)));
+        const Pose2 a_from_b =
+            compose(compose(map_from(match->from), match->from_from_to), inverse(map_from(match->to)));
         if (has_a)
           team_from_map[b] = compose(team_from_map[a], a_from_b);
         else
@@ -141,7 +147,8 @@ SolvedSubmaps SubmapGraph::solve(const std::vector<std::size_t>& members, const 
   std::vector<const OwnEdge*> own;
   for (const std::size_t m : members)
     for (const OwnEdge& edge : own_[m]) {
-      solved.edges.push_back({place(edge.from), place(edge.to), edge.from_from_to, edge.information, edge.is_loop && !matches.empty()});
+      solved.edges.push_back(
+          {place(edge.from), place(edge.to), edge.from_from_to, edge.information, edge.is_loop && !matches.empty()});
       own.push_back(&edge);
     }
   for (const SubmapMatch& match : matches)

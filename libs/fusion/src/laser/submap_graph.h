@@ -1,6 +1,6 @@
 #pragma once
-// The pose graph of several robots' submaps: each robot's own trajectory and loop closures, and matches between submaps of any two robots
-// or of one. What a robot's own map says is a measurement here like any other: the team can bend it.
+// The pose graph of several robots' submaps: each robot's own trajectory and loop closures, and matches between submaps
+// of any two robots or of one. What a robot's own map says is a measurement here like any other: the team can bend it.
 
 #include "../prepared_map.h"
 
@@ -26,8 +26,9 @@ struct SolvedSubmaps {
   std::vector<std::size_t> submaps;     // numbers, rising
   std::vector<Pose2> team_from_submap;  // of each; the first stays where its own map has it
   std::vector<double> match_weight;     // of the matches given: 0 where GNC rejected it
-  std::vector<std::pair<std::size_t, std::size_t>> doubted;  // pairs of one robot's submaps whose own constraint GNC rejected
-  double chi2 = 0.0;                    // of the matches that hold
+  std::vector<std::pair<std::size_t, std::size_t>>
+      doubted;        // pairs of one robot's submaps whose own constraint GNC rejected
+  double chi2 = 0.0;  // of the matches that hold
   std::vector<graph::Edge> edges;
   std::vector<double> weights;
   std::size_t place_of(std::size_t submap) const {
@@ -52,11 +53,13 @@ class SubmapGraph {
   std::size_t submap_of(std::size_t number) const { return number - first_[map_of_[number]]; }
   std::size_t size() const { return map_of_.size(); }
   std::size_t first_of(std::size_t map) const { return first_[map]; }
-  // Whether the two submaps of one robot lie so near along its trajectory that a match of them says nothing new, or its own map ties them.
+  // Whether the two submaps of one robot lie so near along its trajectory that a match of them says nothing new, or its
+  // own map ties them.
   bool is_constrained(std::size_t one, std::size_t other) const;
 
-  // `members`: numbers of maps, rising, that the matches connect (else the others stay where their own frame puts them). Starts along the
-  // matches, the most probable first. `is_doubtful`: whether robots' own loop closures may be rejected too.
+  // `members`: numbers of maps, rising, that the matches connect (else the others stay where their own frame puts
+  // them). Starts along the matches, the most probable first. `is_doubtful`: whether robots' own loop closures may be
+  // rejected too.
   SolvedSubmaps solve(const std::vector<std::size_t>& members, const std::vector<SubmapMatch>& matches) const;
   // Each map as it is: what its own graph knows.
   SolvedSubmaps alone(std::size_t map) const { return solve({map}, {}); }

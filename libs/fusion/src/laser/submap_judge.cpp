@@ -13,10 +13,11 @@ namespace {
 
 constexpr double kProbabilityOfDoubt = 0.1;  // what matching::judge leaves of the probability of a doubted judgement
 
-// Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in opposite directions see
-// little of the same.
+// Where the graph says where a submap lies, less of it need be found for a match to be weighed: robots that pass in
+// opposite directions see little of the same.
 constexpr double kNarrow_m = 2.5, kPartScore = 0.5, kLeastPartScore = 0.2;
-// Where both maps lie on each other as a whole, a match need not convince by itself: it only says how exactly they lie there.
+// Where both maps lie on each other as a whole, a match need not convince by itself: it only says how exactly they lie
+// there.
 constexpr double kKnownPartScore = 0.7, kKnownPartConflict = 0.15, kKnownPartContradiction_m = 2.0;
 
 matching::JudgeOptions options_for(const SubmapQuestion& question, matching::JudgeOptions options) {
@@ -38,8 +39,8 @@ matching::JudgeOptions options_for(const SubmapQuestion& question, matching::Jud
 
 const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *map.submaps[submap]; }
 
-// In which order questions are answered, so that few submaps are needed at a time: a block of submaps on the one side stays, those on the
-// other come one after the other.
+// In which order questions are answered, so that few submaps are needed at a time: a block of submaps on the one side
+// stays, those on the other come one after the other.
 std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions) {
   constexpr std::size_t kBlock = 64;
   const auto key = [&](std::size_t i) {
@@ -75,7 +76,8 @@ void SubmapJudge::prepare_sights(const std::vector<std::size_t>& submaps) {
   constexpr std::size_t kAtOnce = 32;
   for (std::size_t first = 0; first < missing.size() && !sights_.is_full(); first += kAtOnce) {
     throw_if_interrupted();
-    const auto sights = pool_.map(std::min(kAtOnce, missing.size() - first), [&](std::size_t i) { return made(missing[first + i]); });
+    const auto sights =
+        pool_.map(std::min(kAtOnce, missing.size() - first), [&](std::size_t i) { return made(missing[first + i]); });
     for (std::size_t i = 0; i < sights.size(); ++i) sights_.add(missing[first + i], sights[i]);
   }
 }
@@ -86,7 +88,8 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
   const bool is_sure = judgement.doubt == Reason::none;
   if (!is_sure && judgement.doubt != Reason::ambiguous && judgement.doubt != Reason::unobservable) return answer;
   const PreparedMap &from = maps_[graph_.map_of(question.from)], &to = maps_[graph_.map_of(question.to)];
-  const bool swapped = submap_of(to, graph_.submap_of(question.to)).id < submap_of(from, graph_.submap_of(question.from)).id;
+  const bool swapped =
+      submap_of(to, graph_.submap_of(question.to)).id < submap_of(from, graph_.submap_of(question.from)).id;
   const double probability = is_sure ? judgement.probability : judgement.probability / kProbabilityOfDoubt;
   for (std::size_t k = 0; k < judgement.hypotheses.size(); ++k) {
     const Alignment alignment = swapped ? inverse(judgement.hypotheses[k]) : judgement.hypotheses[k];
@@ -101,7 +104,8 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
     answer.hypotheses.push_back(match);
     if (judgement.doubt != Reason::ambiguous && judgement.evidence.second_best_ratio < 0.8) break;
   }
-  answer.holds = !answer.hypotheses.empty() && judgement.doubt != Reason::ambiguous && probability >= options_.min_probability;
+  answer.holds =
+      !answer.hypotheses.empty() && judgement.doubt != Reason::ambiguous && probability >= options_.min_probability;
   return answer;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-// Judgements of submap pairs: answered from the memo where they were made before, else in parallel. Who is laid into whom depends on the
-// content of the submaps, not on the names of their robots.
+// Judgements of submap pairs: answered from the memo where they were made before, else in parallel. Who is laid into
+// whom depends on the content of the submaps, not on the names of their robots.
 
 #include "submap_graph.h"
 #include "wall_sight.h"
@@ -13,12 +13,13 @@
 
 namespace mapweave::fusion {
 
-// How much of a submap's walls need be found for a match to be weighed. `part`: about half of what the options want, for submaps of one team,
-// whose graph says about where they lie. `least_part`: a fifth, where another match says where they lie.
+// How much of a submap's walls need be found for a match to be weighed. `part`: about half of what the options want,
+// for submaps of one team, whose graph says about where they lie. `least_part`: a fifth, where another match says where
+// they lie.
 enum class Thoroughness : std::uint8_t { whole, part, least_part };
 
 struct SubmapQuestion {
-  std::size_t from = 0, to = 0;     // numbers of submaps
+  std::size_t from = 0, to = 0;       // numbers of submaps
   matching::WideWindow from_from_to;  // where to search
   Thoroughness wanted = Thoroughness::whole;
 };
@@ -33,16 +34,25 @@ struct SubmapAnswer {
 
 class SubmapJudge {
  public:
-  SubmapJudge(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const FusionOptions& options, const std::set<Hash>& vetoed,
-              matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
-      : maps_(maps), graph_(graph), options_(options), vetoed_(vetoed), cache_(cache), sights_(static_cast<std::size_t>(options.cache_mb) << 20U), memo_(memo), pool_(pool) {}
+  SubmapJudge(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const FusionOptions& options,
+              const std::set<Hash>& vetoed, matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
+      : maps_(maps),
+        graph_(graph),
+        options_(options),
+        vetoed_(vetoed),
+        cache_(cache),
+        sights_(static_cast<std::size_t>(options.cache_mb) << 20U),
+        memo_(memo),
+        pool_(pool) {}
 
   // In the order of the questions. Not thread-safe; works in parallel within.
   std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);
   std::shared_ptr<const WallSight> sight(std::size_t submap);
   // Makes what is missing in parallel, as far as there is room to keep it.
   void prepare_sights(const std::vector<std::size_t>& submaps);
-  const std::vector<Hash>& asked() const { return asked_; }  // judgements, in the order of the questions, with repetitions
+  const std::vector<Hash>& asked() const {
+    return asked_;
+  }  // judgements, in the order of the questions, with repetitions
 
  private:
   std::shared_ptr<const WallSight> made(std::size_t submap) const;

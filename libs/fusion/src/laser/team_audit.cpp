@@ -9,8 +9,8 @@
 namespace mapweave::fusion {
 namespace {
 
-// In regions of right team maps of public logs it is at most a tenth of what coincides, or 2 m, and a quarter where a partition was moved
-// (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
+// In regions of right team maps of public logs it is at most a tenth of what coincides, or 2 m, and a quarter where a
+// partition was moved (fhw); where a map lies wrongly, 0.4 to 16 times what coincides.
 constexpr double kGhost_m = 4.0, kGhostShare = 0.25;
 constexpr double kMovedShare = 0.4;  // in doubt, of what coincides, that may have moved
 constexpr double kLookedAt_m = 2.5;  // in doubt, from which a region is laid elsewhere
@@ -22,10 +22,12 @@ bool shows_what_moved(const RegionAgreement& region, RegionDisplacement& displac
 
 }  // namespace
 
-bool is_ghost(const RegionAgreement& region) { return in_doubt_m(region) > std::max(kGhost_m, kGhostShare * region.coinciding_m); }
+bool is_ghost(const RegionAgreement& region) {
+  return in_doubt_m(region) > std::max(kGhost_m, kGhostShare * region.coinciding_m);
+}
 
-TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of,
-                const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts) {
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
+                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts) {
   std::map<std::pair<std::size_t, std::size_t>, AuditedPair> pairs;
   std::vector<double> ghosts_m(maps.size(), 0.0);
   RegionDisplacement displacement(maps, sight_of);
@@ -50,7 +52,8 @@ TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::v
   }
   for (std::size_t m = 0; m < maps.size(); ++m) {
     if (ghosts_m[m] <= 0.0) continue;
-    if (!result.taken_out || std::make_pair(ghosts_m[m], -walls_m[m]) > std::make_pair(ghosts_m[*result.taken_out], -walls_m[*result.taken_out]))
+    if (!result.taken_out || std::make_pair(ghosts_m[m], -walls_m[m]) >
+                                 std::make_pair(ghosts_m[*result.taken_out], -walls_m[*result.taken_out]))
       result.taken_out = m;
   }
   return result;

@@ -1,6 +1,6 @@
 #pragma once
-// The audit of a team map: what its robots saw of each other's walls, everywhere, by pairs and regions. Right maps agree in every region but
-// for what moved; where one lies wrongly it draws ghosts, in one region first.
+// The audit of a team map: what its robots saw of each other's walls, everywhere, by pairs and regions. Right maps
+// agree in every region but for what moved; where one lies wrongly it draws ghosts, in one region first.
 
 #include "wall_agreement.h"
 
@@ -23,9 +23,9 @@ struct TeamAudit {
 
 // A region in which one map would lie better elsewhere on another one.
 struct BentRegion {
-  std::size_t a = 0, b = 0;  // places of the maps in the team, a < b
+  std::size_t a = 0, b = 0;     // places of the maps in the team, a < b
   double x_m = 0.0, y_m = 0.0;  // middle, team frame
-  Pose2 moved;               // of the team's plane: what a's walls need to lie on b's there
+  Pose2 moved;                  // of the team's plane: what a's walls need to lie on b's there
 };
 
 // Whether so much in one region is a ghost, not furniture or a door that moved.
@@ -33,8 +33,8 @@ bool is_ghost(const RegionAgreement& region);
 // `walls_m`: of each map. Of two maps that are contradicted as much the one with fewer walls is taken out.
 // What is contradicted where no other place is better, amid more that coincides, moved: it is no ghost.
 // Pairs of which `may_show_ghosts` is false are only described.
-TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m, const SightOf& sight_of,
-                const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts);
+TeamAudit audit(const std::vector<std::vector<PlacedSubmap>>& maps, const std::vector<double>& walls_m,
+                const SightOf& sight_of, const std::function<bool(std::size_t, std::size_t)>& may_show_ghosts);
 // Where the search for matches should go on.
 std::vector<BentRegion> bent_regions(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of,
                                      const std::function<bool(std::size_t, std::size_t)>& may_be_bent);

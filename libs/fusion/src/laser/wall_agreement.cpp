@@ -33,7 +33,8 @@ struct Region {
 
 // Walls of one side in the team's frame, one a cell and direction; of those submaps and places that are wanted.
 template <class WantsSubmap, class WantsPlace>
-std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, WantsSubmap&& wants_submap, WantsPlace&& wants_place) {
+std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, WantsSubmap&& wants_submap,
+                                WantsPlace&& wants_place) {
   std::vector<std::pair<std::uint64_t, WallPoint>> keyed;
   for (const PlacedSubmap& submap : side) {
     if (!wants_submap(submap)) continue;
@@ -44,7 +45,8 @@ std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, WantsSubm
                             static_cast<float>(c * wall.normal_x - s * wall.normal_y),
                             static_cast<float>(s * wall.normal_x + c * wall.normal_y)};
       if (!wants_place(there)) continue;
-      const auto quadrant = static_cast<std::uint64_t>((there.normal_x > there.normal_y ? 1 : 0) + (there.normal_x > -there.normal_y ? 2 : 0));
+      const auto quadrant = static_cast<std::uint64_t>((there.normal_x > there.normal_y ? 1 : 0) +
+                                                       (there.normal_x > -there.normal_y ? 2 : 0));
       const auto x = static_cast<std::uint64_t>(cell_of(there.x, 1.0 / kCell_m) + (1 << 28)),
                  y = static_cast<std::uint64_t>(cell_of(there.y, 1.0 / kCell_m) + (1 << 28));
       keyed.emplace_back((y << 34U) | (x << 3U) | quadrant, there);
@@ -58,8 +60,9 @@ std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, WantsSubm
 }
 
 std::vector<WallPoint> walls_of(const std::vector<PlacedSubmap>& side, const Region& region) {
-  return walls_of(side, [&](const PlacedSubmap& submap) { return region.is_reached_by(submap); },
-                  [&](const WallPoint& wall) { return region.has(wall.x, wall.y); });
+  return walls_of(
+      side, [&](const PlacedSubmap& submap) { return region.is_reached_by(submap); },
+      [&](const WallPoint& wall) { return region.has(wall.x, wall.y); });
 }
 
 // From the team's frame to a submap's.
@@ -67,7 +70,9 @@ class IntoSubmap {
  public:
   explicit IntoSubmap(const Pose2& team_from_submap)
       : from_team_(inverse(team_from_submap)), c_(std::cos(from_team_.phi)), s_(std::sin(from_team_.phi)) {}
-  Eigen::Vector2d operator()(double x, double y) const { return {c_ * x - s_ * y + from_team_.x, s_ * x + c_ * y + from_team_.y}; }
+  Eigen::Vector2d operator()(double x, double y) const {
+    return {c_ * x - s_ * y + from_team_.x, s_ * x + c_ * y + from_team_.y};
+  }
 
  private:
   Pose2 from_team_;
@@ -82,7 +87,8 @@ class Comparison {
     std::vector<std::pair<std::size_t, std::vector<WallPoint>>> walls;  // of each side that has some, in their order
   };
 
-  Comparison(const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of) : sides_(sides), sight_of_(sight_of) {
+  Comparison(const std::vector<std::vector<PlacedSubmap>>& sides, const SightOf& sight_of)
+      : sides_(sides), sight_of_(sight_of) {
     std::map<std::pair<int, int>, std::vector<std::size_t>> reached;
     for (std::size_t side = 0; side < sides.size(); ++side)
       for (const auto& region : regions_of(sides[side])) reached[region].push_back(side);
@@ -124,16 +130,19 @@ class Comparison {
         }
     }
     for (const auto& [where, result] : seen)
-      visit(where.first, places_[where.first].walls[where.second].first, places_[where.first].walls[where.second].second, result);
+      visit(where.first, places_[where.first].walls[where.second].first,
+            places_[where.first].walls[where.second].second, result);
   }
 
   std::vector<std::size_t> places_near(const PlacedSubmap& submap) const {
     std::vector<std::size_t> result;
     const double reach = submap.radius_m + kFarthestShift_m;
     for (int y = cell_of(submap.y_m - reach, 1.0 / kRegion_m); y <= cell_of(submap.y_m + reach, 1.0 / kRegion_m); ++y)
-      for (int x = cell_of(submap.x_m - reach, 1.0 / kRegion_m); x <= cell_of(submap.x_m + reach, 1.0 / kRegion_m); ++x) {
+      for (int x = cell_of(submap.x_m - reach, 1.0 / kRegion_m); x <= cell_of(submap.x_m + reach, 1.0 / kRegion_m);
+           ++x) {
         const auto place = place_of_.find({y, x});
-        if (place != place_of_.end() && places_[place->second].region.is_reached_by(submap)) result.push_back(place->second);
+        if (place != place_of_.end() && places_[place->second].region.is_reached_by(submap))
+          result.push_back(place->second);
       }
     return result;
   }
@@ -142,8 +151,10 @@ class Comparison {
   static std::vector<std::pair<int, int>> regions_of(const std::vector<PlacedSubmap>& side) {
     std::vector<std::pair<int, int>> regions;
     for (const PlacedSubmap& submap : side)
-      for (int y = cell_of(submap.y_m - submap.radius_m, 1.0 / kRegion_m); y <= cell_of(submap.y_m + submap.radius_m, 1.0 / kRegion_m); ++y)
-        for (int x = cell_of(submap.x_m - submap.radius_m, 1.0 / kRegion_m); x <= cell_of(submap.x_m + submap.radius_m, 1.0 / kRegion_m); ++x)
+      for (int y = cell_of(submap.y_m - submap.radius_m, 1.0 / kRegion_m);
+           y <= cell_of(submap.y_m + submap.radius_m, 1.0 / kRegion_m); ++y)
+        for (int x = cell_of(submap.x_m - submap.radius_m, 1.0 / kRegion_m);
+             x <= cell_of(submap.x_m + submap.radius_m, 1.0 / kRegion_m); ++x)
           regions.emplace_back(y, x);
     std::sort(regions.begin(), regions.end());
     regions.erase(std::unique(regions.begin(), regions.end()), regions.end());
@@ -160,15 +171,21 @@ class Comparison {
 class WallRaster {
  public:
   explicit WallRaster(const Region& region)
-      : x_m_(region.x_m - kFarthestShift_m), y_m_(region.y_m - kFarthestShift_m), cells_(static_cast<std::size_t>(kSide) * kSide, 0) {}
+      : x_m_(region.x_m - kFarthestShift_m),
+        y_m_(region.y_m - kFarthestShift_m),
+        cells_(static_cast<std::size_t>(kSide) * kSide, 0) {}
   void add(const WallSight& sight, const Pose2& team_from_submap) {
     const IntoSubmap into(team_from_submap);
     const double c = std::cos(team_from_submap.phi), s = std::sin(team_from_submap.phi);
     for (const WallSight::Block& block : sight.wall_blocks()) {
-      const double x = c * block.middle.x() - s * block.middle.y() + team_from_submap.x - x_m_, reach_x = std::abs(c) * block.half.x() + std::abs(s) * block.half.y();
-      const double y = s * block.middle.x() + c * block.middle.y() + team_from_submap.y - y_m_, reach_y = std::abs(s) * block.half.x() + std::abs(c) * block.half.y();
-      const int low_x = std::max(0, cell_of(x - reach_x, 1.0 / kCell_m)), high_x = std::min(kSide - 1, cell_of(x + reach_x, 1.0 / kCell_m));
-      const int low_y = std::max(0, cell_of(y - reach_y, 1.0 / kCell_m)), high_y = std::min(kSide - 1, cell_of(y + reach_y, 1.0 / kCell_m));
+      const double x = c * block.middle.x() - s * block.middle.y() + team_from_submap.x - x_m_,
+                   reach_x = std::abs(c) * block.half.x() + std::abs(s) * block.half.y();
+      const double y = s * block.middle.x() + c * block.middle.y() + team_from_submap.y - y_m_,
+                   reach_y = std::abs(s) * block.half.x() + std::abs(c) * block.half.y();
+      const int low_x = std::max(0, cell_of(x - reach_x, 1.0 / kCell_m)),
+                high_x = std::min(kSide - 1, cell_of(x + reach_x, 1.0 / kCell_m));
+      const int low_y = std::max(0, cell_of(y - reach_y, 1.0 / kCell_m)),
+                high_y = std::min(kSide - 1, cell_of(y + reach_y, 1.0 / kCell_m));
       for (int j = low_y; j <= high_y; ++j)
         for (int i = low_x; i <= high_x; ++i) {
           char& cell = cells_[static_cast<std::size_t>(j) * kSide + static_cast<std::size_t>(i)];
@@ -180,7 +197,8 @@ class WallRaster {
   }
   bool at(double x, double y) const {
     const int cx = cell_of(x - x_m_, 1.0 / kCell_m), cy = cell_of(y - y_m_, 1.0 / kCell_m);
-    return cx >= 0 && cy >= 0 && cx < kSide && cy < kSide && cells_[static_cast<std::size_t>(cy) * kSide + static_cast<std::size_t>(cx)] != 0;
+    return cx >= 0 && cy >= 0 && cx < kSide && cy < kSide &&
+           cells_[static_cast<std::size_t>(cy) * kSide + static_cast<std::size_t>(cx)] != 0;
   }
 
  private:
@@ -236,7 +254,8 @@ Eigen::Matrix2d directions_of(const std::array<std::vector<WallPoint>, 2>& known
 }
 
 // How much would coincide elsewhere: walls of each side, shifted along the two directions that the walls have.
-double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes) {
+double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known,
+                         const Eigen::Matrix2d& axes) {
   double most = 0.0;
   for (int axis = 0; axis < 2; ++axis)
     for (const int sign : {1, -1})
@@ -251,17 +270,19 @@ double most_when_shifted(const std::array<WallRaster, 2>& sides, const std::arra
             const WallPoint& wall = known[side][i * known[side].size() / count];
             hits += sides[1 - side].at(wall.x + direction * shift.x(), wall.y + direction * shift.y());
           }
-          if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
+          if (count > 0)
+            sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) /
+                   static_cast<double>(count);
         }
         most = std::max(most, sum);
       }
   return most;
 }
 
-// How much would coincide if one side were its mirror image, about the best axis along or across the walls. Who fits its own mirror image
-// tells nothing of how it lies.
-double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known, const Eigen::Matrix2d& axes,
-                          const Region& region) {
+// How much would coincide if one side were its mirror image, about the best axis along or across the walls. Who fits
+// its own mirror image tells nothing of how it lies.
+double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::array<std::vector<WallPoint>, 2>& known,
+                          const Eigen::Matrix2d& axes, const Region& region) {
   const Eigen::Vector2d middle(region.x_m + 0.5 * kRegion_m, region.y_m + 0.5 * kRegion_m);
   const auto coinciding_m = [&](int axis, double turn, double offset) {
     const Eigen::Vector2d normal = Eigen::Rotation2Dd(turn) * axes.col(axis);
@@ -275,7 +296,9 @@ double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::arr
         const Eigen::Vector2d image = place - 2.0 * (normal.dot(place - middle) - offset) * normal;
         hits += sides[1 - side].at(image.x(), image.y());
       }
-      if (count > 0) sum += kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
+      if (count > 0)
+        sum +=
+            kCell_m * static_cast<double>(hits) * static_cast<double>(known[side].size()) / static_cast<double>(count);
     }
     return sum;
   };
@@ -292,7 +315,8 @@ double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::arr
   };
   for (int k = -2; k <= 2; ++k)
     for (int axis = 0; axis < 2; ++axis)
-      for (double offset = -0.75 * kRegion_m; offset <= 0.75 * kRegion_m; offset += kOffset_m) consider(axis, kTurn_rad * k, offset);
+      for (double offset = -0.75 * kRegion_m; offset <= 0.75 * kRegion_m; offset += kOffset_m)
+        consider(axis, kTurn_rad * k, offset);
   for (double part : {0.5, 0.25}) {
     const double turn = best_turn, offset = best_offset;
     for (int i = -1; i <= 1; ++i)
@@ -332,7 +356,9 @@ double distinctive_in(const std::map<std::size_t, Common>& common, const Compari
     const Common& here = common.at(place);
     const Eigen::Matrix2d axes = directions_of(here.known);
     double elsewhere_m = most_when_shifted(rasters.at(place), here.known, axes);
-    if (with_mirror) elsewhere_m = std::max(elsewhere_m, most_when_mirrored(rasters.at(place), here.known, axes, comparison.places()[place].region));
+    if (with_mirror)
+      elsewhere_m = std::max(
+          elsewhere_m, most_when_mirrored(rasters.at(place), here.known, axes, comparison.places()[place].region));
     result += std::max(0.0, here.coinciding_m - elsewhere_m);
   }
   return result;
@@ -351,8 +377,8 @@ double length_of_walls(const std::vector<PlacedSubmap>& side) {
   return kCell_m * static_cast<double>(walls_of(side, all, all).size());
 }
 
-WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b, double b_walls_m,
-                             const SightOf& sight_of) {
+WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_m, const std::vector<PlacedSubmap>& b,
+                             double b_walls_m, const SightOf& sight_of) {
   const std::vector<std::vector<PlacedSubmap>> sides{a, b};
   const Comparison comparison(sides, sight_of);
   WallAgreement result;
@@ -360,7 +386,8 @@ WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_
   std::array<std::vector<WallPoint>, 2> contradicted;
   std::map<std::size_t, Common> common;
   for (std::size_t seer = 0; seer < 2; ++seer)
-    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls, const std::vector<Seen>& seen) {
+    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls,
+                             const std::vector<Seen>& seen) {
       Common& here = common[place];
       for (std::size_t i = 0; i < walls.size(); ++i) {
         const WallPoint& wall = walls[i];
@@ -387,21 +414,24 @@ WallAgreement wall_agreement(const std::vector<PlacedSubmap>& a, double a_walls_
     here.normals(1, 0) = here.normals(0, 1);
     all_normals += here.normals;
   }
-  result.overlap = std::min(1.0, std::max(known_m[0] / std::max(a_walls_m, kCell_m), known_m[1] / std::max(b_walls_m, kCell_m)));
+  result.overlap =
+      std::min(1.0, std::max(known_m[0] / std::max(a_walls_m, kCell_m), known_m[1] / std::max(b_walls_m, kCell_m)));
   result.distinctive_m = distinctive_in(common, comparison, result.overlap < kLargeOverlap, sides, sight_of);
   for (const auto& walls : contradicted) gather(walls, result.contradictions);
   result.contradictions = longest_first(std::move(result.contradictions));
   if (all_normals.trace() > 0.0)
-    result.observability =
-        std::max(0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(all_normals / all_normals.trace()).eigenvalues()(0));
+    result.observability = std::max(
+        0.0, Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(all_normals / all_normals.trace()).eigenvalues()(0));
   return result;
 }
 
-std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<PlacedSubmap>>& maps, const SightOf& sight_of) {
+std::vector<RegionAgreement> compare_by_region(const std::vector<std::vector<PlacedSubmap>>& maps,
+                                               const SightOf& sight_of) {
   const Comparison comparison(maps, sight_of);
   std::map<std::tuple<std::size_t, std::size_t, std::size_t>, RegionAgreement> found;  // by place and pair
   for (std::size_t seer = 0; seer < maps.size(); ++seer)
-    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls, const std::vector<Seen>& seen) {
+    comparison.see(seer, [&](std::size_t place, std::size_t owner, const std::vector<WallPoint>& walls,
+                             const std::vector<Seen>& seen) {
       const auto [a, b] = std::minmax(owner, seer);
       const Region& region = comparison.places()[place].region;
       RegionAgreement& here = found[{place, a, b}];

@@ -51,7 +51,8 @@ WallSight::WallSight(const SubmapModel& model) {
     x1 = sight.empty() ? wx1 : std::max(x1, wx1);
     y1 = sight.empty() ? wy1 : std::max(y1, wy1);
   }
-  index_ = matching::Raster<std::uint32_t>(tile_of(x0, kTile), tile_of(y0, kTile), tile_of(x1, kTile), tile_of(y1, kTile));
+  index_ =
+      matching::Raster<std::uint32_t>(tile_of(x0, kTile), tile_of(y0, kTile), tile_of(x1, kTile), tile_of(y1, kTile));
   const auto cell = [&](int x, int y) -> std::uint8_t& {
     const int tx = tile_of(x, kTile), ty = tile_of(y, kTile);
     std::uint32_t& index = index_.at(tx, ty);
@@ -66,11 +67,13 @@ WallSight::WallSight(const SubmapModel& model) {
     const auto seen = seen_around(sight);
     for (int y = sight.first_y(); y < sight.first_y() + sight.height(); ++y)
       for (int x = sight.first_x(); x < sight.first_x() + sight.width(); ++x)
-        if (sight.at(x, y) != Sight::unknown) cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(seen.at(x, y)) << 4U);
+        if (sight.at(x, y) != Sight::unknown)
+          cell(x, y) = static_cast<std::uint8_t>(static_cast<unsigned>(seen.at(x, y)) << 4U);
   }
   for (int y = walls.first_y(); y < walls.first_y() + walls.height(); ++y)
     for (int x = walls.first_x(); x < walls.first_x() + walls.width(); ++x)
-      if (walls.at(x, y) > kNearWall) cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
+      if (walls.at(x, y) > kNearWall)
+        cell(half(x), half(y)) |= static_cast<std::uint8_t>(1U << static_cast<unsigned>((x & 1) + 2 * (y & 1)));
   find_wall_blocks();
 }
 
@@ -89,7 +92,8 @@ void WallSight::find_wall_blocks() {
             high = high.max(Eigen::Array2i(x, y));
           }
       if (high.x() < 0) continue;
-      const Eigen::Array2d from = (low + Eigen::Array2i(tx, ty) * kTile).cast<double>() * kCell_m, sides = (high + 1 - low).cast<double>() * kCell_m;
+      const Eigen::Array2d from = (low + Eigen::Array2i(tx, ty) * kTile).cast<double>() * kCell_m,
+                           sides = (high + 1 - low).cast<double>() * kCell_m;
       wall_blocks_.push_back({from + 0.5 * sides, 0.5 * sides});
     }
 }

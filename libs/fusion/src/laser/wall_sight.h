@@ -1,5 +1,6 @@
 #pragma once
-// What one submap saw of the plane, small enough to be kept for all submaps of a team: where its walls are, and where its rays went through.
+// What one submap saw of the plane, small enough to be kept for all submaps of a team: where its walls are, and where
+// its rays went through.
 
 #include <mapweave/matching/submap_model.h>
 
@@ -13,8 +14,8 @@
 
 namespace mapweave::fusion {
 
-// Of a place; of several submaps the largest counts. Wall: within 0.12 m. Through: nothing but free space within 0.2 m. Beside a wall: seen, with
-// a wall within 0.2 m. In part: seen, with cells within 0.2 m that were not.
+// Of a place; of several submaps the largest counts. Wall: within 0.12 m. Through: nothing but free space within 0.2 m.
+// Beside a wall: seen, with a wall within 0.2 m. In part: seen, with cells within 0.2 m that were not.
 enum class Seen : std::uint8_t { not_at_all, in_part, through, beside_wall, wall };
 
 // Cells of 0.1 m in the submap's frame, in tiles that are kept only where something was seen.
@@ -36,7 +37,9 @@ class WallSight {
     Eigen::Vector2d middle, half;  // half: of its sides
   };
   const std::vector<Block>& wall_blocks() const { return wall_blocks_; }
-  std::size_t bytes() const { return tiles_.size() * sizeof(Tile) + index_.bytes() + wall_blocks_.capacity() * sizeof(Block); }
+  std::size_t bytes() const {
+    return tiles_.size() * sizeof(Tile) + index_.bytes() + wall_blocks_.capacity() * sizeof(Block);
+  }
 
  private:
   void find_wall_blocks();

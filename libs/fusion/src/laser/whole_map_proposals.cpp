@@ -9,10 +9,10 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr int kMost = 6;                       // proposals of two maps
+constexpr int kMost = 6;  // proposals of two maps
 constexpr double kContradiction = 4.0;
-constexpr double kLeastShared_m = 2.0;         // walls of one submap near walls of another
-constexpr std::size_t kMostQuestions = 6;      // of a proposal
+constexpr double kLeastShared_m = 2.0;             // walls of one submap near walls of another
+constexpr std::size_t kMostQuestions = 6;          // of a proposal
 constexpr double kRadius_m = 1.5, kYaw_rad = 0.1;  // how wrong a proposal may be at one of its submaps: maps bend
 
 // Walls of a submap that another one has, about.
@@ -26,30 +26,39 @@ double coinciding_m(const PlacedSubmap& of, const Pose2& in_from_of, const WallS
     const matching::WallPoint& wall = (*of.walls)[k * of.walls->size() / count];
     hits += in.at(c * wall.x - s * wall.y + in_from_of.x, s * wall.x + c * wall.y + in_from_of.y) == Seen::wall;
   }
-  return count == 0 ? 0.0 : kCell_m * static_cast<double>(hits) * static_cast<double>(of.walls->size()) / static_cast<double>(count);
+  return count == 0
+             ? 0.0
+             : kCell_m * static_cast<double>(hits) * static_cast<double>(of.walls->size()) / static_cast<double>(count);
 }
 
 }  // namespace
 
-const matching::GridWalls& WholeMapProposals::walls(std::size_t map, const std::vector<PlacedSubmap>& submaps, const SightOf& sight_of) {
+const matching::GridWalls& WholeMapProposals::walls(std::size_t map, const std::vector<PlacedSubmap>& submaps,
+                                                    const SightOf& sight_of) {
   const auto known = walls_.find(map);
   if (known != walls_.end()) return known->second;
   return walls_.emplace(map, matching::walls_of(SeenRaster(submaps, box_of(submaps), sight_of).grid())).first->second;
 }
 
-std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
-                                                              const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b,
-                                                              double radius_m, double yaw_rad, const SightOf& sight_of) const {
+std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std::size_t b,
+                                                              const std::vector<PlacedSubmap>& submaps_a,
+                                                              const std::vector<PlacedSubmap>& submaps_b,
+                                                              const Pose2& a_from_b, double radius_m, double yaw_rad,
+                                                              const SightOf& sight_of) const {
   std::vector<std::tuple<double, Hash, Hash, std::size_t, std::size_t>> sharing;
   for (std::size_t i = 0; i < submaps_a.size(); ++i)
     for (std::size_t j = 0; j < submaps_b.size(); ++j) {
       const PlacedSubmap &one = submaps_a[i], &other = submaps_b[j];
       const Pose2 middle = compose(a_from_b, Pose2{other.x_m, other.y_m, 0.0});
       if (std::hypot(one.x_m - middle.x, one.y_m - middle.y) > one.radius_m + other.radius_m) continue;
-      const double shared_m = std::min(coinciding_m(other, between(one.team_from_submap, compose(a_from_b, other.team_from_submap)), *sight_of(one.number)),
-                                       coinciding_m(one, between(compose(a_from_b, other.team_from_submap), one.team_from_submap), *sight_of(other.number)));
+      const double shared_m =
+          std::min(coinciding_m(other, between(one.team_from_submap, compose(a_from_b, other.team_from_submap)),
+                                *sight_of(one.number)),
+                   coinciding_m(one, between(compose(a_from_b, other.team_from_submap), one.team_from_submap),
+                                *sight_of(other.number)));
       if (shared_m < kLeastShared_m) continue;
-      const auto prints = std::minmax(maps_[a].fingerprints[graph_.submap_of(one.number)], maps_[b].fingerprints[graph_.submap_of(other.number)]);
+      const auto prints = std::minmax(maps_[a].fingerprints[graph_.submap_of(one.number)],
+                                      maps_[b].fingerprints[graph_.submap_of(other.number)]);
       sharing.emplace_back(-shared_m, prints.first, prints.second, i, j);
     }
   std::sort(sharing.begin(), sharing.end());
@@ -63,8 +72,10 @@ std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std
   return questions;
 }
 
-std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
-                                                         const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of) {
+std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::size_t b,
+                                                         const std::vector<PlacedSubmap>& submaps_a,
+                                                         const std::vector<PlacedSubmap>& submaps_b,
+                                                         const SightOf& sight_of) {
   if (submaps_a.empty() || submaps_b.empty()) return {};
   matching::GridProposalOptions options;
   options.scale_range = 0.0;
@@ -74,8 +85,8 @@ std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::siz
   // The same whatever the maps are called.
   const bool swapped = maps_[b].fingerprints < maps_[a].fingerprints;
   std::vector<SubmapQuestion> questions;
-  for (const matching::GridProposal& proposal :
-       swapped ? matching::propose_alignments(in_b, in_a, options) : matching::propose_alignments(in_a, in_b, options)) {
+  for (const matching::GridProposal& proposal : swapped ? matching::propose_alignments(in_b, in_a, options)
+                                                        : matching::propose_alignments(in_a, in_b, options)) {
     const Pose2 a_from_b = swapped ? inverse(proposal.a_from_b.pose) : proposal.a_from_b.pose;
     const auto some = of_most_shared(a, b, submaps_a, submaps_b, a_from_b, kRadius_m, kYaw_rad, sight_of);
     questions.insert(questions.end(), some.begin(), some.end());

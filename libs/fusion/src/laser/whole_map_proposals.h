@@ -1,6 +1,7 @@
 #pragma once
-// Where two laser maps may lie on each other, as whole images: what shares too little with any one submap to be found by submaps. The same
-// proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale; submaps that they lay on each other are judged.
+// Where two laser maps may lie on each other, as whole images: what shares too little with any one submap to be found
+// by submaps. The same proposals as for grids of other makers (matching/grid_proposals.h), at the maps' own scale;
+// submaps that they lay on each other are judged.
 
 #include "seen_raster.h"
 #include "submap_judge.h"
@@ -15,13 +16,15 @@ class WholeMapProposals {
  public:
   // Everything must outlive it.
   WholeMapProposals(const std::vector<PreparedMap>& maps, const SubmapGraph& graph) : maps_(maps), graph_(graph) {}
-  // Narrow questions about the submaps of two maps, those of the best proposal first. `as_mapped` places a map's submaps in its own frame.
+  // Narrow questions about the submaps of two maps, those of the best proposal first. `as_mapped` places a map's
+  // submaps in its own frame.
   std::vector<SubmapQuestion> questions(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
                                         const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of);
-  // About the submaps that share most walls if the frame of those of b lies so in that of those of a, at most six: narrow ones around that.
+  // About the submaps that share most walls if the frame of those of b lies so in that of those of a, at most six:
+  // narrow ones around that.
   std::vector<SubmapQuestion> of_most_shared(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
-                                             const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b, double radius_m, double yaw_rad,
-                                             const SightOf& sight_of) const;
+                                             const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b,
+                                             double radius_m, double yaw_rad, const SightOf& sight_of) const;
 
  private:
   const matching::GridWalls& walls(std::size_t map, const std::vector<PlacedSubmap>& submaps, const SightOf& sight_of);

@@ -1,7 +1,7 @@
 #pragma once
 // Three kinds of failure, three forms: no answer (std::optional, or a result with a reason), the world let us down
-// (Error), the caller broke the contract (MAPWEAVE_EXPECT). Caught once per program and once per worker loop. Being interrupted is none of
-// them (interrupt.h).
+// (Error), the caller broke the contract (MAPWEAVE_EXPECT). Caught once per program and once per worker loop. Being
+// interrupted is none of them (interrupt.h).
 
 #include <stdexcept>
 #include <string>

@@ -7,12 +7,12 @@ namespace mapweave {
 
 enum class ExitCode : int {
   done = 0,
-  failed = 1,           // internal, or results cannot be written
-  wrong_usage = 2,      // of the command line
-  bad_input = 3,        // or missing
-  stayed_apart = 4,     // done, but some maps stayed apart
-  gate_failed = 5,      // a number is larger than was asked for
-  interrupted = 130,    // what was finished is saved
+  failed = 1,         // internal, or results cannot be written
+  wrong_usage = 2,    // of the command line
+  bad_input = 3,      // or missing
+  stayed_apart = 4,   // done, but some maps stayed apart
+  gate_failed = 5,    // a number is larger than was asked for
+  interrupted = 130,  // what was finished is saved
 };
 
 // For an error that ends the program.

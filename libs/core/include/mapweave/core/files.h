@@ -16,8 +16,8 @@ std::string read_file(const std::filesystem::path&, std::uint64_t most_bytes = s
 // neither a partial file nor a changed old one.
 void write_file(const std::filesystem::path& path, std::string_view bytes);
 
-// An input that a folder of results would replace is lost with --force: throws Error kUsage where one of them lies in `out_folder`, or is
-// it.
+// An input that a folder of results would replace is lost with --force: throws Error kUsage where one of them lies in
+// `out_folder`, or is it.
 void expect_outside(const std::filesystem::path& out_folder, const std::vector<std::filesystem::path>& inputs);
 
 // A folder of results. It is built as "<path>.partial-<pid>" beside its goal; commit() renames it into place; a folder
@@ -26,8 +26,8 @@ void expect_outside(const std::filesystem::path& out_folder, const std::vector<s
 class OutputFolder {
  public:
   // Throws Error kCannotWrite when `path` exists and is not an empty folder and not `force`, or when its parent cannot
-  // be written. With `force`, an old folder is replaced at commit() and not before; a folder that holds anything that mapweave did
-  // not write (no manifest.json in it) is refused even then.
+  // be written. With `force`, an old folder is replaced at commit() and not before; a folder that holds anything that
+  // mapweave did not write (no manifest.json in it) is refused even then.
   OutputFolder(std::filesystem::path path, bool force);
   ~OutputFolder();
   OutputFolder(const OutputFolder&) = delete;

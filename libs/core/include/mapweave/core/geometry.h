@@ -13,7 +13,9 @@ namespace mapweave {
 using Pose2 = mrpt::math::TPose2D;  // x, y, phi
 
 // Into [-pi, pi).
-inline double wrap_angle(double angle_rad) { return angle_rad - 2.0 * M_PI * std::floor((angle_rad + M_PI) / (2.0 * M_PI)); }
+inline double wrap_angle(double angle_rad) {
+  return angle_rad - 2.0 * M_PI * std::floor((angle_rad + M_PI) / (2.0 * M_PI));
+}
 
 // a_from_c = compose(a_from_b, b_from_c): MRPT's a + b, inline, with phi wrapped.
 inline Pose2 compose(const Pose2& a_from_b, const Pose2& b_from_c) {
@@ -53,7 +55,8 @@ inline Eigen::Vector3d transformed(const Eigen::Vector3d& point_in_b, const Sim3
   return a_from_b.scale * (a_from_b.pose.q * point_in_b) + a_from_b.pose.t;
 }
 inline Sim3 compose(const Sim3& a_from_b, const Sim3& b_from_c) {
-  return {{transformed(b_from_c.pose.t, a_from_b), (a_from_b.pose.q * b_from_c.pose.q).normalized()}, a_from_b.scale * b_from_c.scale};
+  return {{transformed(b_from_c.pose.t, a_from_b), (a_from_b.pose.q * b_from_c.pose.q).normalized()},
+          a_from_b.scale * b_from_c.scale};
 }
 inline Sim3 inverse(const Sim3& a_from_b) {
   const double scale = 1.0 / a_from_b.scale;
@@ -68,7 +71,8 @@ inline Pose3 transformed(const Pose3& b_from_c, const Sim3& a_from_b) {
 // Planar poses in space, and what a pose in space shows when looked at from above (yaw of the x axis).
 Pose3 spatial(const Pose2&);
 Pose2 planar(const Pose3&);
-// The same for 6 x 6 covariances and informations in order (x, y, z, roll, pitch, yaw): rows and columns of x, y and yaw, all others zero.
+// The same for 6 x 6 covariances and informations in order (x, y, z, roll, pitch, yaw): rows and columns of x, y and
+// yaw, all others zero.
 inline constexpr int kPlanarAxes[3] = {0, 1, 5};
 Eigen::Matrix<double, 6, 6> spatial(const Eigen::Matrix3d&);
 Eigen::Matrix3d planar(const Eigen::Matrix<double, 6, 6>&);

@@ -48,7 +48,8 @@ struct ClientId {
   SensorId sensor;
 };
 
-// One client's one run. `run` tells runs of one client apart: nanoseconds since the UNIX epoch of the first observation.
+// One client's one run. `run` tells runs of one client apart: nanoseconds since the UNIX epoch of the first
+// observation.
 struct SessionId {
   ClientId client;
   std::int64_t run = 0;
@@ -66,8 +67,12 @@ struct SubmapId {
 
 inline auto key_of(const ClientId& id) { return std::tie(id.robot, id.sensor); }
 inline auto key_of(const SessionId& id) { return std::tie(id.client.robot, id.client.sensor, id.run); }
-inline auto key_of(const NodeId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
-inline auto key_of(const SubmapId& id) { return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index); }
+inline auto key_of(const NodeId& id) {
+  return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index);
+}
+inline auto key_of(const SubmapId& id) {
+  return std::tie(id.session.client.robot, id.session.client.sensor, id.session.run, id.index);
+}
 
 // Ids compare by robot name, sensor name, run, index: the canonical order of everything.
 template <class Id, class = decltype(key_of(std::declval<const Id&>()))>

@@ -1,5 +1,6 @@
 #pragma once
-// Ctrl-C, SIGTERM and a terminal that goes away (SIGHUP) throw Interrupted at the next safe point, so that what is finished can be saved.
+// Ctrl-C, SIGTERM and a terminal that goes away (SIGHUP) throw Interrupted at the next safe point, so that what is
+// finished can be saved.
 
 #include <string>
 
@@ -15,7 +16,8 @@ class Interrupted {
   std::string message_;
 };
 
-void install_interrupt_handlers();  // once, by a program; a second signal ends the process at once. SIGPIPE is ignored from then on
+void install_interrupt_handlers();  // once, by a program; a second signal ends the process at once. SIGPIPE is ignored
+                                    // from then on
 bool interrupted();                 // a signal has come
 void throw_if_interrupted();
 void request_interrupt();  // as if a signal had come (tests)

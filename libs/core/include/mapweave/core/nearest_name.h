@@ -11,7 +11,8 @@ namespace mapweave {
 // Letters inserted, removed, replaced, or two neighbours swapped, to make one text of the other.
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
-// The candidate with the fewest edits, the first of equals; nullopt where even that needs more than a third of its letters.
+// The candidate with the fewest edits, the first of equals; nullopt where even that needs more than a third of its
+// letters.
 std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& candidates);
 
 }  // namespace mapweave

@@ -1,6 +1,6 @@
 #pragma once
-// Options described once. An options struct says in describe() what it has; loading, checking, printing and the reference
-// page all follow from that:
+// Options described once. An options struct says in describe() what it has; loading, checking, printing and the
+// reference page all follow from that:
 //
 //   struct MatcherOptions {
 //     double min_score = 0.5;
@@ -70,7 +70,9 @@ struct OptionList {
 };
 struct Option {
   std::string name, doc;
-  std::variant<OptionNumber, OptionInteger, OptionFlag, OptionText, OptionTexts, OptionChoice, OptionSection, OptionList> as;
+  std::variant<OptionNumber, OptionInteger, OptionFlag, OptionText, OptionTexts, OptionChoice, OptionSection,
+               OptionList>
+      as;
 };
 
 // The visitor that describe() meets. Names: small letters, digits and single underscores, unique in their struct.
@@ -89,16 +91,20 @@ class OptionVisitor {
   template <class Int>
   void integer(std::string_view name, Int& value, std::int64_t low, std::int64_t high, std::string_view doc) {
     static_assert(std::is_integral_v<Int>);
-    MAPWEAVE_EXPECT(fits<Int>(low) && fits<Int>(high), "the range of '" + std::string(name) + "' does not fit its type");
+    MAPWEAVE_EXPECT(fits<Int>(low) && fits<Int>(high),
+                    "the range of '" + std::string(name) + "' does not fit its type");
     add(name, doc,
         OptionInteger{low, high, [&value] { return static_cast<std::int64_t>(value); },
                       [&value](std::int64_t given) { value = static_cast<Int>(given); }});
   }
   void flag(std::string_view name, bool& value, std::string_view doc) { add(name, doc, OptionFlag{&value}); }
   void text(std::string_view name, std::string& value, std::string_view doc) { add(name, doc, OptionText{&value}); }
-  void texts(std::string_view name, std::vector<std::string>& values, std::string_view doc) { add(name, doc, OptionTexts{&values}); }
+  void texts(std::string_view name, std::vector<std::string>& values, std::string_view doc) {
+    add(name, doc, OptionTexts{&values});
+  }
   template <class Enum>
-  void choice(std::string_view name, Enum& value, std::initializer_list<std::pair<std::string_view, std::common_type_t<Enum>>> choices,
+  void choice(std::string_view name, Enum& value,
+              std::initializer_list<std::pair<std::string_view, std::common_type_t<Enum>>> choices,
               std::string_view doc) {
     OptionChoice choice;
     std::vector<Enum> values;
@@ -188,9 +194,9 @@ void check_fields(const OptionFields&);
 std::string yaml_of_fields(const OptionFields&);
 std::string reference_of_fields(const OptionFields&, std::string_view title);
 
-// Puts all layers over what `options` holds. Throws Error: kMissing for a file that cannot be read, kBadInput for a file or the
-// environment, kUsage for a setting: malformed YAML, an unknown key (naming the nearest one), a key twice, a value of
-// another type or out of range. Then `options` is unchanged.
+// Puts all layers over what `options` holds. Throws Error: kMissing for a file that cannot be read, kBadInput for a
+// file or the environment, kUsage for a setting: malformed YAML, an unknown key (naming the nearest one), a key twice,
+// a value of another type or out of range. Then `options` is unchanged.
 template <class Options>
 Origins load(Options& options, const ConfigurationSources& sources) {
   Options loaded = options;

@@ -11,7 +11,9 @@ struct Pinhole {
   Eigen::Vector2d project(const Eigen::Vector3d& point_in_camera) const {  // z > 0
     return {fx * point_in_camera.x() / point_in_camera.z() + cx, fy * point_in_camera.y() / point_in_camera.z() + cy};
   }
-  Eigen::Vector3d ray(const Eigen::Vector2d& pixel) const { return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy, 1.0}; }  // z = 1
+  Eigen::Vector3d ray(const Eigen::Vector2d& pixel) const {
+    return {(pixel.x() - cx) / fx, (pixel.y() - cy) / fy, 1.0};
+  }  // z = 1
   bool shows(const Eigen::Vector2d& pixel) const {
     return pixel.x() >= 0.0 && pixel.y() >= 0.0 && pixel.x() <= width - 1.0 && pixel.y() <= height - 1.0;
   }

@@ -1,7 +1,7 @@
 #pragma once
-// Functions that are compiled twice, and of which the loader takes the one that the processor has the instructions for. Only for what gives
-// the same bytes either way: integers, and lanes that each do the same operations in the same order. Sanitizers start too late for such a
-// choice.
+// Functions that are compiled twice, and of which the loader takes the one that the processor has the instructions for.
+// Only for what gives the same bytes either way: integers, and lanes that each do the same operations in the same
+// order. Sanitizers start too late for such a choice.
 
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 #define MAPWEAVE_POPCOUNT_CLONES __attribute__((target_clones("popcnt", "default")))

@@ -17,7 +17,8 @@ struct StampedPose {
 // Between two poses: straight ahead and evenly turning.
 Pose3 interpolated(const Pose3& from, const Pose3& to, double share);
 
-// Between two poses (by stamp), at most `longest_gap_s` apart; nullopt before the first, after the last and in longer gaps.
+// Between two poses (by stamp), at most `longest_gap_s` apart; nullopt before the first, after the last and in longer
+// gaps.
 std::optional<Pose3> pose_at(const std::vector<StampedPose>&, Stamp, double longest_gap_s);
 
 }  // namespace mapweave

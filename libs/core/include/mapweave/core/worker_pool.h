@@ -1,6 +1,6 @@
 #pragma once
-// Threads for pure work. Results come back in the order of their numbers, whatever the number of threads, so folding them
-// is deterministic.
+// Threads for pure work. Results come back in the order of their numbers, whatever the number of threads, so folding
+// them is deterministic.
 
 #include <cstddef>
 #include <functional>
@@ -19,8 +19,8 @@ class WorkerPool {
   WorkerPool& operator=(const WorkerPool&) = delete;
   int threads() const;
 
-  // Calls task(0) .. task(count - 1), each once, and returns when all are done. The calling thread works too, so calls may
-  // nest. When tasks throw, the others still run and the exception of the lowest number is rethrown.
+  // Calls task(0) .. task(count - 1), each once, and returns when all are done. The calling thread works too, so calls
+  // may nest. When tasks throw, the others still run and the exception of the lowest number is rethrown.
   void for_each(std::size_t count, const std::function<void(std::size_t)>& task);
 
   // The same, returning the results in the order of their numbers.

@@ -1,6 +1,7 @@
 #pragma once
-// Errors of a trajectory against a reference: absolute (ATE: where each pose should have been) and relative (RPE: how much each piece
-// of the way drifts). Sturm et al., IROS 2012; the numbers agree with evo's `evo_ape` and `evo_rpe` (test/data/evo).
+// Errors of a trajectory against a reference: absolute (ATE: where each pose should have been) and relative (RPE: how
+// much each piece of the way drifts). Sturm et al., IROS 2012; the numbers agree with evo's `evo_ape` and `evo_rpe`
+// (test/data/evo).
 
 #include <mapweave/evaluation/alignment.h>
 #include <mapweave/evaluation/statistics.h>
@@ -13,7 +14,10 @@ struct TrajectoryErrorOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("align", align,
-             {{"none", AlignmentKind::none}, {"se2", AlignmentKind::se2}, {"se3", AlignmentKind::se3}, {"sim3", AlignmentKind::sim3}},
+             {{"none", AlignmentKind::none},
+              {"se2", AlignmentKind::se2},
+              {"se3", AlignmentKind::se3},
+              {"sim3", AlignmentKind::sim3}},
              "how the estimate is laid on the reference before errors are measured");
     v.non_negative("max_stamp_difference_s", max_stamp_difference_s, "of poses that belong together");
   }
@@ -27,7 +31,8 @@ struct TrajectoryError {
 };
 
 // Throws Error(kBadInput) where no stamps match, or the alignment is not determined.
-TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference, const TrajectoryErrorOptions& = {});
+TrajectoryError absolute_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& = {});
 
 enum class DeltaUnit { frames, metres };
 
@@ -41,13 +46,14 @@ struct RelativeErrorOptions {
     v.positive("delta", delta, "length of the pieces whose drift is measured");
     v.choice("unit", unit, {{"frames", DeltaUnit::frames}, {"metres", DeltaUnit::metres}}, "of delta");
     v.flag("all_pairs", all_pairs, "pieces from every pose; otherwise one begins where the last ends");
-    v.fraction("relative_tolerance", relative_tolerance, "all pairs, metres: a piece's length may be off by this share of delta");
+    v.fraction("relative_tolerance", relative_tolerance,
+               "all pairs, metres: a piece's length may be off by this share of delta");
   }
 };
 
 // Errors of the relative poses over each piece. The alignment matters by its scale alone. Throws Error(kBadInput) as
 // above, and where no piece is that long.
-TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference, const TrajectoryErrorOptions& = {},
-                               const RelativeErrorOptions& = {});
+TrajectoryError relative_error(const Trajectory& estimate, const Trajectory& reference,
+                               const TrajectoryErrorOptions& = {}, const RelativeErrorOptions& = {});
 
 }  // namespace mapweave::evaluation

@@ -1,7 +1,7 @@
 #pragma once
-// Relation error: how well relative poses of a trajectory agree with relations that people checked by hand. Independent of any
-// global frame, and so fair to maps whose far ends bend. Kuemmerle et al., "On measuring the accuracy of SLAM algorithms",
-// Autonomous Robots 27 (2009) 387-407.
+// Relation error: how well relative poses of a trajectory agree with relations that people checked by hand. Independent
+// of any global frame, and so fair to maps whose far ends bend. Kuemmerle et al., "On measuring the accuracy of SLAM
+// algorithms", Autonomous Robots 27 (2009) 387-407.
 
 #include <mapweave/evaluation/trajectory.h>
 
@@ -17,8 +17,9 @@ struct Relation {
   Pose2 i_from_j;
 };
 
-// Text, one relation a line: `t_i t_j x y z roll pitch yaw` (seconds, metres, radians); `#` starts a comment. The metric is planar: z, roll
-// and pitch must be numbers and are not used. Throws Error, with the line; also for a file without relations.
+// Text, one relation a line: `t_i t_j x y z roll pitch yaw` (seconds, metres, radians); `#` starts a comment. The
+// metric is planar: z, roll and pitch must be numbers and are not used. Throws Error, with the line; also for a file
+// without relations.
 std::vector<Relation> parse_relations(std::string_view text, const std::string& where);
 std::vector<Relation> read_relations(const std::filesystem::path&);
 
@@ -28,7 +29,8 @@ struct RelationErrorOptions {
   double max_gap_s = 2.0;            // where there is none, poses this far apart are interpolated
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("sensor_x_m", robot_from_sensor.x, -100.0, 100.0, "sensor that the relations speak of, on the robot: forward");
+    v.number("sensor_x_m", robot_from_sensor.x, -100.0, 100.0,
+             "sensor that the relations speak of, on the robot: forward");
     v.number("sensor_y_m", robot_from_sensor.y, -100.0, 100.0, "the same: to the left");
     v.number("sensor_yaw_rad", robot_from_sensor.phi, -3.2, 3.2, "the same: counter-clockwise from the robot's x axis");
     v.non_negative("stamp_tolerance_s", stamp_tolerance_s, "a pose this near is the pose at the stamp");
@@ -36,7 +38,8 @@ struct RelationErrorOptions {
   }
 };
 
-// Means over the used relations of |e.xy| and |e.yaw|, e = (i_from_j of the relation)^-1 (+) (i_from_j of the trajectory).
+// Means over the used relations of |e.xy| and |e.yaw|, e = (i_from_j of the relation)^-1 (+) (i_from_j of the
+// trajectory).
 struct RelationError {
   std::size_t count = 0;         // relations given
   std::size_t used = 0;          // of which the trajectory had both poses

@@ -20,8 +20,8 @@ using Trajectory = std::vector<TrajectoryPoint>;
 // The point whose stamp is nearest (the earlier of two equally near), or nullptr where none is within `tolerance_s`.
 const TrajectoryPoint* nearest_point(const Trajectory&, Stamp, double tolerance_s);
 
-// The pose at a stamp: straight between the two points around it, rotation by slerp. nullopt outside of the trajectory, and where
-// those two points are more than `max_gap_s` apart.
+// The pose at a stamp: straight between the two points around it, rotation by slerp. nullopt outside of the trajectory,
+// and where those two points are more than `max_gap_s` apart.
 std::optional<Pose3> interpolated_pose(const Trajectory&, Stamp, double max_gap_s);
 
 }  // namespace mapweave::evaluation

@@ -10,7 +10,8 @@
 namespace mapweave::exporters {
 
 struct SheetTrack {
-  std::vector<std::pair<float, float>> pixels;  // where it was in the frames before and is in this one, the oldest first
+  std::vector<std::pair<float, float>>
+      pixels;  // where it was in the frames before and is in this one, the oldest first
   float depth_m = 0.0F;
 };
 

@@ -14,9 +14,11 @@ struct DepthCloudOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("voxel_m", voxel_m, 0.005, 10.0,
-             "side in metres of the cubes of the dense point cloud, each of which becomes one point: the mean of all points in it");
+             "side in metres of the cubes of the dense point cloud, each of which becomes one point: the mean of all "
+             "points in it");
     v.number("memory_mb", memory_mb, 1.0, 100000.0,
-             "memory in megabytes for building the dense point cloud; where it needs more, the side of its cubes is doubled");
+             "memory in megabytes for building the dense point cloud; where it needs more, the side of its cubes is "
+             "doubled");
   }
 };
 

@@ -7,9 +7,10 @@
 
 namespace mapweave::exporters {
 
-// VERTEX_SE2 and EDGE_SE2 where every pose and constraint is planar, else VERTEX_SE3:QUAT and EDGE_SE3:QUAT. Vertices are numbered from 0
-// in NodeId order; comments at the head say which session has which numbers. The first vertex is fixed. Numbers have all their digits.
-// Priors, which g2o has other words for, are left out; a comment counts them. Throws Error(kUnsupported) for constraints with a scale.
+// VERTEX_SE2 and EDGE_SE2 where every pose and constraint is planar, else VERTEX_SE3:QUAT and EDGE_SE3:QUAT. Vertices
+// are numbered from 0 in NodeId order; comments at the head say which session has which numbers. The first vertex is
+// fixed. Numbers have all their digits. Priors, which g2o has other words for, are left out; a comment counts them.
+// Throws Error(kUnsupported) for constraints with a scale.
 std::string g2o_text(const Map&);
 
 }  // namespace mapweave::exporters

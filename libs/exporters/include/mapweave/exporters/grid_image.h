@@ -22,10 +22,12 @@ struct PictureOptions {
     v.integer("least_width_px", least_width_px, 300, 4000,
               "least width in pixels of map.color.png; narrower maps get margins, so that title and legend fit");
     v.integer("common_side_px", common_side_px, 100, 4000,
-              "length in pixels to which the longer side of a small map is enlarged in map.color.png, by a whole number of pixels per "
+              "length in pixels to which the longer side of a small map is enlarged in map.color.png, by a whole "
+              "number of pixels per "
               "cell");
     v.integer("most_side_px", most_side_px, 500, 20000,
-              "length in pixels that the longer side of a large map does not exceed in map.color.png; several cells become one pixel");
+              "length in pixels that the longer side of a large map does not exceed in map.color.png; several cells "
+              "become one pixel");
   }
 };
 
@@ -34,9 +36,9 @@ struct PictureMark {
   double x_m = 0.0, y_m = 0.0, radius_m = 0.0;  // in the map's frame; small ones are drawn large enough to be seen
 };
 
-// The known part of the grid (single rays that leave it are cut off) with each robot's way in a colour of its own (colour-blind-safe up to
-// 8 robots; names stand by the starts), start (ring) and end (square), a legend and a scale bar. The colour of a robot follows from its
-// place among the RobotIds present. Contract: the grid has cells.
+// The known part of the grid (single rays that leave it are cut off) with each robot's way in a colour of its own
+// (colour-blind-safe up to 8 robots; names stand by the starts), start (ring) and end (square), a legend and a scale
+// bar. The colour of a robot follows from its place among the RobotIds present. Contract: the grid has cells.
 std::string map_picture_png(const OccupancyGrid&, const std::vector<SessionTrajectory>&, const PictureOptions& = {},
                             const std::vector<PictureMark>& marks = {});
 

@@ -39,9 +39,9 @@ struct MapFolderOptions {
   }
 };
 
-// Writes the files asked for into `folder`, which it creates, and returns their names relative to it, in that order. A grid without cells
-// (a map that saw nothing) has no png and no pgm. Throws Error(kCannotWrite).
-std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map&, const OccupancyGrid&,
-                                                    const MapFolderOptions& = {});
+// Writes the files asked for into `folder`, which it creates, and returns their names relative to it, in that order. A
+// grid without cells (a map that saw nothing) has no png and no pgm. Throws Error(kCannotWrite).
+std::vector<std::filesystem::path> write_map_folder(const std::filesystem::path& folder, const Map&,
+                                                    const OccupancyGrid&, const MapFolderOptions& = {});
 
 }  // namespace mapweave::exporters

@@ -11,18 +11,20 @@ namespace mapweave::exporters {
 // Binary PGM: 0 wall, 254 free, 205 unknown; the highest y on top. Contract: the grid has cells.
 std::string pgm_bytes(const OccupancyGrid&);
 
-// What goes beside the image: mode trinary, origin of the lower-left pixel, yaw 0, occupied_thresh 0.65, free_thresh 0.196.
+// What goes beside the image: mode trinary, origin of the lower-left pixel, yaw 0, occupied_thresh 0.65, free_thresh
+// 0.196.
 std::string map_server_yaml(const OccupancyGrid&, const std::string& image_name);
 
 // Writes <stem>.pgm, then <stem>.yaml beside it.
 void write_map_server(const OccupancyGrid&, const std::filesystem::path& folder, const std::string& stem);
 
-// Reads a map by its YAML file; needs `image` (PGM or PNG; relative to the YAML file) and `resolution`, the other keys default to what
-// map_server_yaml writes. As nav2 does: modes trinary, scale (transparent pixels are unknown) and raw (0..100, `negate` not asked), colours
-// averaged. Walls and free cells get log odds of +-kServedLogOdds, shades between the thresholds of `scale` and `raw` theirs. Where
-// `origin` has a yaw, the grid is resampled along the axes of the map, each cell taking the pixel under its centre. Throws Error: kMissing
-// for an absent file or key, kCorrupt for an image cut short or with a wrong size, kUnsupported for another format, kBadInput for numbers
-// that make no map; with file, line and remedy.
+// Reads a map by its YAML file; needs `image` (PGM or PNG; relative to the YAML file) and `resolution`, the other keys
+// default to what map_server_yaml writes. As nav2 does: modes trinary, scale (transparent pixels are unknown) and raw
+// (0..100, `negate` not asked), colours averaged. Walls and free cells get log odds of +-kServedLogOdds, shades between
+// the thresholds of `scale` and `raw` theirs. Where `origin` has a yaw, the grid is resampled along the axes of the
+// map, each cell taking the pixel under its centre. Throws Error: kMissing for an absent file or key, kCorrupt for an
+// image cut short or with a wrong size, kUnsupported for another format, kBadInput for numbers that make no map; with
+// file, line and remedy.
 OccupancyGrid read_map_server(const std::filesystem::path& yaml_file);
 // The image that a YAML file names. Throws what reading the file throws.
 std::filesystem::path image_of_map_server(const std::filesystem::path& yaml_file);

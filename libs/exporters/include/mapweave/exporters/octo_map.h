@@ -28,9 +28,9 @@ class OctoMapWriter {
  public:
   explicit OctoMapWriter(const OctoMapOptions& options = {});
   ~OctoMapWriter();
-  // What one picture saw: what lies between the camera and its points is free. Each cell learns once from a picture (again
-  // where the cells have to grow meanwhile). Points outside the
-  // cube of 65,536 cells a side around the map's origin are left out, and all of a camera outside of it. Contract: finite.
+  // What one picture saw: what lies between the camera and its points is free. Each cell learns once from a picture
+  // (again where the cells have to grow meanwhile). Points outside the cube of 65,536 cells a side around the map's
+  // origin are left out, and all of a camera outside of it. Contract: finite.
   void add(const Eigen::Vector3d& camera_in_map, const std::vector<ColouredPoint>& points_in_map);
 
   double resolution_m() const;  // now: that of the options, doubled once or more where memory was short

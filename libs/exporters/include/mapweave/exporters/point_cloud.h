@@ -16,13 +16,14 @@ struct PointCloudOptions {
   void describe(Visitor& v) {
     v.number("voxel_m", voxel_m, 0.005, 10.0,
              "side in metres of the cubes of the laser's point cloud (map.pcd), in each of which one point is kept");
-    v.positive("max_range_m", max_range_m, "laser returns farther than this distance in metres are left out of the point cloud (map.pcd)");
+    v.positive("max_range_m", max_range_m,
+               "laser returns farther than this distance in metres are left out of the point cloud (map.pcd)");
   }
 };
 
-// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from above) and rgb: the
-// colour of the robot that saw the point first, the colours of the picture. Points sorted by cube. Of map_server grids: the centres of wall
-// cells. After the walls come all of landmark_cloud().
+// Fields x y z (metres, the map's frame; 0 is the floor that the robots' bases move on, since lasers are seen from
+// above) and rgb: the colour of the robot that saw the point first, the colours of the picture. Points sorted by cube.
+// Of map_server grids: the centres of wall cells. After the walls come all of landmark_cloud().
 std::string pcd_bytes(const Map&, const PointCloudOptions& = {});
 
 struct ColouredPoint {

@@ -13,8 +13,8 @@ struct SessionTrajectory {
   std::vector<StampedPose> poses;  // by stamp
 };
 
-// Of every session that has poses of a robot, in id order; of a robot with a laser and cameras, those of the laser. The node of a
-// map_server grid is none.
+// Of every session that has poses of a robot, in id order; of a robot with a laser and cameras, those of the laser. The
+// node of a map_server grid is none.
 std::vector<SessionTrajectory> session_trajectories(const Map&);
 
 }  // namespace mapweave::exporters

@@ -1,6 +1,7 @@
 #pragma once
-// Trajectories as text in the form of the TUM RGB-D benchmark, which evo and others read: `stamp x y z qx qy qz qw` a line, the
-// robot's pose in the map, one line per scan, stamps in seconds and strictly increasing, everything with 6 decimals.
+// Trajectories as text in the form of the TUM RGB-D benchmark, which evo and others read: `stamp x y z qx qy qz qw` a
+// line, the robot's pose in the map, one line per scan, stamps in seconds and strictly increasing, everything with 6
+// decimals.
 
 #include <mapweave/exporters/session_trajectories.h>
 
@@ -8,8 +9,8 @@
 
 namespace mapweave::exporters {
 
-// All robots of the map. Of scans with one stamp (to the microsecond) the one of the lower RobotId stays, of one robot's that of the
-// lower NodeId.
+// All robots of the map. Of scans with one stamp (to the microsecond) the one of the lower RobotId stays, of one
+// robot's that of the lower NodeId.
 std::string tum_text(const Map&);
 
 // One robot's. Empty where the map does not hold it.

@@ -29,7 +29,8 @@ struct PreviousMerge {
   bool is_adjusted_again = false;       // all of them, not what is new alone
 };
 
-// Where somebody says that a map lies in another one: measured with a tape, or known starts. Evidence beside others: walls may contradict it.
+// Where somebody says that a map lies in another one: measured with a tape, or known starts. Evidence beside others:
+// walls may contradict it.
 struct MapPrior {
   MapId a, b;
   Pose2 a_from_b;  // b's map frame in a's
@@ -40,31 +41,35 @@ struct FusionInput {
   std::vector<Map> maps;  // in any order; ids differ. Not fused before: robots' own maps, or map_server grids
   std::set<Hash> vetoed;  // judgements not to be believed
   TierId by;              // who asks; stands in the verdicts
-  // Judgements made when the maps were smaller: keyframes of metric scale are not judged again where one of these names both. For
-  // previews of maps that grow; who wants a sealed result gives none.
+  // Judgements made when the maps were smaller: keyframes of metric scale are not judged again where one of these names
+  // both. For previews of maps that grow; who wants a sealed result gives none.
   std::vector<Judgement> judged = {};
-  // For the same previews, of metric maps: only keyframes that are new are compared, each with the few of all other maps
-  // that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new says that they lie
-  // elsewhere.
+  // For the same previews, of metric maps: only keyframes that are new are compared, each with the few of all other
+  // maps that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new
+  // says that they lie elsewhere.
   std::vector<PreviousMerge> teams = {};
-  // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged first, as all others
-  // are, and sightings count in the bundle where keyframes that were found to see the same told them. What names nothing known is left out.
+  // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged
+  // first, as all others are, and sightings count in the bundle where keyframes that were found to see the same told
+  // them. What names nothing known is left out.
   std::vector<LandmarkChange> borrowed = {};
   std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next merge
-  std::set<std::pair<MapId, MapId>> refused = {};  // never to be matched to each other, the lower id first; unknown ids say nothing
-  std::vector<MapPrior> priors = {};                  // for lasers; at most one of two maps counts. Unknown ids say nothing
+  std::set<std::pair<MapId, MapId>> refused =
+      {};                             // never to be matched to each other, the lower id first; unknown ids say nothing
+  std::vector<MapPrior> priors = {};  // for lasers; at most one of two maps counts. Unknown ids say nothing
   std::shared_ptr<matching::ModelCache> models = {};  // to be kept for the next merge; speed, never content
 };
 
 struct Component {
-  Map map;                     // all members' content under the fused belief; frame: the map frame of the member with the lowest id
+  Map map;  // all members' content under the fused belief; frame: the map frame of the member with the lowest id
   std::vector<MapId> members;  // sorted
-  // Of each member's map frame after fusion, by its first node. Where lengths grew, of what cameras saw and of where they were: a point of
-  // the map, times the scale, lies there; robots are under their cameras, which sit on them in metres whatever lengths the map has.
+  // Of each member's map frame after fusion, by its first node. Where lengths grew, of what cameras saw and of where
+  // they were: a point of the map, times the scale, lies there; robots are under their cameras, which sit on them in
+  // metres whatever lengths the map has.
   Table<MapId, Pose3> team_from_map;
-  Table<MapId, double> scales;  // of members that were rescaled: one camera does not know its scale, and a grid's may be wrong
-  // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The members' own maps
-  // still hold them, so that a join can be undone.
+  Table<MapId, double>
+      scales;  // of members that were rescaled: one camera does not know its scale, and a grid's may be wrong
+  // Landmarks of two members that show the same thing are one: under the other's id, with the sightings of both. The
+  // members' own maps still hold them, so that a join can be undone.
   Table<LandmarkId, LandmarkId> same_as;
 };
 
@@ -77,12 +82,14 @@ struct PairAudit {
   MapId a, b;  // a < b
   double coinciding_m = 0.0, contradicted_m = 0.0, unclear_m = 0.0;
   std::vector<Conflict> conflicts;  // longest first, at most 20
-  // So many in one region that the team map showed something twice: these maps were taken apart again. The frame is then that of a's map.
+  // So many in one region that the team map showed something twice: these maps were taken apart again. The frame is
+  // then that of a's map.
   bool is_ghost = false;
 };
 
 struct StageTime {
-  std::string name;  // features, pairwise matching, component connection, transform optimisation, audit; who draws (compose_grid) adds composing
+  std::string name;  // features, pairwise matching, component connection, transform optimisation, audit; who draws
+                     // (compose_grid) adds composing
   double seconds = 0.0;
 };
 
@@ -112,9 +119,11 @@ struct FirstPair {
   std::vector<SubmapPair> submaps;
   bool have_cameras = false;
 };
-// Its answers, sorted by id: for who has time beside the one that fuses, which takes them as its memo. Of maps without cameras no more
-// need be there than these submaps and their nodes. Throws Error(kBadInput) for maps or submaps that are not there.
-std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<FirstPair>&, const FusionOptions&, Memo&, WorkerPool&, Progress&);
+// Its answers, sorted by id: for who has time beside the one that fuses, which takes them as its memo. Of maps without
+// cameras no more need be there than these submaps and their nodes. Throws Error(kBadInput) for maps or submaps that
+// are not there.
+std::vector<Judgement> judge_pairs(const FusionInput&, const std::vector<FirstPair>&, const FusionOptions&, Memo&,
+                                   WorkerPool&, Progress&);
 // For FusionInput::models.
 std::shared_ptr<matching::ModelCache> make_models(const FusionOptions&);
 // With each map of a laser those most like it. Sorted, of each the lower id first.

@@ -25,7 +25,8 @@ class PlaceFinder {
   PlaceFinder(PlaceFinder&&) noexcept;
   PlaceFinder& operator=(PlaceFinder&&) noexcept;
 
-  // nullopt where nothing looks alike, nothing that does holds, or two places that are not the same do. Lengths are the map's.
+  // nullopt where nothing looks alike, nothing that does holds, or two places that are not the same do. Lengths are the
+  // map's.
   std::optional<FoundPlace> find(const KeyframeFeatures& picture, const FusionOptions& options, WorkerPool& pool) const;
 
  private:

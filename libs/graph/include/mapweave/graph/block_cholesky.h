@@ -1,6 +1,7 @@
 #pragma once
-// Sparse Cholesky factorisation of symmetric positive definite matrices of square blocks, as poses make them: left-looking by block columns
-// (Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.8), in the order of approximate minimum degree.
+// Sparse Cholesky factorisation of symmetric positive definite matrices of square blocks, as poses make them:
+// left-looking by block columns (Davis, Direct Methods for Sparse Linear Systems, 2006, section 4.8), in the order of
+// approximate minimum degree.
 
 #include <Eigen/Core>
 
@@ -9,18 +10,19 @@
 
 namespace mapweave::graph {
 
-// kSize: rows of a block; 3 (poses in the plane) or 6 (in space). The same pattern factorised again and again is analysed once. One thread;
-// the same input gives the same bytes.
+// kSize: rows of a block; 3 (poses in the plane) or 6 (in space). The same pattern factorised again and again is
+// analysed once. One thread; the same input gives the same bytes.
 template <int kSize>
 class BlockCholesky {
  public:
   using Block = Eigen::Matrix<double, kSize, kSize>;
 
-  // Blocks below the diagonal: those of row r stand in columns[row_begin[r]] .. columns[row_begin[r + 1] - 1], ascending, each below r.
+  // Blocks below the diagonal: those of row r stand in columns[row_begin[r]] .. columns[row_begin[r + 1] - 1],
+  // ascending, each below r.
   BlockCholesky(std::vector<std::size_t> row_begin, std::vector<std::int32_t> columns);
 
-  // `below` in the order of the pattern's columns; of the diagonal blocks the lower triangle counts. False where the matrix is not positive
-  // definite.
+  // `below` in the order of the pattern's columns; of the diagonal blocks the lower triangle counts. False where the
+  // matrix is not positive definite.
   bool factorise(const std::vector<Block>& diagonal, const std::vector<Block>& below);
   // After factorise(). kSize numbers a row.
   Eigen::VectorXd solved(const Eigen::VectorXd& right) const;

@@ -1,7 +1,7 @@
 #pragma once
-// Bundle adjustment of whole maps: cameras' poses and points that agree best with where the cameras saw them. Levenberg-Marquardt, the
-// points eliminated (Schur complement; Triggs et al., Bundle Adjustment: A Modern Synthesis, 2000), what is left sparse. Cold start, one
-// thread, iteration budgets: the same input gives the same bytes.
+// Bundle adjustment of whole maps: cameras' poses and points that agree best with where the cameras saw them.
+// Levenberg-Marquardt, the points eliminated (Schur complement; Triggs et al., Bundle Adjustment: A Modern Synthesis,
+// 2000), what is left sparse. Cold start, one thread, iteration budgets: the same input gives the same bytes.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/pinhole.h>
@@ -52,8 +52,8 @@ struct BundleReport {
   int iterations = 0;
 };
 
-// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for sightings and ties
-// that name no view, camera or point, or are out of order.
+// In place. Views that nothing that fits ties to the others stay about where they are. Throws ContractViolation for
+// sightings and ties that name no view, camera or point, or are out of order.
 BundleReport adjust(Bundle& bundle, const BundleOptions& options = {});
 
 }  // namespace mapweave::graph

@@ -1,7 +1,7 @@
 #pragma once
-// Planar pose graphs: the poses that agree best with all constraints. Cold start, one thread, iteration budgets: the same input gives
-// the same bytes. Solver: Levenberg-Marquardt (src/pose_graph_solver.h). Robust weighting: graduated non-convexity with truncated least
-// squares (Yang et al., RA-L 2020), on the edges that ask for it.
+// Planar pose graphs: the poses that agree best with all constraints. Cold start, one thread, iteration budgets: the
+// same input gives the same bytes. Solver: Levenberg-Marquardt (src/pose_graph_solver.h). Robust weighting: graduated
+// non-convexity with truncated least squares (Yang et al., RA-L 2020), on the edges that ask for it.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/maps/map.h>
@@ -25,12 +25,15 @@ struct SolveOptions {
   int robust_rounds = 12;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("iterations", iterations, 1, 1000, "most iterations of the solver in each round of optimising the pose graph");
+    v.integer("iterations", iterations, 1, 1000,
+              "most iterations of the solver in each round of optimising the pose graph");
     v.positive("truncation_chi2", truncation_chi2,
-               "a loop closure whose squared error in standard deviations (chi-square, 3 degrees of freedom) stays above this is removed "
+               "a loop closure whose squared error in standard deviations (chi-square, 3 degrees of freedom) stays "
+               "above this is removed "
                "as an outlier");
     v.integer("robust_rounds", robust_rounds, 1, 100,
-              "number of rounds of graduated non-convexity (GNC), in which outliers among loop closures lose their weight; fewer rounds "
+              "number of rounds of graduated non-convexity (GNC), in which outliers among loop closures lose their "
+              "weight; fewer rounds "
               "decide more abruptly");
   }
 };
@@ -43,15 +46,16 @@ struct Solution {
   bool converged = false;
 };
 
-// Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information that is not finite.
+// Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information
+// that is not finite.
 Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges, const SolveOptions& options = {},
                std::uint32_t fixed = 0);
 
 // Squared error of an edge under these poses.
 double chi2_of(const Edge&, const std::vector<Pose2>& poses);
 
-// Optimises the belief of a map: every node's pose, under all its constraints (loop and between_maps ones are doubtful). The first node
-// stays. Constraints that GNC rejects are removed from the map and returned.
+// Optimises the belief of a map: every node's pose, under all its constraints (loop and between_maps ones are
+// doubtful). The first node stays. Constraints that GNC rejects are removed from the map and returned.
 struct MapSolution {
   std::vector<Constraint> rejected;
   double chi2 = 0.0;

@@ -1,6 +1,7 @@
 #pragma once
-// How well a solved planar pose graph knows the pose of one node relative to another (what pairwise consistency is tested with: Mangelson
-// et al., ICRA 2018; recovery of marginals from the factor: Kaess and Dellaert, Robotics and Autonomous Systems 57(12), 2009).
+// How well a solved planar pose graph knows the pose of one node relative to another (what pairwise consistency is
+// tested with: Mangelson et al., ICRA 2018; recovery of marginals from the factor: Kaess and Dellaert, Robotics and
+// Autonomous Systems 57(12), 2009).
 
 #include <mapweave/graph/pose_graph.h>
 
@@ -9,11 +10,13 @@
 
 namespace mapweave::graph {
 
-// Factorises the graph once; each node that is asked about costs one solution with its three columns, which are kept. Not thread-safe.
+// Factorises the graph once; each node that is asked about costs one solution with its three columns, which are kept.
+// Not thread-safe.
 class RelativeCovariance {
  public:
   // `weights` of the edges, 0 to 1, as solve() returns them. Nodes that no edge ties to the others are known to 100 m.
-  RelativeCovariance(const std::vector<Pose2>& poses, const std::vector<Edge>& edges, const std::vector<double>& weights);
+  RelativeCovariance(const std::vector<Pose2>& poses, const std::vector<Edge>& edges,
+                     const std::vector<double>& weights);
   ~RelativeCovariance();
   RelativeCovariance(RelativeCovariance&&) noexcept;
   RelativeCovariance& operator=(RelativeCovariance&&) noexcept;

@@ -22,12 +22,13 @@ struct SpatialSolution {
   bool converged = false;
 };
 
-// Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information that is not finite.
+// Pose `fixed` stays where it is. Edges name poses of `initial`. Throws ContractViolation otherwise, or for information
+// that is not finite.
 SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations = 50,
                       std::uint32_t fixed = 0);
 
-// The same where lengths drift too, as one camera's do: a pose's own lengths are `scale` times as long in the graph's frame (Strasdat,
-// Montiel, Davison: Scale Drift-Aware Large Scale Monocular SLAM, RSS 2010).
+// The same where lengths drift too, as one camera's do: a pose's own lengths are `scale` times as long in the graph's
+// frame (Strasdat, Montiel, Davison: Scale Drift-Aware Large Scale Monocular SLAM, RSS 2010).
 struct SimilarityEdge {
   std::uint32_t from = 0, to = 0;
   Sim3 from_from_to;
@@ -40,8 +41,8 @@ struct SimilaritySolution {
   int iterations = 0;
   bool converged = false;
 };
-SimilaritySolution solve(const std::vector<Sim3>& initial, const std::vector<SimilarityEdge>& edges, int iterations = 50,
-                         std::uint32_t fixed = 0);
+SimilaritySolution solve(const std::vector<Sim3>& initial, const std::vector<SimilarityEdge>& edges,
+                         int iterations = 50, std::uint32_t fixed = 0);
 
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses);
 

@@ -22,7 +22,8 @@ struct LaserOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.choice("engine", engine, {{"graph", Engine::graph}, {"rbpf", Engine::rbpf}, {"icp", Engine::icp}},
-             "laser SLAM to map with; graph: submaps and a pose graph with loop closures; rbpf: MRPT's Rao-Blackwellised particle "
+             "laser SLAM to map with; graph: submaps and a pose graph with loop closures; rbpf: MRPT's "
+             "Rao-Blackwellised particle "
              "filter; icp: MRPT's incremental scan matching without loop closures");
     v.section("scan", scan, "how laser scans are read from a log");
     v.section("graph", graph, "laser SLAM with submaps and a pose graph (laser.engine: graph)");

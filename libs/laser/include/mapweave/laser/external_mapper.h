@@ -1,6 +1,6 @@
 #pragma once
-// The engines `rbpf` and `icp`: MRPT's, each robot's in a child process of its own (the helper mrpt_mapper), because they keep
-// process-wide state. A helper that ends early ends its robot only.
+// The engines `rbpf` and `icp`: MRPT's, each robot's in a child process of its own (the helper mrpt_mapper), because
+// they keep process-wide state. A helper that ends early ends its robot only.
 
 #include <mapweave/laser/laser_mapper.h>
 #include <mapweave/laser/mapper_protocol.h>
@@ -25,11 +25,11 @@ struct ExternalMapperOptions {
   }
 };
 
-// The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the map is empty.
-// Errors: kMissing where there is no helper, kHelperFailed where it ended early ("alpha: helper mrpt_mapper ended by signal 9 after 57
-// scans; ..."). After one, every call throws the same again. The destructor ends the helper; when this process dies, however,
-// the helper leaves by itself. Memory: here what was added (a packed scan each) until finish(); the helper's is bounded by its options'
-// memory_limit_mb.
+// The helper works while the caller goes on: add() waits only when it is hundreds of scans behind. Before finish() the
+// map is empty. Errors: kMissing where there is no helper, kHelperFailed where it ended early ("alpha: helper
+// mrpt_mapper ended by signal 9 after 57 scans; ..."). After one, every call throws the same again. The destructor ends
+// the helper; when this process dies, however, the helper leaves by itself. Memory: here what was added (a packed scan
+// each) until finish(); the helper's is bounded by its options' memory_limit_mb.
 class ExternalMapper : public LaserMapper {
  public:
   // The session's run is the stamp of the first input, the map is named after the robot.

@@ -1,6 +1,6 @@
 #pragma once
-// The engine `graph`: scans matched to submaps under way, frozen submaps, loops by judgement, a pose graph, and at the end every scan
-// matched again to the submaps around it. Bounded by what the robot saw, not by how long it ran.
+// The engine `graph`: scans matched to submaps under way, frozen submaps, loops by judgement, a pose graph, and at the
+// end every scan matched again to the submaps around it. Bounded by what the robot saw, not by how long it ran.
 
 #include <mapweave/laser/graph_options.h>
 #include <mapweave/laser/laser_mapper.h>

@@ -28,43 +28,59 @@ struct FrontEndOptions {
   int lost_scans = 10;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.non_negative("min_range_m", min_range_m,
-                   "laser returns nearer than this distance in metres are left out, because they show the robot's own body");
-    v.positive("max_range_m", max_range_m, "laser returns farther than this distance in metres are left out of maps and matching");
+    v.non_negative(
+        "min_range_m", min_range_m,
+        "laser returns nearer than this distance in metres are left out, because they show the robot's own body");
+    v.positive("max_range_m", max_range_m,
+               "laser returns farther than this distance in metres are left out of maps and matching");
     v.positive("thinning_m", thinning_m,
-               "points of a scan nearer than this distance in metres to the last kept one are not matched; smaller values match more "
+               "points of a scan nearer than this distance in metres to the last kept one are not matched; smaller "
+               "values match more "
                "points and take longer");
-    v.integer("most_points", most_points, 20, 250, "most points of one scan that are matched; more points are more accurate and slower");
+    v.integer("most_points", most_points, 20, 250,
+              "most points of one scan that are matched; more points are more accurate and slower");
     v.positive("window_m", window_m,
-               "half the side, in metres, of the window around the pose predicted by odometry in which a scan is searched for");
+               "half the side, in metres, of the window around the pose predicted by odometry in which a scan is "
+               "searched for");
     v.positive("window_yaw_rad", window_yaw_rad,
-               "largest deviation in radians from the heading predicted by odometry that is searched; wheel odometry misses turns by "
+               "largest deviation in radians from the heading predicted by odometry that is searched; wheel odometry "
+               "misses turns by "
                "several degrees");
     v.positive("insert_distance_m", insert_distance_m,
-               "a scan is inserted into the current submaps after the robot moved this far in metres since the last inserted one");
+               "a scan is inserted into the current submaps after the robot moved this far in metres since the last "
+               "inserted one");
     v.positive("insert_yaw_rad", insert_yaw_rad,
-               "a scan is inserted into the current submaps after the robot turned by this angle in radians since the last inserted one");
+               "a scan is inserted into the current submaps after the robot turned by this angle in radians since the "
+               "last inserted one");
     v.number("submap_length_m", submap_length_m, 1.0, 100.0,
              "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap");
     v.integer("submap_scans", submap_scans, 10, 100000,
-              "most scans in one submap, however short its path: bounds the size of submaps of a robot that stands still or turns");
-    v.positive("odometry_sigma_m", odometry_sigma_m,
-               "standard deviation in metres of the position from odometry between two scans of a robot that stands still");
+              "most scans in one submap, however short its path: bounds the size of submaps of a robot that stands "
+              "still or turns");
+    v.positive(
+        "odometry_sigma_m", odometry_sigma_m,
+        "standard deviation in metres of the position from odometry between two scans of a robot that stands still");
     v.non_negative("odometry_sigma_per_m", odometry_sigma_per_m,
-                   "growth of the odometry's position error in metres per metre driven between two scans; larger values trust the laser "
+                   "growth of the odometry's position error in metres per metre driven between two scans; larger "
+                   "values trust the laser "
                    "more");
-    v.positive("odometry_sigma_yaw_rad", odometry_sigma_yaw_rad,
-               "standard deviation in radians of the heading from odometry between two scans of a robot that stands still");
+    v.positive(
+        "odometry_sigma_yaw_rad", odometry_sigma_yaw_rad,
+        "standard deviation in radians of the heading from odometry between two scans of a robot that stands still");
     v.non_negative("odometry_sigma_yaw_per_rad", odometry_sigma_yaw_per_rad,
-                   "growth of the odometry's heading error in radians per radian turned between two scans; larger values trust the laser "
+                   "growth of the odometry's heading error in radians per radian turned between two scans; larger "
+                   "values trust the laser "
                    "more");
     v.fraction("point_information_scale", point_information_scale,
-               "information of a scan match relative to that of points with independent errors; below 1, because the points of a scan "
+               "information of a scan match relative to that of points with independent errors; below 1, because the "
+               "points of a scan "
                "share errors, and smaller values trust odometry more");
     v.integer("lost_scans", lost_scans, 1, 100000,
-              "number of consecutive scans without odometry that match nowhere after which a new, unconnected piece of map begins");
+              "number of consecutive scans without odometry that match nowhere after which a new, unconnected piece of "
+              "map begins");
     v.fraction("min_inliers", min_inliers,
-               "least share of a scan's points that must lie on walls of the submap for the match to be believed; otherwise odometry is "
+               "least share of a scan's points that must lie on walls of the submap for the match to be believed; "
+               "otherwise odometry is "
                "followed");
   }
 };
@@ -81,23 +97,29 @@ struct LaserLoopOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("drift_per_m", drift_per_m,
-               "growth of the position error in metres per metre of path; sets how far around the estimate loop closures are searched for");
+               "growth of the position error in metres per metre of path; sets how far around the estimate loop "
+               "closures are searched for");
     v.positive("drift_yaw_per_submap_rad", drift_yaw_per_submap_rad,
-               "growth of the heading error in radians from one submap to the next; sets how far around the estimate loop closures are "
+               "growth of the heading error in radians from one submap to the next; sets how far around the estimate "
+               "loop closures are "
                "searched for");
     v.positive("max_radius_m", max_radius_m,
-               "largest radius in metres around the estimate in which loop closures are searched for, however long the path was");
+               "largest radius in metres around the estimate in which loop closures are searched for, however long the "
+               "path was");
     v.integer("nearest", nearest, 0, 1000,
               "number of nearest earlier submaps that are searched for a loop closure when a submap is finished");
     v.integer("alike", alike, 0, 1000,
-              "number of most similar earlier submaps, by their descriptors, that are searched for a loop closure when a submap is "
+              "number of most similar earlier submaps, by their descriptors, that are searched for a loop closure when "
+              "a submap is "
               "finished");
     v.positive("confirm_radius_m", confirm_radius_m,
-               "a loop closure found in a search window of a larger radius, in metres, is believed only once a second one agrees with it");
+               "a loop closure found in a search window of a larger radius, in metres, is believed only once a second "
+               "one agrees with it");
     v.fraction("min_probability", min_probability,
                "least probability of a loop closure, by its walls, to be considered; larger values close fewer loops");
     v.integer("cache_mb", cache_mb, 1, 100000,
-              "memory in megabytes for submaps that are kept ready for matching; less memory is slower and gives the same map");
+              "memory in megabytes for submaps that are kept ready for matching; less memory is slower and gives the "
+              "same map");
   }
 };
 
@@ -111,12 +133,15 @@ struct SweepOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.flag("estimate", estimate,
-           "estimate from the scans of a turning robot how long the laser takes for one sweep and how late its stamps are, where no "
+           "estimate from the scans of a turning robot how long the laser takes for one sweep and how late its stamps "
+           "are, where no "
            "option gives the sweep");
     v.number("delay_s", delay_s, -1.0, 1.0,
-             "time in seconds from when a scan was taken to its stamp, for undistorting it by the robot's motion; an estimate replaces it");
-    v.positive("shortest_s", shortest_s,
-               "sweep times and delays below this time in seconds count as zero, since they bend scans less than noise does");
+             "time in seconds from when a scan was taken to its stamp, for undistorting it by the robot's motion; an "
+             "estimate replaces it");
+    v.positive(
+        "shortest_s", shortest_s,
+        "sweep times and delays below this time in seconds count as zero, since they bend scans less than noise does");
     v.positive("min_sigmas", min_sigmas,
                "an estimated sweep time or delay is used once it is this many standard deviations away from zero");
   }

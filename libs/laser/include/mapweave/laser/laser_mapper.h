@@ -1,5 +1,6 @@
 #pragma once
-// One robot's grid SLAM: what every engine offers. An engine has no thread and no clock of its own: feed it in data time, read it.
+// One robot's grid SLAM: what every engine offers. An engine has no thread and no clock of its own: feed it in data
+// time, read it.
 
 #include <mapweave/core/progress.h>
 #include <mapweave/maps/map_update.h>
@@ -26,12 +27,13 @@ using LaserInput = std::variant<ScanInput, OdometryInput, InertialInput>;
 // Not thread-safe. The map's frame is the robot's pose at the first scan.
 class LaserMapper {
  public:
-  // In the order of stamps; odometry of a stamp before the scan of that stamp where both exist. Throws Error where the engine itself failed
-  // (a helper process that ended), never for a scan that does not fit.
+  // In the order of stamps; odometry of a stamp before the scan of that stamp where both exist. Throws Error where the
+  // engine itself failed (a helper process that ended), never for a scan that does not fit.
   virtual void add(const LaserInput&) = 0;
   // Last loops, final refinement. Called once; no add() after.
   virtual void finish() = 0;
-  // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new have no payload.
+  // The map so far; before finish() an engine may begin it anew. Every scan is a node; scans that showed nothing new
+  // have no payload.
   virtual Map snapshot() const = 0;
   // Processor time of child processes that have ended; for reports.
   virtual double helper_cpu_seconds() const { return 0.0; }

@@ -1,19 +1,17 @@
 #pragma once
-// What the program and its helper mrpt_mapper say to each other over a byte stream. Header only, so that the helper need not link
-// this library and all that it uses.
+// What the program and its helper mrpt_mapper say to each other over a byte stream. Header only, so that the helper
+// need not link this library and all that it uses.
 //
 //   frame  := length u32, kind u8, body[length - 1]       little-endian; 1 <= length <= kMaxFrameBytes
 //   to the helper:    start (options geometry* (odometry | geometry | scan)*) end
 //     start    := "MWMM", version u8, engine u8 (0 rbpf, 1 icp), the options' fields in the order of their describe()
-//     geometry := first_angle f64, step f64, rays u32, max_range f64, unit f64, robot_from_laser: t 3 f64, q (w, x, y, z) 4 f64
-//     scan     := stamp i64 (ns), ranges u16[rays of the last geometry]
-//     odometry := stamp i64 (ns), odometry_from_robot: x f64, y f64, yaw f64
-//     end      := nothing
+//     geometry := first_angle f64, step f64, rays u32, max_range f64, unit f64, robot_from_laser: t 3 f64, q (w, x, y,
+//     z) 4 f64 scan     := stamp i64 (ns), ranges u16[rays of the last geometry] odometry := stamp i64 (ns),
+//     odometry_from_robot: x f64, y f64, yaw f64 end      := nothing
 //   to the program:   (progress)* ((poses)* done | failed)
 //     progress := scans finished so far u64
-//     poses    := pose[], in the order of the scans; pose := map_from_robot 3 f64, previous_from_this 3 f64, by_wheels u8
-//     done     := number of poses u64
-//     failed   := text, UTF-8
+//     poses    := pose[], in the order of the scans; pose := map_from_robot 3 f64, previous_from_this 3 f64, by_wheels
+//     u8 done     := number of poses u64 failed   := text, UTF-8
 // A helper whose stream ends before `end` leaves at once: the program is gone.
 
 #include <mapweave/core/error.h>
@@ -66,7 +64,9 @@ struct MapperFrame {
   std::string body;
 };
 
-[[noreturn]] inline void fail(const std::string& what) { throw Error(ErrorCode::kCorrupt, what, "stream of mrpt_mapper"); }
+[[noreturn]] inline void fail(const std::string& what) {
+  throw Error(ErrorCode::kCorrupt, what, "stream of mrpt_mapper");
+}
 
 class Writer {
  public:
@@ -96,7 +96,8 @@ class Reader {
   Integer integer() {
     std::uint64_t value = 0;
     const auto bytes = text(sizeof(Integer));
-    for (std::size_t i = 0; i < sizeof(Integer); ++i) value |= std::uint64_t{static_cast<unsigned char>(bytes[i])} << (8 * i);
+    for (std::size_t i = 0; i < sizeof(Integer); ++i)
+      value |= std::uint64_t{static_cast<unsigned char>(bytes[i])} << (8 * i);
     return static_cast<Integer>(value);
   }
   double number() {  // finite
@@ -112,7 +113,8 @@ class Reader {
   }
   std::string_view text(std::size_t size) {
     if (size > left_.size())
-      fail("a frame ends early: " + std::to_string(size) + " bytes expected, " + std::to_string(left_.size()) + " remain");
+      fail("a frame ends early: " + std::to_string(size) + " bytes expected, " + std::to_string(left_.size()) +
+           " remain");
     const auto bytes = left_.substr(0, size);
     left_.remove_prefix(size);
     return bytes;
@@ -129,7 +131,11 @@ class Reader {
 // A frame's bytes. Contract: it fits.
 inline std::string framed(Kind kind, std::string_view body = {}) {
   MAPWEAVE_EXPECT(body.size() < kMaxFrameBytes, "frame too long");
-  return Writer().add(static_cast<std::uint32_t>(body.size() + 1)).add(static_cast<std::uint8_t>(kind)).add_text(body).bytes();
+  return Writer()
+      .add(static_cast<std::uint32_t>(body.size() + 1))
+      .add(static_cast<std::uint8_t>(kind))
+      .add_text(body)
+      .bytes();
 }
 
 // Cuts a byte stream into frames. Holds at most one frame and what was fed last.
@@ -307,7 +313,9 @@ inline std::string encode_poses(const std::vector<ScanPose>& poses) {
   for (std::size_t begin = 0; begin < poses.size(); begin += kPosesPerFrame) {
     Writer out;
     for (std::size_t i = begin; i < std::min(poses.size(), begin + kPosesPerFrame); ++i)
-      out.add(poses[i].map_from_robot).add(poses[i].previous_from_this).add(static_cast<std::uint8_t>(poses[i].by_wheels));
+      out.add(poses[i].map_from_robot)
+          .add(poses[i].previous_from_this)
+          .add(static_cast<std::uint8_t>(poses[i].by_wheels));
     frames += framed(Kind::poses, out.bytes());
   }
   return frames;

@@ -17,11 +17,14 @@ struct IcpSearchOptions {
   void describe(Visitor& v) {
     v.integer("iterations", iterations, 1, 1000, "most iterations of ICP for one alignment");
     v.number("match_distance_m", match_distance_m, 0.01, 10.0,
-             "largest distance in metres between the points of a pair when ICP begins; larger values tolerate larger errors of odometry");
+             "largest distance in metres between the points of a pair when ICP begins; larger values tolerate larger "
+             "errors of odometry");
     v.number("final_match_distance_m", final_match_distance_m, 0.005, 10.0,
-             "largest distance in metres between the points of a pair when ICP ends; smaller values leave more outliers out");
+             "largest distance in metres between the points of a pair when ICP ends; smaller values leave more "
+             "outliers out");
     v.number("shrink", shrink, 0.1, 0.95,
-             "factor by which ICP's pairing distance shrinks each time it converges, from match_distance_m to final_match_distance_m");
+             "factor by which ICP's pairing distance shrinks each time it converges, from match_distance_m to "
+             "final_match_distance_m");
     v.integer("point_decimation", point_decimation, 1, 100,
               "every n-th point of a scan is paired by ICP; 1 uses all points and is slowest");
   }
@@ -43,19 +46,22 @@ struct ParticleGridOptions {
     v.number("ray_length_m", ray_length_m, 0.5, 200.0,
              "longest part of a laser ray, in metres, that is drawn into the particles' grids and scored against them");
     v.number("certainty", certainty, 0.51, 0.99,
-             "occupancy that a single ray gives to the cell it ends in; larger values make the particles' grids change faster");
+             "occupancy that a single ray gives to the cell it ends in; larger values make the particles' grids change "
+             "faster");
     v.number("sigma_m", sigma_m, 0.01, 10.0,
-             "standard deviation in metres of the likelihood field that weighs particles; larger values tell particles apart less");
-    v.number("match_distance_m", match_distance_m, 0.05, 5.0,
-             "distance in metres to the nearest wall from which on the likelihood field that weighs particles is constant");
+             "standard deviation in metres of the likelihood field that weighs particles; larger values tell particles "
+             "apart less");
+    v.number(
+        "match_distance_m", match_distance_m, 0.05, 5.0,
+        "distance in metres to the nearest wall from which on the likelihood field that weighs particles is constant");
     v.integer("ray_decimation", ray_decimation, 1, 100,
               "every n-th ray of a scan is used to weigh particles; 1 uses all rays and is slowest");
   }
 };
 
-// Rao-Blackwellised particle filter whose proposal comes from ICP with each particle's own map: the family of GMapping. A particle holds a
-// grid, which weighs it, and the points of its walls, which scans are aligned to (MRPT aligns to grids as well, but only to about a wall's
-// thickness).
+// Rao-Blackwellised particle filter whose proposal comes from ICP with each particle's own map: the family of GMapping.
+// A particle holds a grid, which weighs it, and the points of its walls, which scans are aligned to (MRPT aligns to
+// grids as well, but only to about a wall's thickness).
 struct RbpfOptions {
   std::uint32_t seed = 1;
   std::int32_t particles = 4;
@@ -75,30 +81,41 @@ struct RbpfOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("seed", seed, 0, 4294967295,
-              "seed of the particle filter's random numbers, added to the run's seed; the same seed gives the same map");
-    v.integer("particles", particles, 1, 1000, "number of particles; each holds a map, so time and memory grow with it");
-    v.flag("correct_odometry", correct_odometry, "correct odometry by ICP with recent scans before the particle filter uses it");
-    v.positive("match_distance_m", match_distance_m, "odometry is corrected by ICP each time the robot moved this far in metres");
-    v.positive("match_yaw_rad", match_yaw_rad, "odometry is corrected by ICP each time the robot turned by this angle in radians");
+    v.integer(
+        "seed", seed, 0, 4294967295,
+        "seed of the particle filter's random numbers, added to the run's seed; the same seed gives the same map");
+    v.integer("particles", particles, 1, 1000,
+              "number of particles; each holds a map, so time and memory grow with it");
+    v.flag("correct_odometry", correct_odometry,
+           "correct odometry by ICP with recent scans before the particle filter uses it");
+    v.positive("match_distance_m", match_distance_m,
+               "odometry is corrected by ICP each time the robot moved this far in metres");
+    v.positive("match_yaw_rad", match_yaw_rad,
+               "odometry is corrected by ICP each time the robot turned by this angle in radians");
     v.positive("update_distance_m", update_distance_m,
-               "the particle filter is updated each time the robot moved this far in metres; scans between are placed by corrected "
+               "the particle filter is updated each time the robot moved this far in metres; scans between are placed "
+               "by corrected "
                "odometry");
     v.positive("update_yaw_rad", update_yaw_rad,
-               "the particle filter is updated each time the robot turned by this angle in radians; scans between are placed by "
+               "the particle filter is updated each time the robot turned by this angle in radians; scans between are "
+               "placed by "
                "corrected odometry");
     v.positive("insert_distance_m", insert_distance_m,
-               "a scan is inserted into the particles' maps after this much motion in metres; smaller values insert more scans, which "
+               "a scan is inserted into the particles' maps after this much motion in metres; smaller values insert "
+               "more scans, which "
                "blurs walls");
     v.positive("insert_yaw_rad", insert_yaw_rad,
-               "a scan is inserted into the particles' maps after this much turning in radians; smaller values insert more scans, which "
+               "a scan is inserted into the particles' maps after this much turning in radians; smaller values insert "
+               "more scans, which "
                "blurs walls");
-    v.fraction("resample_below", resample_below,
-               "particles are resampled when the effective share of them falls below this; larger values resample more often");
+    v.fraction(
+        "resample_below", resample_below,
+        "particles are resampled when the effective share of them falls below this; larger values resample more often");
     v.number("weight_power", weight_power, 0.0, 10.0,
              "exponent of a scan's likelihood when particles are weighed; values below 1 keep more hypotheses alive");
     v.number("point_distance_m", point_distance_m, 0.005, 1.0,
-             "points of one scan nearer to each other than this distance in metres are inserted once into the particles' maps");
+             "points of one scan nearer to each other than this distance in metres are inserted once into the "
+             "particles' maps");
     v.integer("memory_limit_mb", memory_limit_mb, 200, 1000000,
               "most memory in megabytes for the particles' maps; a robot that would need more ends with an error");
     v.section("icp", icp, "ICP of a scan with the wall points of a particle's map");
@@ -119,13 +136,16 @@ struct IcpOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("update_distance_m", update_distance_m, "a scan is matched to the map each time the robot moved this far in metres");
-    v.positive("update_yaw_rad", update_yaw_rad, "a scan is matched to the map each time the robot turned by this angle in radians");
+    v.positive("update_distance_m", update_distance_m,
+               "a scan is matched to the map each time the robot moved this far in metres");
+    v.positive("update_yaw_rad", update_yaw_rad,
+               "a scan is matched to the map each time the robot turned by this angle in radians");
     v.positive("insert_distance_m", insert_distance_m,
                "a scan is inserted into the map after this much motion in metres since the last inserted one");
     v.positive("insert_yaw_rad", insert_yaw_rad,
                "a scan is inserted into the map after this much turning in radians since the last inserted one");
-    v.fraction("min_goodness", min_goodness, "least share of points that ICP must pair for its result to replace odometry");
+    v.fraction("min_goodness", min_goodness,
+               "least share of points that ICP must pair for its result to replace odometry");
     v.number("point_distance_m", point_distance_m, 0.005, 1.0,
              "points of one scan nearer to each other than this distance in metres are inserted once into the map");
     v.integer("memory_limit_mb", memory_limit_mb, 200, 1000000,

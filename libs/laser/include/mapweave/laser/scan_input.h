@@ -33,42 +33,53 @@ struct ScanInputOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("label", label, "sensor label of the laser to map with where a log has several; empty: the first one in the log");
-    v.non_negative("min_range_m", min_range_m,
-                   "laser readings below this distance in metres count as no return, because they show the robot's own body");
+    v.text("label", label,
+           "sensor label of the laser to map with where a log has several; empty: the first one in the log");
+    v.non_negative(
+        "min_range_m", min_range_m,
+        "laser readings below this distance in metres count as no return, because they show the robot's own body");
     v.non_negative("max_range_m", max_range_m,
-                   "laser readings of this distance in metres or more count as no return; 0: the sensor's own maximum, at most 200 m");
+                   "laser readings of this distance in metres or more count as no return; 0: the sensor's own maximum, "
+                   "at most 200 m");
     v.positive("max_speed_mps", max_speed_mps,
-               "odometry that jumps by more than this speed in m/s allows was reset; the robot is taken to have stood still during the "
+               "odometry that jumps by more than this speed in m/s allows was reset; the robot is taken to have stood "
+               "still during the "
                "jump");
     v.choice("sweep", sweep,
              {{"automatic", SweepSource::automatic}, {"given", SweepSource::given}, {"none", SweepSource::none}},
-             "how long the laser takes for one sweep, which distorts scans of a moving robot; automatic: the engine graph estimates it "
+             "how long the laser takes for one sweep, which distorts scans of a moving robot; automatic: the engine "
+             "graph estimates it "
              "from the scans; given: as sweep_s says; none: all rays are taken at once");
-    v.number("sweep_s", sweep_s, 0.0, 5.0, "time in seconds from the first ray of a scan to its last one (laser.scan.sweep: given)");
-    v.choice("sweep_order", sweep_order, {{"along_rays", SweepOrder::along_rays}, {"against_rays", SweepOrder::against_rays}},
-             "direction of the sweep; along_rays: the first ray of a scan was measured first; against_rays: the last one "
-             "(laser.scan.sweep: given)");
+    v.number("sweep_s", sweep_s, 0.0, 5.0,
+             "time in seconds from the first ray of a scan to its last one (laser.scan.sweep: given)");
+    v.choice(
+        "sweep_order", sweep_order,
+        {{"along_rays", SweepOrder::along_rays}, {"against_rays", SweepOrder::against_rays}},
+        "direction of the sweep; along_rays: the first ray of a scan was measured first; against_rays: the last one "
+        "(laser.scan.sweep: given)");
     v.fraction("sweep_stamp", sweep_stamp,
-               "which part of the sweep has passed at a scan's stamp; 0: it is stamped at the first measured ray, 1: at the last one "
+               "which part of the sweep has passed at a scan's stamp; 0: it is stamped at the first measured ray, 1: "
+               "at the last one "
                "(laser.scan.sweep: given)");
   }
 };
 
-// Of one robot's log, one call per record in order. Scans of the chosen laser, odometry and turns of the first inertial unit (at most 25 a
-// second; none where the laser does not sweep) are answered, all else is nullopt. Invalid
-// and out-of-range rays become no returns; a scan whose description makes no sense (fewer than 2 rays, an aperture or a sensor pose
-// that is not finite) is left out and counted, so is odometry that is not finite. Odometry that jumps farther than any robot drives goes on
-// from where it was.
+// Of one robot's log, one call per record in order. Scans of the chosen laser, odometry and turns of the first inertial
+// unit (at most 25 a second; none where the laser does not sweep) are answered, all else is nullopt. Invalid and
+// out-of-range rays become no returns; a scan whose description makes no sense (fewer than 2 rays, an aperture or a
+// sensor pose that is not finite) is left out and counted, so is odometry that is not finite. Odometry that jumps
+// farther than any robot drives goes on from where it was.
 class ScanPacker {
  public:
   explicit ScanPacker(ScanInputOptions options = {});
   std::optional<LaserInput> operator()(const rawlog::Record&);
 
-  const std::string& label() const { return options_.label; }                              // in use; empty before the first scan
-  bool found_laser() const { return found_laser_; }                                        // a scan was packed
-  const std::map<std::string, std::uint64_t>& ignored_lasers() const { return ignored_; }  // scans of other lasers, by label
-  std::uint64_t unusable() const { return unusable_; }                                     // records that made no sense
+  const std::string& label() const { return options_.label; }  // in use; empty before the first scan
+  bool found_laser() const { return found_laser_; }            // a scan was packed
+  const std::map<std::string, std::uint64_t>& ignored_lasers() const {
+    return ignored_;
+  }                                                     // scans of other lasers, by label
+  std::uint64_t unusable() const { return unusable_; }  // records that made no sense
   std::uint64_t odometry_jumps() const { return odometry_jumps_; }
 
  private:

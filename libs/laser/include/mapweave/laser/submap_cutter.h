@@ -8,7 +8,8 @@
 
 namespace mapweave::laser {
 
-// Variances grow with the way, as a random walk's do, so that a chain of constraints means the same however dense its nodes are.
+// Variances grow with the way, as a random walk's do, so that a chain of constraints means the same however dense its
+// nodes are.
 struct MotionNoiseOptions {
   double m_per_sqrt_m = 0.02;
   double rad_per_sqrt_m = 0.003;
@@ -16,12 +17,15 @@ struct MotionNoiseOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("m_per_sqrt_m", m_per_sqrt_m,
-               "standard deviation of the position in metres after 1 m of motion; grows with the square root of the path");
-    v.positive("rad_per_sqrt_m", rad_per_sqrt_m,
-               "standard deviation of the heading in radians after 1 m of motion; grows with the square root of the path");
-    v.positive("rad_per_sqrt_rad", rad_per_sqrt_rad,
-               "standard deviation of the heading in radians after turning by 1 rad; grows with the square root of the turn");
+    v.positive(
+        "m_per_sqrt_m", m_per_sqrt_m,
+        "standard deviation of the position in metres after 1 m of motion; grows with the square root of the path");
+    v.positive(
+        "rad_per_sqrt_m", rad_per_sqrt_m,
+        "standard deviation of the heading in radians after 1 m of motion; grows with the square root of the path");
+    v.positive(
+        "rad_per_sqrt_rad", rad_per_sqrt_rad,
+        "standard deviation of the heading in radians after turning by 1 rad; grows with the square root of the turn");
   }
 };
 
@@ -39,10 +43,13 @@ struct SubmapCutterOptions {
                    "a scan becomes part of a submap after this much motion in metres since the last one that did");
     v.non_negative("scan_yaw_rad", scan_yaw_rad,
                    "a scan becomes part of a submap after this much turning in radians since the last one that did");
-    v.integer("min_returns", min_returns, 1, 100000, "scans with fewer returns than this never become part of a submap");
-    v.positive("submap_length_m", submap_length_m,
-               "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap");
-    v.section("scan_match", scan_match, "noise of the motion between two scans as the engine (rbpf or icp) estimates it");
+    v.integer("min_returns", min_returns, 1, 100000,
+              "scans with fewer returns than this never become part of a submap");
+    v.positive(
+        "submap_length_m", submap_length_m,
+        "length in metres of the path in one submap; the next submap begins half-way, so that neighbours overlap");
+    v.section("scan_match", scan_match,
+              "noise of the motion between two scans as the engine (rbpf or icp) estimates it");
     v.section("odometry", odometry, "noise of the motion between two scans as wheel odometry measures it");
   }
 };
@@ -54,9 +61,9 @@ struct TrackedScan {
   std::optional<Pose2> previous_from_this;  // motion since the previous scan as the wheels measured it
 };
 
-// A node per scan, numbered from 0 in their order; constraints scan_match and (where wheels measured) odometry between neighbours; submaps
-// of submap_length_m along the way, each half overlapping the one before, all frozen. The map's frame becomes the first scan's pose.
-// Memory: the scans that become content, and about 500 bytes a scan.
+// A node per scan, numbered from 0 in their order; constraints scan_match and (where wheels measured) odometry between
+// neighbours; submaps of submap_length_m along the way, each half overlapping the one before, all frozen. The map's
+// frame becomes the first scan's pose. Memory: the scans that become content, and about 500 bytes a scan.
 Map cut_into_submaps(const MapId&, const SessionId&, std::vector<TrackedScan> scans, const SubmapCutterOptions& = {});
 
 }  // namespace mapweave::laser

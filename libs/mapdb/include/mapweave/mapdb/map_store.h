@@ -22,24 +22,27 @@ struct MemberMap {
 };
 
 struct StoredMaps {
-  std::vector<Map> maps;                        // ids differ
-  std::vector<MemberMap> members;               // of those maps; ids differ. Takes little more room than the poses of their nodes
-  std::vector<Judgement> judgements;            // ids differ
-  std::vector<Verdict> verdicts;                // their `seconds` are not kept
-  std::map<std::string, std::string> metadata;  // whatever the writer wants to be known: versions, options, checksums; UTF-8
+  std::vector<Map> maps;              // ids differ
+  std::vector<MemberMap> members;     // of those maps; ids differ. Takes little more room than the poses of their nodes
+  std::vector<Judgement> judgements;  // ids differ
+  std::vector<Verdict> verdicts;      // their `seconds` are not kept
+  std::map<std::string, std::string>
+      metadata;  // whatever the writer wants to be known: versions, options, checksums; UTF-8
 };
 
-// The canonical identity of maps (content and belief), judgements and verdicts. Knows neither their order, nor metadata, nor SQLite.
+// The canonical identity of maps (content and belief), judgements and verdicts. Knows neither their order, nor
+// metadata, nor SQLite.
 Hash identity(const StoredMaps&);
 
-// Writes beside `path`, syncs and renames: whatever happens, `path` is the old file, the new one, or not there. Equal contents give equal
-// bytes, with one version of SQLite and zstd. Maps and judgements come in order of their ids, verdicts of (a, b, by).
-// Throws Error(kCannotWrite), with the free space when the disk is full, and leaves nothing behind; ContractViolation for maps that have no
-// byte form (maps/map_update.h), or for two of one id.
+// Writes beside `path`, syncs and renames: whatever happens, `path` is the old file, the new one, or not there. Equal
+// contents give equal bytes, with one version of SQLite and zstd. Maps and judgements come in order of their ids,
+// verdicts of (a, b, by). Throws Error(kCannotWrite), with the free space when the disk is full, and leaves nothing
+// behind; ContractViolation for maps that have no byte form (maps/map_update.h), or for two of one id.
 void write_store(const std::filesystem::path& path, const StoredMaps&);
 
-// Opens read-only and leaves no trace, so a store may lie in a folder that cannot be written. Everything is checked against the hashes in
-// the file. Throws Error: kMissing; kBadInput for a folder; kUnsupported for a newer schema; kCorrupt for what is not a store, or damaged.
+// Opens read-only and leaves no trace, so a store may lie in a folder that cannot be written. Everything is checked
+// against the hashes in the file. Throws Error: kMissing; kBadInput for a folder; kUnsupported for a newer schema;
+// kCorrupt for what is not a store, or damaged.
 StoredMaps read_store(const std::filesystem::path& path);
 
 struct SessionSummary {
@@ -52,7 +55,7 @@ struct StoredMapSummary {
   std::uint64_t nodes = 0, contents = 0;       // contents: nodes that hold a scan, grid or keyframe
   std::uint64_t keyframes = 0, landmarks = 0;  // keyframes: nodes that hold one
   std::uint64_t submaps = 0, constraints = 0;
-  Stamp first, last;                                          // of the nodes; zero where there are none, as the following
+  Stamp first, last;  // of the nodes; zero where there are none, as the following
   double min_x_m = 0, min_y_m = 0, max_x_m = 0, max_y_m = 0;  // of the nodes' poses, in the map's frame
   std::vector<SessionSummary> sessions;                       // sorted
   Hash content;                                               // content_hash(map)

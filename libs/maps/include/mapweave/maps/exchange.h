@@ -1,7 +1,7 @@
 #pragma once
-// What robots and servers send each other beside MapUpdates, and how that goes over a wire: what camera clients ask and receive (CVS III-B,
-// III-C), small, so with less precision than maps are kept with; what robots sense that do not map themselves (RecSLAM III-B), whole; and
-// what a coordinator receives of maps.
+// What robots and servers send each other beside MapUpdates, and how that goes over a wire: what camera clients ask and
+// receive (CVS III-B, III-C), small, so with less precision than maps are kept with; what robots sense that do not map
+// themselves (RecSLAM III-B), whole; and what a coordinator receives of maps.
 
 #include <mapweave/core/error.h>
 #include <mapweave/maps/map_summary.h>
@@ -20,11 +20,13 @@ struct DescribedLandmark {
   LandmarkId id;
   Eigen::Vector3d point_in_map = Eigen::Vector3d::Zero();
   BinaryDescriptor descriptor{};
-  Eigen::Vector3d feature_from_point = Eigen::Vector3d::Zero();  // axes of map, metres: the descriptor's feature lies so far beside it
-  Eigen::Vector3d direction = Eigen::Vector3d::Zero();           // axes of map, unit: from those that saw it towards it; zero: unknown
-  double nearest_m = 0.0, farthest_m = 0.0;                      // of the cameras that saw it; farthest 0: unknown
-  double sigma_m = 0.02;                                         // of its place, each axis
-  ClientId updated_by;                                           // last; stays with the server
+  Eigen::Vector3d feature_from_point =
+      Eigen::Vector3d::Zero();  // axes of map, metres: the descriptor's feature lies so far beside it
+  Eigen::Vector3d direction =
+      Eigen::Vector3d::Zero();               // axes of map, unit: from those that saw it towards it; zero: unknown
+  double nearest_m = 0.0, farthest_m = 0.0;  // of the cameras that saw it; farthest 0: unknown
+  double sigma_m = 0.02;                     // of its place, each axis
+  ClientId updated_by;                       // last; stays with the server
 };
 
 // Client -> server, the first word. A picture's words mean nothing to who has another vocabulary.
@@ -49,9 +51,9 @@ struct PlaceRequest {
 
 // Server -> client.
 struct PlaceAnswer {
-  Stamp stamp;                               // of the request
-  MapId map;                                 // whose frame the answer is in: the client's own, or another's, where it begins a session
-  Pose3 map_from_robot;                      // of the frame asked for; at true scale
+  Stamp stamp;           // of the request
+  MapId map;             // whose frame the answer is in: the client's own, or another's, where it begins a session
+  Pose3 map_from_robot;  // of the frame asked for; at true scale
   std::vector<DescribedLandmark> landmarks;  // that it should show, in that frame
 };
 
@@ -88,8 +90,8 @@ struct MapReport {
   MapSummary summary;
 };
 
-// Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is encoded to the same bytes.
-// decode throws as decode_map_update does.
+// Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is
+// encoded to the same bytes. decode throws as decode_map_update does.
 std::string encode(const Hello&);
 std::string encode(const ClientView&);
 std::string encode(const PlaceRequest&);

@@ -16,20 +16,24 @@ namespace mapweave {
 struct Alignment {
   Sim3 a_from_b;
   Eigen::Matrix<double, 6, 6> covariance =
-      Eigen::Matrix<double, 6, 6>::Zero();  // of a small motion of b in b's frame, order as Constraint; planar: x, y, yaw
+      Eigen::Matrix<double, 6,
+                    6>::Zero();  // of a small motion of b in b's frame, order as Constraint; planar: x, y, yaw
 };
 
 // What speaks for and against the best hypothesis.
 struct Evidence {
   double overlap_m2 = 0.0;  // known cells that coincide
   double overlap = 0.0;     // |A and B| / min(|A|, |B|) in known cells, 0..1
-  double inliers = 0.0;     // of the wall points of each that the other could see, share that finds a wall there, 0..1; the lower side
-  double conflict = 0.0;    // of the walls of each that the other saw, the share that the other saw through; the higher side
-  double longest_contradiction_m[2] = {0.0, 0.0};           // longest wall of a that b saw through, and of b that a saw through
-  double second_best_ratio = 0.0;                           // score of the best distinct rival over the best, 0..1
-  double verifier_inliers = 0.0;                            // the independent second verifier's, 0..1
-  double verifier_disagreement_m = 0.0;                     // how far it moved the alignment
-  Eigen::Vector3d observability = Eigen::Vector3d::Zero();  // along the better and the worse direction, and in yaw; 0..1
+  double inliers =
+      0.0;  // of the wall points of each that the other could see, share that finds a wall there, 0..1; the lower side
+  double conflict =
+      0.0;  // of the walls of each that the other saw, the share that the other saw through; the higher side
+  double longest_contradiction_m[2] = {0.0, 0.0};  // longest wall of a that b saw through, and of b that a saw through
+  double second_best_ratio = 0.0;                  // score of the best distinct rival over the best, 0..1
+  double verifier_inliers = 0.0;                   // the independent second verifier's, 0..1
+  double verifier_disagreement_m = 0.0;            // how far it moved the alignment
+  Eigen::Vector3d observability =
+      Eigen::Vector3d::Zero();  // along the better and the worse direction, and in yaw; 0..1
 };
 
 enum class Reason : std::uint8_t {
@@ -62,25 +66,25 @@ enum class Decision : std::uint8_t { accepted = 0, refused = 1, deferred = 2 };
 // What a hypothesis rests on, which says what its numbers are: regions of lasers, whole map_server grids, pictures.
 enum class Sense : std::uint8_t { lasers = 0, grids = 1, cameras = 2 };
 
-// One way in which two maps may lie to each other, with what speaks for and against it: metres of wall of both (of grids the mean of
-// both), places of cameras.
+// One way in which two maps may lie to each other, with what speaks for and against it: metres of wall of both (of
+// grids the mean of both), places of cameras.
 struct PairHypothesis {
   Sense sense = Sense::lasers;
   Sim3 a_from_b;
-  std::uint32_t matches = 0;     // of places of both maps that agree on it
-  double log_odds = 0.0;         // that it is right, by itself; the prior's are among them
-  double prior_log_odds = 0.0;   // that a prior adds
-  double coinciding_m = 0.0;     // walls of both
-  double distinctive_m = 0.0;    // that fit here and nowhere around
-  double contradicted_m = 0.0;   // that the other one saw through
-  double unclear_m = 0.0;        // where the other one looked and saw neither
+  std::uint32_t matches = 0;       // of places of both maps that agree on it
+  double log_odds = 0.0;           // that it is right, by itself; the prior's are among them
+  double prior_log_odds = 0.0;     // that a prior adds
+  double coinciding_m = 0.0;       // walls of both
+  double distinctive_m = 0.0;      // that fit here and nowhere around
+  double contradicted_m = 0.0;     // that the other one saw through
+  double unclear_m = 0.0;          // where the other one looked and saw neither
   double counted_unclear_m = 0.0;  // of these, what speaks against it: where maps overlap little, views just end
   double by_chance_m = 0.0;        // that would fit by chance
   double support_m = 0.0;          // of grids: what fits, by how unusual that is, less what lies in free space
-  double overlap = 0.0;          // share of the smaller map's walls that lie where the other one looked
-  std::uint32_t elsewhere = 0;   // of cameras: places that put the maps otherwise
-  bool is_of_teams = false;      // the numbers are of all maps of the two teams that the maps were in then
-  bool is_taken_apart = false;   // a team had the maps so until its audit; how unusual is what fits was not weighed
+  double overlap = 0.0;            // share of the smaller map's walls that lie where the other one looked
+  std::uint32_t elsewhere = 0;     // of cameras: places that put the maps otherwise
+  bool is_of_teams = false;        // the numbers are of all maps of the two teams that the maps were in then
+  bool is_taken_apart = false;     // a team had the maps so until its audit; how unusual is what fits was not weighed
   struct Place {
     double x_m = 0.0, y_m = 0.0;  // a's map frame
     double length_m = 0.0;
@@ -94,7 +98,7 @@ struct PriorCheck {
   Pose2 a_from_b;  // as it was given
   double sigma_m = 0.0, sigma_rad = 0.0;
   bool is_contradicted = false;
-  std::optional<double> off_m, off_rad;  // from it to where the maps were merged, or else fit best
+  std::optional<double> off_m, off_rad;             // from it to where the maps were merged, or else fit best
   double coinciding_m = 0.0, contradicted_m = 0.0;  // walls, where it puts the maps
 };
 
@@ -107,7 +111,8 @@ struct TeamMerge {
 // Two maps that lie in one team map, whether they were matched to each other or not.
 struct InOneMap {
   Sim3 a_from_b;               // as that map has them
-  std::vector<MapId> through;  // the maps between them on the shortest way of matched pairs that is not their own; empty: there is none
+  std::vector<MapId> through;  // the maps between them on the shortest way of matched pairs that is not their own;
+                               // empty: there is none
 };
 
 // Whether two maps join, and how we know.
@@ -118,7 +123,8 @@ struct Verdict {
   std::string proposer;        // what proposed the alignment: "descriptor", "exhaustive", ...
   Decision decision = Decision::deferred;
   Reason reason = Reason::none;
-  std::optional<Alignment> alignment;  // in the frames of the two maps; of the best cluster, also where it was not accepted
+  std::optional<Alignment>
+      alignment;  // in the frames of the two maps; of the best cluster, also where it was not accepted
   double probability = 0.0;
   double overlap = 0.0, conflict = 0.0, second_best = 0.0;  // of the two maps under the alignment
   std::vector<Hash> witnesses, contradicted;                // judgements that hold, and that were overruled

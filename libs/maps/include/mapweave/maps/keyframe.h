@@ -13,8 +13,8 @@
 
 namespace mapweave {
 
-// What all keyframes of one camera share: a rectified pinhole. Frame `camera`: x right, y down, z forward. Pixels: the centre of the
-// upper left one is (0, 0).
+// What all keyframes of one camera share: a rectified pinhole. Frame `camera`: x right, y down, z forward. Pixels: the
+// centre of the upper left one is (0, 0).
 struct CameraGeometry {
   std::int32_t width = 0, height = 0;  // pixels, 1 to 4096
   double fx = 0.0, fy = 0.0, cx = 0.0, cy = 0.0;
@@ -51,16 +51,23 @@ inline std::uint16_t pixel_units(double pixels) {  // what lies outside goes to 
   return static_cast<std::uint16_t>(std::lround(std::clamp(pixels / kPixelUnit_px, 0.0, 65535.0)));
 }
 
-// Depths are kept as their inverse, which is what cameras measure evenly: steps of 0.24 mm at 1 m, 24 mm at 10 m, 10 m at 200 m.
+// Depths are kept as their inverse, which is what cameras measure evenly: steps of 0.24 mm at 1 m, 24 mm at 10 m, 10 m
+// at 200 m.
 inline constexpr double kInverseDepthUnit_per_m = 1.0 / 4096.0;
-inline constexpr double kLeastDepth_m = 1.0 / (65535.5 * kInverseDepthUnit_per_m), kMostDepth_m = 2.0 / kInverseDepthUnit_per_m;
-inline double depth_m_of(std::uint16_t inverse_depth) { return inverse_depth == 0 ? 0.0 : 1.0 / (inverse_depth * kInverseDepthUnit_per_m); }
-inline std::uint16_t inverse_depth_units(double depth_m) {  // 0, unknown, outside of 62 mm to 8 km, and for what is no number
+inline constexpr double kLeastDepth_m = 1.0 / (65535.5 * kInverseDepthUnit_per_m),
+                        kMostDepth_m = 2.0 / kInverseDepthUnit_per_m;
+inline double depth_m_of(std::uint16_t inverse_depth) {
+  return inverse_depth == 0 ? 0.0 : 1.0 / (inverse_depth * kInverseDepthUnit_per_m);
+}
+inline std::uint16_t inverse_depth_units(
+    double depth_m) {  // 0, unknown, outside of 62 mm to 8 km, and for what is no number
   if (!(depth_m > kLeastDepth_m && depth_m < kMostDepth_m)) return 0;
   return static_cast<std::uint16_t>(std::lround(1.0 / (depth_m * kInverseDepthUnit_per_m)));
 }
 
 inline double angle_deg_of(std::uint8_t angle) { return angle * (360.0 / 256.0); }
-inline std::uint8_t angle_units(double angle_deg) { return static_cast<std::uint8_t>(std::lround(angle_deg * (256.0 / 360.0)) & 0xff); }
+inline std::uint8_t angle_units(double angle_deg) {
+  return static_cast<std::uint8_t>(std::lround(angle_deg * (256.0 / 360.0)) & 0xff);
+}
 
 }  // namespace mapweave

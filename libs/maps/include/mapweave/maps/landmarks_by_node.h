@@ -1,5 +1,6 @@
 #pragma once
-// Which landmarks hang on each node of a map. Kept beside a map that grows, so that a node can go without a look through all of them.
+// Which landmarks hang on each node of a map. Kept beside a map that grows, so that a node can go without a look
+// through all of them.
 
 #include <mapweave/maps/landmark.h>
 

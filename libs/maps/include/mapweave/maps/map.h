@@ -1,6 +1,6 @@
 #pragma once
-// The nouns of a map. Content (scans, keyframes, frozen submaps) never changes once frozen; belief (poses, constraints, landmarks) is
-// recomputed. Grids, pyramids, clouds and pictures are caches of content under a belief.
+// The nouns of a map. Content (scans, keyframes, frozen submaps) never changes once frozen; belief (poses, constraints,
+// landmarks) is recomputed. Grids, pyramids, clouds and pictures are caches of content under a belief.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/hash.h>
@@ -30,18 +30,28 @@ struct Node {
 };
 
 // What a camera saw there; null where the node is no keyframe.
-inline const KeyframeFeatures* keyframe_of(const Node& node) { return std::get_if<KeyframeFeatures>(node.payload.get()); }
+inline const KeyframeFeatures* keyframe_of(const Node& node) {
+  return std::get_if<KeyframeFeatures>(node.payload.get());
+}
 
 // The unit of matching: some nodes, held together rigidly. The submap's frame is that of its first node.
 struct Submap {
   SubmapId id;
-  std::vector<std::pair<NodeId, Pose3>> submap_from_node;  // of nodes with payloads; the first is the anchor, at identity
+  std::vector<std::pair<NodeId, Pose3>>
+      submap_from_node;  // of nodes with payloads; the first is the anchor, at identity
   bool frozen = false;
   Hash content;  // of payloads and submap_from_node; set when frozen
   const NodeId& anchor() const { return submap_from_node.front().first; }
 };
 
-enum class ConstraintKind : std::uint8_t { odometry = 0, scan_match = 1, extrinsic = 2, loop = 3, between_maps = 4, prior = 5 };
+enum class ConstraintKind : std::uint8_t {
+  odometry = 0,
+  scan_match = 1,
+  extrinsic = 2,
+  loop = 3,
+  between_maps = 4,
+  prior = 5
+};
 
 struct ConstraintId {  // of `from` to `to`, one of each kind, counted where there are several
   ConstraintKind kind = ConstraintKind::odometry;
@@ -54,8 +64,8 @@ inline auto key_of(const ConstraintId& id) { return std::tie(id.to, id.kind, id.
 struct Constraint {
   ConstraintId id;
   Sim3 from_from_to;
-  // Order (x, y, z, roll, pitch, yaw) of a small motion of `to` in its own frame; 1/m^2, 1/rad^2; may be rank deficient. Planar constraints
-  // fill x, y, yaw and leave the other rows zero.
+  // Order (x, y, z, roll, pitch, yaw) of a small motion of `to` in its own frame; 1/m^2, 1/rad^2; may be rank
+  // deficient. Planar constraints fill x, y, yaw and leave the other rows zero.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
   std::optional<Hash> because;  // the judgement it rests on (loop, between_maps)
 };
@@ -76,12 +86,15 @@ struct Map {
   std::vector<RobotId> robots() const;      // sorted
 };
 
-// Whether a judgement's side is of this map: one of its submaps, or a keyframe, which is named by its session and index.
+// Whether a judgement's side is of this map: one of its submaps, or a keyframe, which is named by its session and
+// index.
 bool holds(const Map&, const SubmapId&);
 
-// Hash of content alone (nodes' ids, stamps and payloads, frozen submaps; in id order): equal for maps that differ in belief only.
+// Hash of content alone (nodes' ids, stamps and payloads, frozen submaps; in id order): equal for maps that differ in
+// belief only.
 Hash content_hash(const Map&);
-// Hash of a frozen submap's content: its nodes' ids, places in it and payloads. Throws ContractViolation when a node has no payload.
+// Hash of a frozen submap's content: its nodes' ids, places in it and payloads. Throws ContractViolation when a node
+// has no payload.
 Hash content_hash(const Submap&, const Table<NodeId, Node>&);
 
 }  // namespace mapweave

@@ -1,28 +1,32 @@
 #pragma once
-// How far one robot's own map and its sightings may be off, for libraries that must agree on it: each of these numbers stands here alone.
+// How far one robot's own map and its sightings may be off, for libraries that must agree on it: each of these numbers
+// stands here alone.
 
 #include <Eigen/Core>
 
 namespace mapweave {
 
-// A laser map, from one submap to the next. Scans are matched to walls in cells of 5 cm, which leaves half a cell and a little more however
-// short the step is; what comes on top grows with the path. The search for loops and the merging of several robots' maps weigh the same
-// chain of submaps, and so take it for equally stiff.
+// A laser map, from one submap to the next. Scans are matched to walls in cells of 5 cm, which leaves half a cell and a
+// little more however short the step is; what comes on top grows with the path. The search for loops and the merging of
+// several robots' maps weigh the same chain of submaps, and so take it for equally stiff.
 inline constexpr double kSubmapStep_m = 0.03;
-inline constexpr double kPathDrift_per_m = 0.02;  // of a path that bends one way all along; from one submap to the next: half of it
+inline constexpr double kPathDrift_per_m =
+    0.02;  // of a path that bends one way all along; from one submap to the next: half of it
 inline constexpr double kSubmapTurn_rad = 0.008;
 
-inline Eigen::Matrix3d submap_step_information(double length_m, double drift_per_m = kPathDrift_per_m, double turn_rad = kSubmapTurn_rad) {
+inline Eigen::Matrix3d submap_step_information(double length_m, double drift_per_m = kPathDrift_per_m,
+                                               double turn_rad = kSubmapTurn_rad) {
   const double sigma_m = kSubmapStep_m + 0.5 * drift_per_m * length_m;
-  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (turn_rad * turn_rad)).asDiagonal();
+  return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (turn_rad * turn_rad))
+      .asDiagonal();
 }
 
-// Submaps bend a little when the nodes in them move on their own: no match of two of them, within a robot's map or between robots', is stiffer
-// than 5 cm and 5 mrad.
+// Submaps bend a little when the nodes in them move on their own: no match of two of them, within a robot's map or
+// between robots', is stiffer than 5 cm and 5 mrad.
 inline Eigen::Matrix3d submap_bend_covariance() { return Eigen::Vector3d(2.5e-3, 2.5e-3, 2.5e-5).asDiagonal(); }
 
-// A camera's map, from one keyframe to a covisible one: millimetres that each keyframe is off by itself, and a share of the motion. The
-// graph of one robot's cameras and that of a team move the same keyframes against each other.
+// A camera's map, from one keyframe to a covisible one: millimetres that each keyframe is off by itself, and a share of
+// the motion. The graph of one robot's cameras and that of a team move the same keyframes against each other.
 struct CovisibleMotionNoise {
   double step_m = 0.006, step_share = 0.015, step_rad = 0.003;
   int least_shared = 15;  // landmarks: fewer hold two keyframes badly
@@ -31,6 +35,7 @@ inline constexpr CovisibleMotionNoise kCovisibleMotion{};
 
 // Sightings of landmarks, in the bundle adjustment of one camera's map and in that of merged maps.
 inline constexpr double kLandmarkSigma_px = 0.5;
-inline constexpr double kInverseDepthSigma_per_m = 0.004;  // a sixth of a pixel of a structured light camera (580 px, baseline 7.5 cm)
+inline constexpr double kInverseDepthSigma_per_m =
+    0.004;  // a sixth of a pixel of a structured light camera (580 px, baseline 7.5 cm)
 
 }  // namespace mapweave

@@ -1,6 +1,6 @@
 #pragma once
-// What a coordinator needs to know of a map to tell what it shares with others (RecSLAM V, "Parameter profiling"): some hundred bytes for a
-// floor, whatever the map holds.
+// What a coordinator needs to know of a map to tell what it shares with others (RecSLAM V, "Parameter profiling"): some
+// hundred bytes for a floor, whatever the map holds.
 
 #include <array>
 #include <cstddef>

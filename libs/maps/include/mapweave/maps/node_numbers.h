@@ -20,10 +20,13 @@ class NodeNumbers {
   std::size_t size() const { return size_; }
   // size() for one that is not among them.
   std::size_t of(const NodeId& id) const {
-    const auto run = std::find_if(runs_.begin(), runs_.end(), [&](const Run& one) { return one.session == id.session; });
+    const auto run =
+        std::find_if(runs_.begin(), runs_.end(), [&](const Run& one) { return one.session == id.session; });
     if (run == runs_.end()) return size_;
     const auto place = std::lower_bound(run->indices.begin(), run->indices.end(), id.index);
-    return place != run->indices.end() && *place == id.index ? run->first + static_cast<std::size_t>(place - run->indices.begin()) : size_;
+    return place != run->indices.end() && *place == id.index
+               ? run->first + static_cast<std::size_t>(place - run->indices.begin())
+               : size_;
   }
 
  private:

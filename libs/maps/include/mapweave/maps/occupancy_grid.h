@@ -21,9 +21,12 @@ struct OccupancyGrid {
 
   bool empty() const { return columns == 0 || rows == 0; }
   std::int16_t at(std::int32_t column, std::int32_t row) const {
-    return log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(column)];
+    return log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) +
+                    static_cast<std::size_t>(column)];
   }
-  bool inside(std::int32_t column, std::int32_t row) const { return column >= 0 && row >= 0 && column < columns && row < rows; }
+  bool inside(std::int32_t column, std::int32_t row) const {
+    return column >= 0 && row >= 0 && column < columns && row < rows;
+  }
 };
 
 double probability(std::int16_t log_odds);  // 0..1; 0.5 for unknown

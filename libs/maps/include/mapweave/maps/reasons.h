@@ -1,5 +1,6 @@
 #pragma once
-// Why maps stay apart, in words: the same on the console, in merges.json and in the guide's table (apps/mapweave/guide/merges.md).
+// Why maps stay apart, in words: the same on the console, in merges.json and in the guide's table
+// (apps/mapweave/guide/merges.md).
 
 #include <mapweave/maps/judgement.h>
 

@@ -17,12 +17,15 @@ struct ScanGeometry {
   double max_range_m = 0.0;     // readings at or past it are no returns
   double range_unit_m = 0.001;  // one step of PackedScan::ranges
   Pose3 robot_from_laser;
-  // A laser takes time to turn. When ray 0 was measured, in seconds after the scan's stamp, and the time from each ray to the next;
-  // negative where the rays were measured in the opposite order. Both 0: all rays at the stamp, or not known.
+  // A laser takes time to turn. When ray 0 was measured, in seconds after the scan's stamp, and the time from each ray
+  // to the next; negative where the rays were measured in the opposite order. Both 0: all rays at the stamp, or not
+  // known.
   double first_ray_s = 0.0;
   double ray_step_s = 0.0;
   bool has_sweep() const { return first_ray_s != 0.0 || ray_step_s != 0.0; }
-  double ray_time_s(std::size_t ray) const { return first_ray_s + static_cast<double>(ray) * ray_step_s; }  // after the stamp
+  double ray_time_s(std::size_t ray) const {
+    return first_ray_s + static_cast<double>(ray) * ray_step_s;
+  }  // after the stamp
 };
 bool operator==(const ScanGeometry&, const ScanGeometry&);
 
@@ -50,8 +53,9 @@ struct ScanPoint {
   float x, y;  // metres, robot frame
 };
 
-// The ends of all rays with a return, where they lie in the robot's frame at the stamp, in ray order; rays nearer than `min_range_m` or
-// farther than `max_range_m` left out. Tilted and upside-down lasers are projected on the ground plane.
+// The ends of all rays with a return, where they lie in the robot's frame at the stamp, in ray order; rays nearer than
+// `min_range_m` or farther than `max_range_m` left out. Tilted and upside-down lasers are projected on the ground
+// plane.
 std::vector<ScanPoint> points_in_robot(const PackedScan&, double min_range_m = 0.0, double max_range_m = 1e9);
 
 }  // namespace mapweave

@@ -28,7 +28,8 @@ class Table {
       entries_.insert(place, Entry(std::move(key), std::move(value)));
   }
   const Value* find(const Key& key) const {
-    const auto place = std::lower_bound(entries_.begin(), entries_.end(), key, [](const Entry& e, const Key& k) { return e.first < k; });
+    const auto place = std::lower_bound(entries_.begin(), entries_.end(), key,
+                                        [](const Entry& e, const Key& k) { return e.first < k; });
     return place != entries_.end() && !(key < place->first) ? &place->second : nullptr;
   }
   Value* find(const Key& key) { return const_cast<Value*>(static_cast<const Table&>(*this).find(key)); }
@@ -38,8 +39,8 @@ class Table {
     entries_.erase(place);
     return true;
   }
-  // As set() for each of the entries, which come in ascending order, no key twice: what lies behind the first new key moves once, else
-  // nothing does.
+  // As set() for each of the entries, which come in ascending order, no key twice: what lies behind the first new key
+  // moves once, else nothing does.
   void set_all(std::vector<Entry> entries) {
     auto fresh = entries.begin();
     for (Entry& entry : entries) {
@@ -73,7 +74,8 @@ class Table {
   }
   // For so many new keys: set() and set_all() take no memory for them then.
   void make_room(std::size_t count) {
-    if (entries_.capacity() - entries_.size() < count) entries_.reserve(entries_.size() + std::max(count, entries_.size()));
+    if (entries_.capacity() - entries_.size() < count)
+      entries_.reserve(entries_.size() + std::max(count, entries_.size()));
   }
   bool contains(const Key& key) const { return find(key) != nullptr; }
   std::size_t size() const { return entries_.size(); }

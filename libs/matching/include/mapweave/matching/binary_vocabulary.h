@@ -1,6 +1,7 @@
 #pragma once
-// A tree of binary words (Galvez-Lopez, Tardos: Bags of Binary Words for Fast Place Recognition in Image Sequences, IEEE T-RO 28(5), 2012):
-// descriptors fall through it to a leaf, their word. Words that many pictures share say little and weigh little (tf-idf).
+// A tree of binary words (Galvez-Lopez, Tardos: Bags of Binary Words for Fast Place Recognition in Image Sequences,
+// IEEE T-RO 28(5), 2012): descriptors fall through it to a leaf, their word. Words that many pictures share say little
+// and weigh little (tf-idf).
 
 #include <mapweave/core/hash.h>
 #include <mapweave/core/options.h>
@@ -15,7 +16,8 @@
 
 namespace mapweave::matching {
 
-// A picture's words with their share of the whole, in 1/65535, by rising word. Shares are rounded down, so they add up to 65535 at most.
+// A picture's words with their share of the whole, in 1/65535, by rising word. Shares are rounded down, so they add up
+// to 65535 at most.
 struct WordShare {
   std::uint32_t word = 0;
   std::uint16_t share = 0;
@@ -23,13 +25,14 @@ struct WordShare {
 using BagOfWords = std::vector<WordShare>;
 inline constexpr int kWholeBag = 65535;
 
-// What two pictures have in common: the sum of the lesser shares, 0 .. kWholeBag. Of bags as vectors v, w of L1 length 1
-// that is 1 - |v - w| / 2, the score of the paper's equation 2. Words of weight 0 are in no bag.
+// What two pictures have in common: the sum of the lesser shares, 0 .. kWholeBag. Of bags as vectors v, w of L1 length
+// 1 that is 1 - |v - w| / 2, the score of the paper's equation 2. Words of weight 0 are in no bag.
 int common_share(const BagOfWords& a, const BagOfWords& b);
 
 struct DescribedPicture {
   BagOfWords bag;
-  std::vector<std::uint32_t> node_of_feature;  // direct index: the tree's node at `direct_level` that each feature fell through
+  std::vector<std::uint32_t>
+      node_of_feature;  // direct index: the tree's node at `direct_level` that each feature fell through
 };
 
 // Immutable; a copy shares its nodes. Safe to use from several threads.
@@ -62,14 +65,15 @@ class BinaryVocabulary {
   std::shared_ptr<const Tree> tree_;
 };
 
-// The text layout of DBoW2 as ORB-SLAM2 writes it, gz or plain: "k L 0 0" (0 0: L1 score, tf-idf), then a line for each node, numbered from
-// 1: "parent leaf d0 .. d31 weight". A parent comes before its children. Throws Error: kMissing, kCorrupt (with the line) for anything else
-// than such a tree, kUnsupported for other scores or weights and for more nodes than `kMostVocabularyNodes`.
+// The text layout of DBoW2 as ORB-SLAM2 writes it, gz or plain: "k L 0 0" (0 0: L1 score, tf-idf), then a line for each
+// node, numbered from 1: "parent leaf d0 .. d31 weight". A parent comes before its children. Throws Error: kMissing,
+// kCorrupt (with the line) for anything else than such a tree, kUnsupported for other scores or weights and for more
+// nodes than `kMostVocabularyNodes`.
 inline constexpr std::size_t kMostVocabularyNodes = 4'000'000;
 BinaryVocabulary load_vocabulary(const std::filesystem::path&);
 BinaryVocabulary parse_vocabulary(std::string_view bytes, const std::string& where);
-// The one that mapweave brings (datasets/vocabulary), part of the program: 10000 words of OpenCV's ORB. Read at the first call;
-// thread-safe.
+// The one that mapweave brings (datasets/vocabulary), part of the program: 10000 words of OpenCV's ORB. Read at the
+// first call; thread-safe.
 const BinaryVocabulary& shipped_vocabulary();
 // gz, nodes level by level. Loading it again gives the same hash. Throws Error kCannotWrite.
 void save_vocabulary(const BinaryVocabulary&, const std::filesystem::path&);
@@ -98,8 +102,8 @@ struct VocabularyPictures {
   }
 };
 
-// Hierarchical k-medians in Hamming space, k-means++ for the first centres; words are weighed by the pictures they are seen in. Throws
-// Error kBadInput where there is no descriptor.
+// Hierarchical k-medians in Hamming space, k-means++ for the first centres; words are weighed by the pictures they are
+// seen in. Throws Error kBadInput where there is no descriptor.
 BinaryVocabulary train_vocabulary(const VocabularyPictures&, const VocabularyOptions&, Progress&);
 
 }  // namespace mapweave::matching

@@ -1,6 +1,7 @@
 #pragma once
-// All good alignments of one submap to another in a wide window, best first: branch and bound over a max-pyramid (after Hess et al., ICRA
-// 2016, section IV; here with a decimated pyramid, and with every distinct peak instead of the best alone).
+// All good alignments of one submap to another in a wide window, best first: branch and bound over a max-pyramid (after
+// Hess et al., ICRA 2016, section IV; here with a decimated pyramid, and with every distinct peak instead of the best
+// alone).
 
 #include <mapweave/matching/submap_model.h>
 
@@ -12,7 +13,8 @@ struct WideWindow {
   Pose2 a_from_b;          // middle of the window
   double radius_m = 10.0;  // of the centre of b's walls around where the middle puts it
   double yaw_rad = M_PI;   // either way; M_PI: all around
-  bool known_part = false;  // narrow ones: only walls of b that a looked at, as the middle has it, are laid into a (judge)
+  bool known_part =
+      false;  // narrow ones: only walls of b that a looked at, as the middle has it, are laid into a (judge)
 };
 
 struct SearchOptions {
@@ -29,6 +31,7 @@ struct Peak {
   double score = 0.0;
 };
 
-std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow&, const SearchOptions& = {});
+std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow&,
+                               const SearchOptions& = {});
 
 }  // namespace mapweave::matching

@@ -33,22 +33,29 @@ struct MatchingOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("max_distance", max_distance, 1, 256,
-              "most bits of 256 in which two ORB descriptors may differ to be matched; larger values give more matches and more wrong "
+              "most bits of 256 in which two ORB descriptors may differ to be matched; larger values give more matches "
+              "and more wrong "
               "ones");
     v.fraction("ratio", ratio,
-               "largest ratio of the distances to the nearest and the second nearest descriptor (Lowe's test); smaller values are "
+               "largest ratio of the distances to the nearest and the second nearest descriptor (Lowe's test); smaller "
+               "values are "
                "stricter, 1 switches the test off");
     v.number("rotation_window_deg", rotation_window_deg, 0.0, 360.0,
-             "width in degrees of the window around the commonest rotation of matched features; matches outside are dropped, 360 "
+             "width in degrees of the window around the commonest rotation of matched features; matches outside are "
+             "dropped, 360 "
              "switches the test off");
   }
 };
 
-// Pairs that are each other's nearest, and clearly so; by rising `a`. Where both sides know nodes, only features of one node are compared
-// (the direct index of Galvez-Lopez and Tardos): faster, and fewer are found. Exchanging a and b exchanges the answers.
-std::vector<FeatureMatch> match_features(const FeaturesView& a, const FeaturesView& b, const MatchingOptions& options = {});
+// Pairs that are each other's nearest, and clearly so; by rising `a`. Where both sides know nodes, only features of one
+// node are compared (the direct index of Galvez-Lopez and Tardos): faster, and fewer are found. Exchanging a and b
+// exchanges the answers.
+std::vector<FeatureMatch> match_features(const FeaturesView& a, const FeaturesView& b,
+                                         const MatchingOptions& options = {});
 
-// The matches whose patches turned by about the angle by which most did. Fewer than eight matches tell no such angle: then all.
-std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesView& b, std::vector<FeatureMatch> matches, double window_deg);
+// The matches whose patches turned by about the angle by which most did. Fewer than eight matches tell no such angle:
+// then all.
+std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesView& b, std::vector<FeatureMatch> matches,
+                                        double window_deg);
 
 }  // namespace mapweave::matching

@@ -1,7 +1,7 @@
 #pragma once
-// Where one occupancy grid may lie on another that somebody else made: similarity transforms, best first. Rotations come from the
-// directions of walls (Carpin 2008), for each of them and each scale all shifts are weighed at once by Fourier transforms: walls seen from
-// the same side speak for a shift, walls in the other's free space against it.
+// Where one occupancy grid may lie on another that somebody else made: similarity transforms, best first. Rotations
+// come from the directions of walls (Carpin 2008), for each of them and each scale all shifts are weighed at once by
+// Fourier transforms: walls seen from the same side speak for a shift, walls in the other's free space against it.
 
 #include <mapweave/matching/grid_walls.h>
 
@@ -22,16 +22,21 @@ struct GridProposalOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("scale_range", scale_range, 0.0, 0.3,
-             "largest error of a grid's stated resolution that is searched, as a share either way; 0 searches one scale alone");
-    v.number("scale_step", scale_step, 0.005, 0.1, "step between two scales that are searched, as a share; smaller values take longer");
+             "largest error of a grid's stated resolution that is searched, as a share either way; 0 searches one "
+             "scale alone");
+    v.number("scale_step", scale_step, 0.005, 0.1,
+             "step between two scales that are searched, as a share; smaller values take longer");
     v.integer("rotations", rotations, 1, 72,
-              "number of rotations of one grid against the other that are searched: those that best explain the directions of walls in "
+              "number of rotations of one grid against the other that are searched: those that best explain the "
+              "directions of walls in "
               "both");
     v.non_negative("contradiction", contradiction,
-                   "weight of a wall that lies in the other grid's free space, relative to one that lies on a wall; larger suits grids "
+                   "weight of a wall that lies in the other grid's free space, relative to one that lies on a wall; "
+                   "larger suits grids "
                    "of one day, smaller furniture that moves");
     v.integer("most", most, 1, 100,
-              "number of proposed alignments that are refined and verified for each pair of grids; larger values miss fewer places and "
+              "number of proposed alignments that are refined and verified for each pair of grids; larger values miss "
+              "fewer places and "
               "take longer");
   }
 };
@@ -42,6 +47,7 @@ struct GridProposal {
 };
 
 // Distinct ones: 2.5 m or 8 degrees apart. Fourier transforms of at most 1024 x 1024, whatever the extent of the grids.
-std::vector<GridProposal> propose_alignments(const GridWalls& a, const GridWalls& b, const GridProposalOptions& options = {});
+std::vector<GridProposal> propose_alignments(const GridWalls& a, const GridWalls& b,
+                                             const GridProposalOptions& options = {});
 
 }  // namespace mapweave::matching

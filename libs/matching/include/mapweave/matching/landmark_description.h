@@ -1,6 +1,6 @@
 #pragma once
-// How landmarks of a map are known again: cameras follow corners by what surrounds them, maps keep features with descriptors. A landmark
-// takes the descriptor of a feature beside it.
+// How landmarks of a map are known again: cameras follow corners by what surrounds them, maps keep features with
+// descriptors. A landmark takes the descriptor of a feature beside it.
 
 #include <mapweave/maps/map.h>
 #include <mapweave/maps/node_numbers.h>
@@ -16,14 +16,18 @@ struct DescriptionOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("reach_px", reach_px,
-               "longest distance in pixels, on the feature's pyramid level, from a projected landmark to the ORB feature that gives it "
+               "longest distance in pixels, on the feature's pyramid level, from a projected landmark to the ORB "
+               "feature that gives it "
                "its descriptor");
     v.positive("sigma_px", sigma_px,
-               "standard deviation in pixels of where a landmark is seen in one picture; times its distance it gives the landmark's "
+               "standard deviation in pixels of where a landmark is seen in one picture; times its distance it gives "
+               "the landmark's "
                "position error");
-    v.positive("sigma_m", sigma_m, "least standard deviation in metres that a shared landmark is given, however often it was seen");
-    v.integer("most_views", most_views, 1, 1000,
-              "number of keyframes, the latest first, whose features are considered when a landmark gets its descriptor");
+    v.positive("sigma_m", sigma_m,
+               "least standard deviation in metres that a shared landmark is given, however often it was seen");
+    v.integer(
+        "most_views", most_views, 1, 1000,
+        "number of keyframes, the latest first, whose features are considered when a landmark gets its descriptor");
   }
 };
 
@@ -31,9 +35,9 @@ struct DescriptionOptions {
 class LandmarkDescriber {
  public:
   explicit LandmarkDescriber(const Map& map, const DescriptionOptions& options = {});  // the map outlives it, unchanged
-  // In the map's frame; of the features beside it in the keyframes that see it, the one that the others resemble most (CVS III-B: location,
-  // observations and descriptor). updated_by: the client of the latest keyframe that sees it. nullopt where no keyframe has a feature
-  // there, or its anchor or point is none.
+  // In the map's frame; of the features beside it in the keyframes that see it, the one that the others resemble most
+  // (CVS III-B: location, observations and descriptor). updated_by: the client of the latest keyframe that sees it.
+  // nullopt where no keyframe has a feature there, or its anchor or point is none.
   std::optional<DescribedLandmark> described(const Landmark& landmark) const;
 
  private:

@@ -1,7 +1,7 @@
 #pragma once
-// Which landmarks may a camera see? A hash table over the cells of a grid in the map's x-y plane, in which landmarks of robots on the
-// ground spread most (CVS III-C, figure 2). All cells that the frustum's outline touches are looked into (CVS: those whose middle lies
-// within it, which loses some at its border), then every landmark there is projected.
+// Which landmarks may a camera see? A hash table over the cells of a grid in the map's x-y plane, in which landmarks of
+// robots on the ground spread most (CVS III-C, figure 2). All cells that the frustum's outline touches are looked into
+// (CVS: those whose middle lies within it, which loses some at its border), then every landmark there is projected.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/pinhole.h>
@@ -16,7 +16,8 @@
 namespace mapweave::matching {
 
 using mapweave::DescribedLandmark;
-// What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero, sigma positive.
+// What is wrong with it; empty for one that can be indexed: finite, within kMostCoordinate_m, direction unit or zero,
+// sigma positive.
 std::string flaw(const DescribedLandmark&);
 inline constexpr double kMostCoordinate_m = 1e6;
 // The same in another map's frame, whose scale is `scale` times as large.
@@ -35,14 +36,18 @@ struct RetrievalOptions {
   int most = 400;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("margin_px", margin_px, 0.0, 1000.0,
-             "width in pixels of the border around the picture within which a projected landmark still counts as in view");
+    v.number(
+        "margin_px", margin_px, 0.0, 1000.0,
+        "width in pixels of the border around the picture within which a projected landmark still counts as in view");
     v.positive("most_turn_rad", most_turn_rad,
-               "largest angle in radians between the direction from which a landmark was seen and the one from which it would be seen now");
+               "largest angle in radians between the direction from which a landmark was seen and the one from which "
+               "it would be seen now");
     v.number("most_range_ratio", most_range_ratio, 1.0, 100.0,
-             "largest factor between the distance at which a landmark was seen and its distance now; features look different beyond it");
+             "largest factor between the distance at which a landmark was seen and its distance now; features look "
+             "different beyond it");
     v.integer("most", most, 1, 1000000,
-              "most landmarks that are shared with one camera at a time: those that were seen from the most similar viewpoints");
+              "most landmarks that are shared with one camera at a time: those that were seen from the most similar "
+              "viewpoints");
   }
 };
 
@@ -54,12 +59,14 @@ struct LandmarkIndexOptions {
     v.number("cell_m", cell_m, 0.05, 1000.0,
              "side in metres of the cells in which landmarks are looked up; affects speed, not what is found");
     v.flag("spatial", spatial,
-           "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches from the ground to "
+           "divide space by height too, in steps of cell_m, for buildings with many floors; off: each cell reaches "
+           "from the ground to "
            "the sky. Affects speed, not what is found");
   }
 };
 
-// Not thread-safe while it changes; const calls are. Results do not depend on the order in which landmarks came, moved or went.
+// Not thread-safe while it changes; const calls are. Results do not depend on the order in which landmarks came, moved
+// or went.
 class LandmarkIndex {
  public:
   explicit LandmarkIndex(LandmarkIndexOptions options = {});
@@ -71,17 +78,19 @@ class LandmarkIndex {
   const DescribedLandmark* find(const LandmarkId&) const;
   std::size_t size() const { return slots_.size(); }
 
-  // Those in front of the camera, within its picture and distances, and seen before from about there; without those that `asking` updated
-  // last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none: numbers that are not finite, near not
-  // within 0..far, a pose that is none, beyond kMostCoordinate_m.
-  std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
+  // Those in front of the camera, within its picture and distances, and seen before from about there; without those
+  // that `asking` updated last; the `most` best, ascending by id. Throws Error(kBadInput) for a frustum that is none:
+  // numbers that are not finite, near not within 0..far, a pose that is none, beyond kMostCoordinate_m.
+  std::vector<DescribedLandmark> retrieve(const Frustum&, const RetrievalOptions& = {},
+                                          const std::optional<ClientId>& asking = {}) const;
   // The same without copies: what there is, by number, until the index changes.
   struct Seen {
     const Eigen::Vector3d* point_in_map;
     std::uint32_t session, index;  // of its id; the session by its number
     std::uint32_t slot;
   };
-  std::vector<Seen> look(const Frustum&, const RetrievalOptions& = {}, const std::optional<ClientId>& asking = {}) const;
+  std::vector<Seen> look(const Frustum&, const RetrievalOptions& = {},
+                         const std::optional<ClientId>& asking = {}) const;
   const DescribedLandmark& landmark(const Seen& seen) const { return landmarks_[seen.slot]; }
   const std::vector<SessionId>& sessions() const { return session_of_number_; }
 

@@ -32,7 +32,7 @@ struct NearestDescriptors {
 };
 NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among, std::size_t count);
 // The same among those that `chosen` names; `first` is a place in `chosen`.
-NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among, const std::uint32_t* chosen,
-                                       std::size_t count);
+NearestDescriptors nearest_descriptors(const OrbDescriptor& query, const OrbDescriptor* among,
+                                       const std::uint32_t* chosen, std::size_t count);
 
 }  // namespace mapweave::matching

@@ -1,5 +1,6 @@
 #pragma once
-// Which keyframes look like this one? An inverted index from words to the keyframes that show them (CORB-SLAM 2.2, keyframe database).
+// Which keyframes look like this one? An inverted index from words to the keyframes that show them (CORB-SLAM 2.2,
+// keyframe database).
 
 #include <mapweave/core/ids.h>
 #include <mapweave/maps/table.h>
@@ -15,8 +16,8 @@ struct SimilarPlace {
   int score = 0;  // common_share() of the two bags, 0 .. kWholeBag
 };
 
-// Scores are integers and results are ordered by them, then by id: nothing depends on the order in which keyframes came or went.
-// Not thread-safe while it changes; const calls are.
+// Scores are integers and results are ordered by them, then by id: nothing depends on the order in which keyframes came
+// or went. Not thread-safe while it changes; const calls are.
 class PlaceIndex {
  public:
   explicit PlaceIndex(std::size_t words);  // of the vocabulary
@@ -27,9 +28,10 @@ class PlaceIndex {
   std::size_t size() const { return slots_.size(); }
   std::size_t bytes() const;  // held
 
-  // The `most` best of those that `excluded` does not name and that share at least `least_score`, best first; of equals the lower id.
-  std::vector<SimilarPlace> query(const BagOfWords& bag, std::size_t most, const std::function<bool(const NodeId&)>& excluded = {},
-                                  int least_score = 1) const;
+  // The `most` best of those that `excluded` does not name and that share at least `least_score`, best first; of equals
+  // the lower id.
+  std::vector<SimilarPlace> query(const BagOfWords& bag, std::size_t most,
+                                  const std::function<bool(const NodeId&)>& excluded = {}, int least_score = 1) const;
 
  private:
   struct Posting {
@@ -50,14 +52,16 @@ class PlaceIndex {
   std::vector<Block> blocks_;
 };
 
-// Normalised scores (Galvez-Lopez, Tardos, equation 3): what the candidate shares, over what a picture known to show the place shares (the
-// query's neighbour in time). Above 1 is taken for 1.
+// Normalised scores (Galvez-Lopez, Tardos, equation 3): what the candidate shares, over what a picture known to show
+// the place shares (the query's neighbour in time). Above 1 is taken for 1.
 double normalised_score(int score, int score_of_neighbour);
 
-// Keyframes that see the same landmarks speak for each other (ORB-SLAM, Mur-Artal et al., IEEE T-RO 31(5), 2015, section V-E): each
-// result's score is summed over those of its covisible keyframes that are results too; of groups within `share_of_best` of the best sum,
-// the best member is answered once. Best sum first; of equals the lower id. `score` holds the sum.
+// Keyframes that see the same landmarks speak for each other (ORB-SLAM, Mur-Artal et al., IEEE T-RO 31(5), 2015,
+// section V-E): each result's score is summed over those of its covisible keyframes that are results too; of groups
+// within `share_of_best` of the best sum, the best member is answered once. Best sum first; of equals the lower id.
+// `score` holds the sum.
 std::vector<SimilarPlace> best_of_groups(const std::vector<SimilarPlace>& places,
-                                         const std::function<std::vector<NodeId>(const NodeId&)>& covisible, double share_of_best = 0.75);
+                                         const std::function<std::vector<NodeId>(const NodeId&)>& covisible,
+                                         double share_of_best = 0.75);
 
 }  // namespace mapweave::matching

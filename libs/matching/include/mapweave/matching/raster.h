@@ -1,6 +1,6 @@
 #pragma once
-// A dense raster that grows in steps as things are written to it. Cells are named by whole numbers: cell (i, j) covers [i, i + 1) *
-// resolution.
+// A dense raster that grows in steps as things are written to it. Cells are named by whole numbers: cell (i, j) covers
+// [i, i + 1) * resolution.
 
 #include <algorithm>
 #include <cstddef>

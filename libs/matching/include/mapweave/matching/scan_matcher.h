@@ -1,6 +1,6 @@
 #pragma once
-// Aligns one scan to a wall field near a guess: correlative search in a window (Olson, ICRA 2009), then Gauss-Newton on the local
-// normal distributions with the guess as a prior.
+// Aligns one scan to a wall field near a guess: correlative search in a window (Olson, ICRA 2009), then Gauss-Newton on
+// the local normal distributions with the guess as a prior.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/matching/wall_field.h>
@@ -25,10 +25,11 @@ struct PriorWeight {
 
 struct ScanMatch {
   Pose2 field_from_scan;
-  double score = 0.0;                                     // mean likelihood under the points, 0..1
-  double inliers = 0.0;                                   // share of points that found a wall's distribution and lie within 3 sigma of it
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the points alone, without the prior: x, y, yaw in the scan's frame
-  bool at_border = false;                                 // the search ended at the rim of its window
+  double score = 0.0;    // mean likelihood under the points, 0..1
+  double inliers = 0.0;  // share of points that found a wall's distribution and lie within 3 sigma of it
+  Eigen::Matrix3d information =
+      Eigen::Matrix3d::Zero();  // of the points alone, without the prior: x, y, yaw in the scan's frame
+  bool at_border = false;       // the search ended at the rim of its window
 };
 
 // The best pose of the window; nullopt when the field or the scan is empty. `weight` pulls ties towards the guess.
@@ -37,10 +38,12 @@ struct Correlation {
   double score = 0.0;
   bool at_border = false;
 };
-std::optional<Correlation> correlate(const WallField&, const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_guess,
-                                     const SearchWindow&, const PriorWeight& weight);
+std::optional<Correlation> correlate(const WallField&, const std::vector<WallPoint>& points_in_scan,
+                                     const Pose2& field_from_scan_guess, const SearchWindow&,
+                                     const PriorWeight& weight);
 
-// Refines a pose that is within about 0.15 m and 2 degrees of the answer. `prior` (may be null) pulls towards `field_from_scan_prior`.
+// Refines a pose that is within about 0.15 m and 2 degrees of the answer. `prior` (may be null) pulls towards
+// `field_from_scan_prior`.
 ScanMatch refine(const WallField&, const std::vector<WallPoint>& points_in_scan, const Pose2& field_from_scan_start,
                  const Pose2& field_from_scan_prior, const PriorWeight* prior, int iterations = 12);
 

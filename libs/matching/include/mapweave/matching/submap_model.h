@@ -35,8 +35,8 @@ class SubmapModel {
   const std::vector<WallPoint>& walls() const { return walls_; }
   const Raster<Sight>& sight() const { return sight_; }
   std::size_t known_cells() const { return known_cells_; }
-  // Level k holds, at cells of kSearchResolution * 4^k, the largest likelihood of the cells [i, i + 2) * 4^k: a bound for all shifts of
-  // less than 4^k cells. Level 0 is the likelihood itself, at 10 cm.
+  // Level k holds, at cells of kSearchResolution * 4^k, the largest likelihood of the cells [i, i + 2) * 4^k: a bound
+  // for all shifts of less than 4^k cells. Level 0 is the likelihood itself, at 10 cm.
   const std::array<Raster<std::uint8_t>, kLevels>& pyramid() const { return pyramid_; }
   const std::vector<RingKey>& ring_keys() const { return ring_keys_; }
   const std::vector<RingKey>& far_keys() const { return far_keys_; }  // the same with wider rings: halls, and outdoors

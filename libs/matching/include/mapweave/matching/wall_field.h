@@ -1,6 +1,7 @@
 #pragma once
 // Where the walls of a submap are, for matching scans against it: a likelihood raster for searching and local normal
-// distributions for refining (as NDT: Biber and Strasser, IROS 2003; here a distribution is of 3 x 3 cells, so that neighbours overlap).
+// distributions for refining (as NDT: Biber and Strasser, IROS 2003; here a distribution is of 3 x 3 cells, so that
+// neighbours overlap).
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/matching/raster.h>
@@ -21,8 +22,8 @@ struct LocalNormal {
   float flatness = 0;                // 1: a straight line, 0: round
 };
 
-// The two faces of a wall are two walls: a distribution holds points seen from one side only, so that a scan from the other room is not
-// pulled by the wall's thickness.
+// The two faces of a wall are two walls: a distribution holds points seen from one side only, so that a scan from the
+// other room is not pulled by the wall's thickness.
 class WallField {
  public:
   static constexpr double kResolution = 0.05;  // of the likelihood
@@ -38,8 +39,8 @@ class WallField {
 
   // 0..255: how near a wall is, whichever its side; 255 on one.
   const Raster<std::uint8_t>& likelihood() const { return likelihood_; }
-  // The distribution around a place of walls that face as the given normal does (within 45 degrees at least, 135 at most), or nullptr
-  // where there are too few points. Valid until the next settle().
+  // The distribution around a place of walls that face as the given normal does (within 45 degrees at least, 135 at
+  // most), or nullptr where there are too few points. Valid until the next settle().
   const LocalNormal* normal_at(double x, double y, double normal_x, double normal_y) const;
   // Mean wall points with at least `min_count` hits, at most two a cell (faces), in a canonical order.
   std::vector<WallPoint> walls(float min_count) const;

@@ -14,7 +14,8 @@ struct LaserGeometry {
   std::uint32_t rays = 0;
   double first_angle_rad = 0.0, last_angle_rad = 0.0;  // robot frame where the laser stands upright, counter-clockwise
   double max_range_m = 0.0;
-  double x_m = 0.0, y_m = 0.0, z_m = 0.0, yaw_rad = 0.0, pitch_rad = 0.0, roll_rad = 0.0;  // of the sensor's fan on the robot
+  double x_m = 0.0, y_m = 0.0, z_m = 0.0, yaw_rad = 0.0, pitch_rad = 0.0,
+         roll_rad = 0.0;  // of the sensor's fan on the robot
   std::uint64_t scans = 0;
 };
 

@@ -20,9 +20,10 @@ struct Record {
 // Not thread-safe. What was answered before an Error is good, and the stream ends with the Error.
 class ObservationStream {
  public:
-  // The next record, in the order of stamps: of equal stamps odometry comes first, else the order of the file. nullopt at the clean end.
-  // Throws Error: kCorrupt for bytes that cannot be decoded, kBadInput for what was decoded and cannot be used (NaN ranges, a scan
-  // of no rays, a log of no observations, time running backwards), kUnsupported for a class that MRPT does not know.
+  // The next record, in the order of stamps: of equal stamps odometry comes first, else the order of the file. nullopt
+  // at the clean end. Throws Error: kCorrupt for bytes that cannot be decoded, kBadInput for what was decoded and
+  // cannot be used (NaN ranges, a scan of no rays, a log of no observations, time running backwards), kUnsupported for
+  // a class that MRPT does not know.
   virtual std::optional<Record> next() = 0;
   // Of the file as it lies on the disk, that is compressed: for progress.
   virtual std::uint64_t bytes_read() const = 0;
@@ -43,31 +44,39 @@ struct ReadOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative("reorder_window_s", reorder_window_s,
-                   "records of a log that are out of order by up to this time in seconds are sorted; records that are later than that "
+                   "records of a log that are out of order by up to this time in seconds are sorted; records that are "
+                   "later than that "
                    "are an error");
     v.positive("max_object_mb", max_object_mb,
-               "an object in a rawlog of more than this size in megabytes is treated as damage, so that a broken length cannot exhaust "
+               "an object in a rawlog of more than this size in megabytes is treated as damage, so that a broken "
+               "length cannot exhaust "
                "memory");
-    v.number("laser_x_m", laser_x_m, -100.0, 100.0,
-             "distance in metres of the laser ahead of the robot's origin, for CARMEN and g2o logs that do not give it");
+    v.number(
+        "laser_x_m", laser_x_m, -100.0, 100.0,
+        "distance in metres of the laser ahead of the robot's origin, for CARMEN and g2o logs that do not give it");
     v.number("laser_y_m", laser_y_m, -100.0, 100.0,
-             "distance in metres of the laser to the left of the robot's origin, for CARMEN and g2o logs that do not give it");
-    v.number("laser_yaw_rad", laser_yaw_rad, -7.0, 7.0,
-             "heading of the laser on the robot in radians, counter-clockwise, for CARMEN and g2o logs that do not give it");
+             "distance in metres of the laser to the left of the robot's origin, for CARMEN and g2o logs that do not "
+             "give it");
+    v.number(
+        "laser_yaw_rad", laser_yaw_rad, -7.0, 7.0,
+        "heading of the laser on the robot in radians, counter-clockwise, for CARMEN and g2o logs that do not give it");
     v.non_negative("max_range_m", max_range_m,
-                   "laser readings of this distance in metres or more count as no return in CARMEN and g2o logs; 0: the maximum is found "
+                   "laser readings of this distance in metres or more count as no return in CARMEN and g2o logs; 0: "
+                   "the maximum is found "
                    "from the log");
     v.positive("scan_rate_hz", scan_rate_hz, "scans per second by which a g2o log without time stamps is stamped");
     v.number("max_pair_s", max_pair_s, 0.0, 1.0,
-             "colour and depth pictures of a folder belong to one frame when their stamps differ by less than this time in seconds");
+             "colour and depth pictures of a folder belong to one frame when their stamps differ by less than this "
+             "time in seconds");
   }
 };
 
-// The format is known by the content first, then by the extension; gz is undone where it is found. Throws Error: kMissing, kBadInput
-// for an empty file, kUnsupported (naming the formats that are read) for anything unknown.
+// The format is known by the content first, then by the extension; gz is undone where it is found. Throws Error:
+// kMissing, kBadInput for an empty file, kUnsupported (naming the formats that are read) for anything unknown.
 std::unique_ptr<ObservationStream> open_log(const std::filesystem::path& path, const ReadOptions& options = {});
 
-// Loads what an observation keeps in files beside the log (cameras, depth cameras). Throws Error kMissing, naming the file, or kCorrupt.
+// Loads what an observation keeps in files beside the log (cameras, depth cameras). Throws Error kMissing, naming the
+// file, or kCorrupt.
 void load_pictures(const mrpt::obs::CObservation& observation);
 
 // Whether MRPT has set the time, to one that a Stamp can hold.

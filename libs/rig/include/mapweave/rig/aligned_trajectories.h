@@ -13,8 +13,8 @@ struct CommonPose {
   Pose3 in_a, in_b;
 };
 
-// The length of the trajectory in `a`, divided by its length in `b`. `pairs`: in order of time. nullopt where the trajectory in `a` is
-// shorter than half a metre, or the poses in `b` do not move.
+// The length of the trajectory in `a`, divided by its length in `b`. `pairs`: in order of time. nullopt where the
+// trajectory in `a` is shorter than half a metre, or the poses in `b` do not move.
 std::optional<double> scale_of_trajectories(const std::vector<CommonPose>& pairs);
 
 // a_from_b of this scale, by least squares. Orientations count too, so one pair is enough. At least one.

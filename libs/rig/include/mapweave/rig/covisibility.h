@@ -16,7 +16,9 @@ struct Covisibility {
 
   NodeNumbers numbers;
 
-  std::size_t number_of(const NodeId& id) const { return numbers.of(id); }  // of a keyframe; keyframes.size() for another node
+  std::size_t number_of(const NodeId& id) const {
+    return numbers.of(id);
+  }  // of a keyframe; keyframes.size() for another node
 };
 Covisibility covisibility(const Map&);
 
@@ -24,7 +26,8 @@ struct CovisibilityEdge {
   const Node *from, *to;
   std::size_t shared;  // landmarks
 };
-// Each keyframe and those before it with which it shares most landmarks (at least `least_shared`), and consecutive keyframes of a session.
+// Each keyframe and those before it with which it shares most landmarks (at least `least_shared`), and consecutive
+// keyframes of a session.
 std::vector<CovisibilityEdge> covisibility_edges(const Covisibility&, int least_shared);
 
 }  // namespace mapweave::rig

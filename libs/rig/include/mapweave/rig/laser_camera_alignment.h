@@ -1,6 +1,6 @@
 #pragma once
-// One pose graph of one robot's laser and cameras. Keyframes and laser nodes are constrained to each other by time, so that a loop closure
-// of a camera corrects the grid, and an alignment of walls corrects keyframes.
+// One pose graph of one robot's laser and cameras. Keyframes and laser nodes are constrained to each other by time, so
+// that a loop closure of a camera corrects the grid, and an alignment of walls corrects keyframes.
 
 #include <mapweave/graph/pose_graph.h>
 #include <mapweave/maps/map.h>
@@ -19,22 +19,29 @@ struct LaserCameraOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("longest_gap_s", longest_gap_s,
-               "longest time in seconds between the two scans around a keyframe for the keyframe to be constrained to the laser's "
+               "longest time in seconds between the two scans around a keyframe for the keyframe to be constrained to "
+               "the laser's "
                "trajectory");
     v.positive("tie_m", tie_m,
-               "standard deviation in metres between a keyframe and the laser's interpolated pose at its time: errors of extrinsics, "
+               "standard deviation in metres between a keyframe and the laser's interpolated pose at its time: errors "
+               "of extrinsics, "
                "stamps and interpolation");
     v.positive("tie_rad", tie_rad,
-               "standard deviation in radians between the heading of a keyframe and of the laser's interpolated pose at its time");
+               "standard deviation in radians between the heading of a keyframe and of the laser's interpolated pose "
+               "at its time");
     v.positive("step_m", step_m,
-               "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser and cameras");
+               "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser "
+               "and cameras");
     v.non_negative("step_share", step_share,
-                   "standard deviation of the motion between two covisible keyframes as a share of its length, added to step_m, in the "
+                   "standard deviation of the motion between two covisible keyframes as a share of its length, added "
+                   "to step_m, in the "
                    "joint graph of laser and cameras");
     v.positive("step_rad", step_rad,
-               "standard deviation in radians of the rotation between two covisible keyframes in the joint graph of laser and cameras");
+               "standard deviation in radians of the rotation between two covisible keyframes in the joint graph of "
+               "laser and cameras");
     v.integer("least_shared", least_shared, 1, 100000,
-              "least number of landmarks that two keyframes must share to be constrained to each other in the joint graph of laser and "
+              "least number of landmarks that two keyframes must share to be constrained to each other in the joint "
+              "graph of laser and "
               "cameras");
   }
 };

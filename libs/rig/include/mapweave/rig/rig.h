@@ -1,8 +1,8 @@
 #pragma once
-// One map of several cameras on one robot (collaborative visual SLAM for service robots, III-D). Each camera is a client with maps of its
-// own, one for each session. For each keyframe of one camera another camera gets a virtual keyframe at its stamp, interpolated between its
-// own poses before and after; the two are constrained to each other rigidly. Nodes are poses of the robot's base, so such an extrinsic
-// constraint says that the two are the same pose.
+// One map of several cameras on one robot (collaborative visual SLAM for service robots, III-D). Each camera is a
+// client with maps of its own, one for each session. For each keyframe of one camera another camera gets a virtual
+// keyframe at its stamp, interpolated between its own poses before and after; the two are constrained to each other
+// rigidly. Nodes are poses of the robot's base, so such an extrinsic constraint says that the two are the same pose.
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/maps/map.h>
@@ -21,7 +21,8 @@ struct RigOptions {
   double threshold_m = 0.01, threshold_rad = 0.005;
   double tie_m = 0.004, tie_rad = 0.002;
   double acceleration_m_per_s2 = 0.5, acceleration_rad_per_s2 = 1.0;
-  double step_m = kCovisibleMotion.step_m, step_share = kCovisibleMotion.step_share, step_rad = kCovisibleMotion.step_rad;
+  double step_m = kCovisibleMotion.step_m, step_share = kCovisibleMotion.step_share,
+         step_rad = kCovisibleMotion.step_rad;
   double step_scale = 0.05;
   double wheels_share = 0.02;
   int least_shared = kCovisibleMotion.least_shared;
@@ -30,50 +31,68 @@ struct RigOptions {
   RobotTrajectoryOptions trajectory;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("enabled", enabled, "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
-    v.positive("longest_gap_s", longest_gap_s,
-               "longest time in seconds between the two poses that a virtual keyframe of another camera is interpolated from");
-    v.positive("least_common_s", least_common_s, "least time in seconds that sessions of two cameras must have in common to be merged");
+    v.flag("enabled", enabled,
+           "merge the maps of the cameras of one robot by their extrinsics; off: each camera keeps a map of its own");
+    v.positive(
+        "longest_gap_s", longest_gap_s,
+        "longest time in seconds between the two poses that a virtual keyframe of another camera is interpolated from");
+    v.positive("least_common_s", least_common_s,
+               "least time in seconds that sessions of two cameras must have in common to be merged");
     v.positive("threshold_m", threshold_m,
-               "the rig's pose graph is optimised where two of its cameras disagree about the robot's position by more than this "
+               "the rig's pose graph is optimised where two of its cameras disagree about the robot's position by more "
+               "than this "
                "distance in metres");
     v.positive("threshold_rad", threshold_rad,
-               "the rig's pose graph is optimised where two of its cameras disagree about the robot's heading by more than this angle in "
+               "the rig's pose graph is optimised where two of its cameras disagree about the robot's heading by more "
+               "than this angle in "
                "radians");
     v.positive("tie_m", tie_m,
-               "standard deviation in metres of an extrinsic constraint between two cameras of a rig: errors of extrinsics and of stamps");
+               "standard deviation in metres of an extrinsic constraint between two cameras of a rig: errors of "
+               "extrinsics and of stamps");
     v.positive("tie_rad", tie_rad,
-               "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: errors of "
+               "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: "
+               "errors of "
                "extrinsics and of stamps");
     v.positive("acceleration_m_per_s2", acceleration_m_per_s2,
-               "acceleration of the robot in m/s^2 between the two poses that a virtual keyframe is interpolated from; larger values "
+               "acceleration of the robot in m/s^2 between the two poses that a virtual keyframe is interpolated from; "
+               "larger values "
                "trust interpolation less");
     v.positive("acceleration_rad_per_s2", acceleration_rad_per_s2,
-               "angular acceleration of the robot in rad/s^2 between the two poses that a virtual keyframe is interpolated from; larger "
+               "angular acceleration of the robot in rad/s^2 between the two poses that a virtual keyframe is "
+               "interpolated from; larger "
                "values trust interpolation less");
     v.positive("step_m", step_m,
-               "standard deviation in metres of the motion between two covisible keyframes of one camera; larger values let the rig's "
+               "standard deviation in metres of the motion between two covisible keyframes of one camera; larger "
+               "values let the rig's "
                "pose graph bend the camera's map more");
     v.non_negative("step_share", step_share,
-                   "standard deviation of the motion between two covisible keyframes of one camera as a share of its length, added to "
+                   "standard deviation of the motion between two covisible keyframes of one camera as a share of its "
+                   "length, added to "
                    "step_m");
-    v.positive("step_rad", step_rad, "standard deviation in radians of the rotation between two covisible keyframes of one camera");
+    v.positive("step_rad", step_rad,
+               "standard deviation in radians of the rotation between two covisible keyframes of one camera");
     v.positive("step_scale", step_scale,
-               "standard deviation of the relative scale between two covisible keyframes of a monocular camera, whose scale drifts");
+               "standard deviation of the relative scale between two covisible keyframes of a monocular camera, whose "
+               "scale drifts");
     v.positive("wheels_share", wheels_share,
-               "error of wheel odometry as a share of motion and of turns, where it gives a rig of monocular cameras its scale");
+               "error of wheel odometry as a share of motion and of turns, where it gives a rig of monocular cameras "
+               "its scale");
     v.integer("least_shared", least_shared, 1, 100000,
-              "least number of landmarks that two keyframes of one camera must share to be constrained to each other in the rig's pose "
+              "least number of landmarks that two keyframes of one camera must share to be constrained to each other "
+              "in the rig's pose "
               "graph");
     v.positive("wrong_m", wrong_m,
-               "two cameras contradict each other where their motions over the same time differ by more than this distance in metres "
+               "two cameras contradict each other where their motions over the same time differ by more than this "
+               "distance in metres "
                "plus wrong_share of the motion");
     v.non_negative("wrong_share", wrong_share,
                    "growth of wrong_m with the motion over which two cameras are compared, as a share of its length");
     v.positive("wrong_rad", wrong_rad,
-               "two cameras contradict each other where their rotations over the same time differ by more than this angle in radians");
+               "two cameras contradict each other where their rotations over the same time differ by more than this "
+               "angle in radians");
     v.fraction("most_wrong", most_wrong,
-               "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong extrinsics, and the "
+               "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong "
+               "extrinsics, and the "
                "maps stay apart");
     v.section("way", trajectory, "the robot's trajectory averaged over its cameras");
   }
@@ -87,8 +106,8 @@ struct RigMember {
 };
 
 struct RigMap {
-  Map map;                                       // with covisibility and extrinsic constraints; the id of the first member
-  std::vector<std::size_t> members;              // numbers; the first one gave the frame, and its first node does not move
+  Map map;                           // with covisibility and extrinsic constraints; the id of the first member
+  std::vector<std::size_t> members;  // numbers; the first one gave the frame, and its first node does not move
   std::vector<std::vector<StampedPose>> frames;  // of these members, in the map; of keyframes where they had none
   std::size_t extrinsic_constraints = 0;
   double apart_before_m = 0.0, apart_after_m = 0.0;  // root mean square error of the extrinsic constraints
@@ -100,8 +119,10 @@ struct RigMerge {
   std::vector<std::string> notes;  // why cameras stayed apart, for people
 };
 
-// Members of one robot; those without nodes are left out. A camera with depth gives the scale to those without; where none has depth, wheel
-// odometry does. odometry: of the robot, in a frame of its own; may be empty. Motions that odometry contradicts count less. Pure.
-RigMerge merge_rig(const std::vector<RigMember>& members, const std::vector<StampedPose>& odometry, const RigOptions& options = {});
+// Members of one robot; those without nodes are left out. A camera with depth gives the scale to those without; where
+// none has depth, wheel odometry does. odometry: of the robot, in a frame of its own; may be empty. Motions that
+// odometry contradicts count less. Pure.
+RigMerge merge_rig(const std::vector<RigMember>& members, const std::vector<StampedPose>& odometry,
+                   const RigOptions& options = {});
 
 }  // namespace mapweave::rig

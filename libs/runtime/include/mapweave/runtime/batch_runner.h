@@ -1,6 +1,6 @@
 #pragma once
-// `mapweave run`: robots, edges and cloud in one process. Every robot is a task of the worker pool; what they leave is folded in
-// the order of their names, so that neither threads nor the order of the list change a byte.
+// `mapweave run`: robots, edges and cloud in one process. Every robot is a task of the worker pool; what they leave is
+// folded in the order of their names, so that neither threads nor the order of the list change a byte.
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
@@ -12,12 +12,12 @@ namespace mapweave::runtime {
 struct RunSettings {
   std::filesystem::path out;
   bool force = false;
-  bool keep_going =
-      false;  // bad input ends its robot's stream only; otherwise it ends the run and nothing is written. A dead helper ends its robot only
+  bool keep_going = false;  // bad input ends its robot's stream only; otherwise it ends the run and nothing is written.
+                            // A dead helper ends its robot only
 };
 
-// Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite. An interruption is
-// not thrown once a robot's map is finished: that is saved, and the report says so.
+// Writes the folder of results. Throws Error: what the first robot in trouble met (without keep_going), kCannotWrite.
+// An interruption is not thrown once a robot's map is finished: that is saved, and the report says so.
 Report run_batch(const RunConfiguration&, const RunPlan&, const RunSettings&, WorkerPool&, Progress&);
 
 // `mapweave slam`: the same for one robot, without edges and cloud.

@@ -40,15 +40,17 @@ struct CameraMap {
   RigReport rig;                              // of several
 };
 
-// The robot's trajectory by all its cameras: `trajectories` are those of the map's cameras, or what became of them elsewhere.
+// The robot's trajectory by all its cameras: `trajectories` are those of the map's cameras, or what became of them
+// elsewhere.
 std::vector<StampedPose> robot_trajectory_of(const Map&, const std::vector<FrameTrajectory>& trajectories,
-                                             const std::vector<StampedPose>& odometry, const rig::RobotTrajectoryOptions&);
+                                             const std::vector<StampedPose>& odometry,
+                                             const rig::RobotTrajectoryOptions&);
 
 struct CamerasOutcome {
   PlannedRobot robot;
   std::vector<CameraResult> cameras;  // by label; those that tracked anything
-  // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on elsewhere and never
-  // came back to a place that it knew.
+  // The one with most frames first, which has the robot's name; others are apart from it: a camera was lost, went on
+  // elsewhere and never came back to a place that it knew.
   std::vector<CameraMap> maps;
   std::vector<std::string> notes;     // why its cameras left several maps
   std::vector<StampedPose> odometry;  // of the robot at its cameras' frames, in a frame of its own
@@ -66,7 +68,8 @@ class CameraTask {
   CameraTask(CameraTask&&) noexcept;
 
   std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
-  // All records before `until`; nullopt: to the end. Throws Interrupted alone: after a signal, or when `give_up` becomes true.
+  // All records before `until`; nullopt: to the end. Throws Interrupted alone: after a signal, or when `give_up`
+  // becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
 
   struct Client {

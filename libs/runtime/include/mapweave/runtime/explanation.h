@@ -15,9 +15,9 @@ struct Explanation {
   std::string png;   // the hypotheses side by side; empty where the maps have no walls to draw
 };
 
-// Of two maps of a folder of results of `run` or `merge`. Throws Error: kMissing where there is no merges.json, kUsage for names that are not
-// in it (with those that are), kCorrupt for what cannot be read.
-Explanation explain(const std::filesystem::path& results, const std::string& one, const std::string& other, const fusion::ComposeOptions&,
-                    WorkerPool&);
+// Of two maps of a folder of results of `run` or `merge`. Throws Error: kMissing where there is no merges.json, kUsage
+// for names that are not in it (with those that are), kCorrupt for what cannot be read.
+Explanation explain(const std::filesystem::path& results, const std::string& one, const std::string& other,
+                    const fusion::ComposeOptions&, WorkerPool&);
 
 }  // namespace mapweave::runtime

@@ -1,6 +1,6 @@
 #pragma once
-// One robot's laser from its log to its map, a moment at a time: the log's reader, the robot's agent and its SLAM instance, wired in one
-// thread.
+// One robot's laser from its log to its map, a moment at a time: the log's reader, the robot's agent and its SLAM
+// instance, wired in one thread.
 
 #include <mapweave/core/progress.h>
 #include <mapweave/runtime/run_configuration.h>
@@ -29,10 +29,11 @@ class LaserTask {
   LaserTask(LaserTask&&) noexcept;
 
   std::optional<Stamp> next() const;  // of the log's next record; nullopt at its end
-  // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone: after a
-  // signal, or when `give_up` becomes true.
+  // All records before `until`; nullopt: to the end. What goes wrong is the robot's trouble; throws Interrupted alone:
+  // after a signal, or when `give_up` becomes true.
   void advance(std::optional<Stamp> until, const std::atomic<bool>& give_up);
-  // Another edge maps from now on: it receives all that was sensed, from the beginning. Nothing happens where the robot maps itself.
+  // Another edge maps from now on: it receives all that was sensed, from the beginning. Nothing happens where the robot
+  // maps itself.
   void move();
   const std::optional<Error>& trouble() const;
   std::uint64_t scans() const;

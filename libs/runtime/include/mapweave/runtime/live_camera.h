@@ -25,15 +25,18 @@ class LiveCamera {
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
   void add(visual::FeatureFrame frame) { client_.add(std::move(frame)); }
   int dropped() const { return client_.dropped(); }
-  // To a server that is there again, or another one: says hello, and publishes what that has not stored, its maps from the beginning where
-  // need be.
+  // To a server that is there again, or another one: says hello, and publishes what that has not stored, its maps from
+  // the beginning where need be.
   void reconnect(std::shared_ptr<LiveMapServer::Link> link);
-  // No more frames come. Publishes the rest, and waits so long for the server to confirm it. As LiveClient::finish otherwise.
+  // No more frames come. Publishes the rest, and waits so long for the server to confirm it. As LiveClient::finish
+  // otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
 
   // To be read after finish().
   const tiers::CameraAgent& agent() const { return agent_; }
-  const std::string& refusal() const { return refusal_; }  // the last one, of the server's or because a message can never be sent
+  const std::string& refusal() const {
+    return refusal_;
+  }  // the last one, of the server's or because a message can never be sent
 
  private:
   // Whether it had anything to publish.

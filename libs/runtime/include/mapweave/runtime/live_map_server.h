@@ -1,6 +1,6 @@
 #pragma once
-// An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client, handlers that take from
-// them in turn, and maps that are merged aside. What it says it has stored is in its journal.
+// An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client,
+// handlers that take from them in turn, and maps that are merged aside. What it says it has stored is in its journal.
 
 #include <mapweave/maps/exchange.h>
 #include <mapweave/tiers/visual_server.h>
@@ -25,10 +25,14 @@ struct LiveServerOptions {
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
     v.integer("joining_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
-    v.fraction("joining_share", merge_share, "largest share of the time that maps are merged: the next merge waits until then");
-    v.integer("queue_kb", queue_kb, 64, 1 << 20, "of one client, that may wait to be handled; it is told to repeat the rest later");
-    v.integer("answers_kb", answers_kb, 64, 1 << 20, "that may wait until a client takes them; nothing is shared with it meanwhile");
-    v.integer("journal_kb", journal_kb, 1, 1 << 30, "that the journal may grow by, and to twice its length, before it is written anew");
+    v.fraction("joining_share", merge_share,
+               "largest share of the time that maps are merged: the next merge waits until then");
+    v.integer("queue_kb", queue_kb, 64, 1 << 20,
+              "of one client, that may wait to be handled; it is told to repeat the rest later");
+    v.integer("answers_kb", answers_kb, 64, 1 << 20,
+              "that may wait until a client takes them; nothing is shared with it meanwhile");
+    v.integer("journal_kb", journal_kb, 1, 1 << 30,
+              "that the journal may grow by, and to twice its length, before it is written anew");
   }
 };
 
@@ -38,25 +42,27 @@ struct ClientMessage {
   std::string bytes;
 };
 
-// welcome: answers hello, with what is stored of all its maps; receipts: of those that were updated since; share, place: encoded Share or
-// PlaceAnswer; refused: why, in words.
+// welcome: answers hello, with what is stored of all its maps; receipts: of those that were updated since; share,
+// place: encoded Share or PlaceAnswer; refused: why, in words.
 struct ServerMessage {
   enum class Kind { welcome, receipts, share, place, refused } kind = Kind::receipts;
   std::string bytes;
   std::vector<tiers::Receipt> receipts;
 };
 
-// What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time, but for waiting.
+// What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time,
+// but for waiting.
 struct ClientCounts {
   SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
   std::uint64_t received_bytes = 0, sent_bytes = 0;
-  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0, put_off = 0;  // put_off: asked to repeat later
-  double update_s = 0.0;                                                                   // decoding them and adding them to its maps
-  double retrieval_s = 0.0;                                                                // what to send it at its views
-  double sending_s = 0.0;                                                                  // encoding that
-  double place_s = 0.0;                                                                    // finding places
-  double waited_s = 0.0, longest_wait_s = 0.0;                                             // updates, from coming to being handled
-  double longest_place_s = 0.0;                                                            // from coming to the answer
+  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0,
+                put_off = 0;                    // put_off: asked to repeat later
+  double update_s = 0.0;                        // decoding them and adding them to its maps
+  double retrieval_s = 0.0;                     // what to send it at its views
+  double sending_s = 0.0;                       // encoding that
+  double place_s = 0.0;                         // finding places
+  double waited_s = 0.0, longest_wait_s = 0.0;  // updates, from coming to being handled
+  double longest_place_s = 0.0;                 // from coming to the answer
 };
 // Counts and seconds of both; of the longest ones the longer.
 void add(ClientCounts& sum, const ClientCounts& more);
@@ -67,37 +73,38 @@ struct ServerCounts {
   double merging_s = 0.0, longest_merge_s = 0.0;  // processor time of the merge thread; longest: from begin to end
   double saving_s = 0.0;                          // processor time
   double longest_hold_s = 0.0;                    // of the maps by one who changed or read them
-  bool is_merging = false;                        // or rests from it, before what came since is merged, if that is enough
-  std::vector<std::string> notes;                 // of the last merge, for people: why cameras of one robot are not tied
-  std::string trouble;                            // why it saves or joins nothing any more; empty: it does
+  bool is_merging = false;         // or rests from it, before what came since is merged, if that is enough
+  std::vector<std::string> notes;  // of the last merge, for people: why cameras of one robot are not tied
+  std::string trouble;             // why it saves or joins nothing any more; empty: it does
 };
 
-// All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a merge counts when
-// it is done.
+// All calls are thread-safe. Options of the server that speak of data time (`wait`, `fuse_delay_s`) have no effect: a
+// merge counts when it is done.
 class LiveMapServer {
  public:
-  // Goes on where the journal ends; without one, what it has is gone when it ends. Throws Error as UpdateJournal, and kCorrupt where the
-  // journal holds what no server has stored. rig: of clients that are cameras of one robot.
+  // Goes on where the journal ends; without one, what it has is gone when it ends. Throws Error as UpdateJournal, and
+  // kCorrupt where the journal holds what no server has stored. rig: of clients that are cameras of one robot.
   LiveMapServer(TierId edge, tiers::ServerOptions server, fusion::FusionOptions fusion, LiveServerOptions options,
                 const std::optional<std::filesystem::path>& journal, rig::RigOptions rig = {});
   ~LiveMapServer();  // as finish()
 
-  // One client's end of the wire, from its hello on. Where the same run says hello on another link, this one is closed: a wire that broke.
-  // May outlive the server. Letting go of it closes it.
+  // One client's end of the wire, from its hello on. Where the same run says hello on another link, this one is closed:
+  // a wire that broke. May outlive the server. Letting go of it closes it.
   class Link;
   // Throws Error(kBadInput) where there are too many.
   std::shared_ptr<Link> connect();
 
-  // A judgement that is not to be believed from the next merge on, which begins soon; in the journal when it returns. Throws
-  // Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room; kBadInput after finish().
+  // A judgement that is not to be believed from the next merge on, which begins soon; in the journal when it returns.
+  // Throws Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room;
+  // kBadInput after finish().
   void veto(const Hash& judgement);
 
   // Where a robot is by what its cameras said last, as VisualServer::robot: for who sends it somewhere.
   std::optional<tiers::RobotInTeam> robot(const RobotId& robot) const;
 
   ServerCounts counts() const;
-  // What has been handled is saved, what waits in queues is dropped (no client was informed that it is stored), threads end. Links are
-  // closed. What it knows may be read from then on.
+  // What has been handled is saved, what waits in queues is dropped (no client was informed that it is stored), threads
+  // end. Links are closed. What it knows may be read from then on.
   tiers::VisualServer& finish();
 
  private:
@@ -108,11 +115,12 @@ class LiveMapServer {
 class LiveMapServer::Link {
  public:
   ~Link();
-  // taken: it will be handled in the order it came, and answered. later: too much waits already. never: it is too large to wait, or the
-  // link is closed. Never waits.
+  // taken: it will be handled in the order it came, and answered. later: too much waits already. never: it is too large
+  // to wait, or the link is closed. Never waits.
   enum class Sent { taken, later, never };
   Sent send(ClientMessage message);
-  // What there is to receive, as soon as there is something; empty when nothing came for so long, or the link is closed.
+  // What there is to receive, as soon as there is something; empty when nothing came for so long, or the link is
+  // closed.
   std::vector<ServerMessage> take(std::chrono::milliseconds patience);
   bool is_closed() const;
 

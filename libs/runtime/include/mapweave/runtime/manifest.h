@@ -22,8 +22,8 @@ struct InputFile {
 // Of a log: a file's bytes, or of a folder the names and bytes of its files, sorted. Throws Error kMissing.
 Hash hash_of_input(const std::filesystem::path& log);
 
-// Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for "outputs_with_times":
-// files that tell how long things took.
+// Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for
+// "outputs_with_times": files that tell how long things took.
 nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
                                      const std::filesystem::path& folder);
 

@@ -1,5 +1,6 @@
 #pragma once
-// What a run, a slam or a merge reports: for people, and as summary.json and merges.json (the contract of the command line).
+// What a run, a slam or a merge reports: for people, and as summary.json and merges.json (the contract of the command
+// line).
 
 #include <mapweave/core/exit_code.h>
 #include <mapweave/fusion/fuse.h>
@@ -26,8 +27,8 @@ struct CameraReport {
   double longest_loss_s = 0.0;
   std::uint64_t sent_bytes = 0, received_bytes = 0;  // to and from the edge's map server, where they share
   std::uint64_t borrowed = 0;                        // landmarks of others that keyframes saw, at most at once
-  // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding and
-  // rectifying.
+  // Of processor time. Frames that became keyframes hold tracking and mapping, others tracking alone; packing: decoding
+  // and rectifying.
   double tracking_mean_ms = 0.0, tracking_p99_ms = 0.0, keyframe_mean_ms = 0.0, packing_mean_ms = 0.0;
   double readout_s = 0.0, inverse_depth_offset = 0.0;  // of the sensor, as learnt
 };
@@ -97,8 +98,9 @@ struct Report {
 
 nlohmann::ordered_json summary_json(const Report&);
 nlohmann::ordered_json merges_json(const Report&);
-// A verdict in one line: "alpha + beta: merged (probability 0.99, overlap 41 %, conflict 0.2 %, 3 places agree)", "...: kept apart: one saw
-// through walls of the other (...)", "...: in one map, through gamma; not matched to each other: no place that both show was found".
+// A verdict in one line: "alpha + beta: merged (probability 0.99, overlap 41 %, conflict 0.2 %, 3 places agree)", "...:
+// kept apart: one saw through walls of the other (...)", "...: in one map, through gamma; not matched to each other: no
+// place that both show was found".
 std::string in_words(const Verdict&);
 // What became of a prior: "the prior is contradicted: the maps lie 9.8 m and 2 degrees from where it puts them".
 std::string in_words(const PriorCheck&);

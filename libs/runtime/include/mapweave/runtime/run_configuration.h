@@ -6,12 +6,12 @@
 #include <mapweave/exporters/depth_cloud.h>
 #include <mapweave/exporters/map_folder.h>
 #include <mapweave/exporters/octo_map.h>
-#include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/fusion/compose_grid.h>
 #include <mapweave/fusion/fusion_options.h>
-#include <mapweave/rig/rig.h>
 #include <mapweave/laser/engines.h>
 #include <mapweave/rawlog/observation_stream.h>
+#include <mapweave/rig/laser_camera_alignment.h>
+#include <mapweave/rig/rig.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
@@ -37,15 +37,20 @@ struct StartPose {
   double x_m = 0.0, y_m = 0.0, yaw_rad = 0.0, sigma_m = 0.0, sigma_rad = 0.1;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("x_m", x_m, -1e6, 1e6, "x coordinate in metres of where the robot began, in a frame that all robots share");
-    v.number("y_m", y_m, -1e6, 1e6, "y coordinate in metres of where the robot began, in a frame that all robots share");
+    v.number("x_m", x_m, -1e6, 1e6,
+             "x coordinate in metres of where the robot began, in a frame that all robots share");
+    v.number("y_m", y_m, -1e6, 1e6,
+             "y coordinate in metres of where the robot began, in a frame that all robots share");
     v.number("yaw_rad", yaw_rad, -7.0, 7.0,
-             "heading in radians with which the robot began, counter-clockwise from the x axis of a frame that all robots share");
-    v.non_negative("sigma_m", sigma_m,
-                   "standard deviation in metres of the position where the robot began; larger values let walls decide; 0.5 where "
-                   "the rest of a start is said without it, 0: its start is not known");
-    v.positive("sigma_rad", sigma_rad,
-               "standard deviation in radians of the heading with which the robot began; larger values let walls decide");
+             "heading in radians with which the robot began, counter-clockwise from the x axis of a frame that all "
+             "robots share");
+    v.non_negative(
+        "sigma_m", sigma_m,
+        "standard deviation in metres of the position where the robot began; larger values let walls decide; 0.5 where "
+        "the rest of a start is said without it, 0: its start is not known");
+    v.positive(
+        "sigma_rad", sigma_rad,
+        "standard deviation in radians of the heading with which the robot began; larger values let walls decide");
   }
 };
 
@@ -61,12 +66,16 @@ struct RobotEntry {
     v.text("id", id, "the robot's name; empty: its log's file name");
     v.text("log", log, "path of the robot's log, or of a folder of pictures, relative to this file");
     v.text("edge", edge,
-           "edge that maps the robot, or with a coordinator the one that maps it at first; empty: as the coordinator decides, else the "
+           "edge that maps the robot, or with a coordinator the one that maps it at first; empty: as the coordinator "
+           "decides, else the "
            "edges in turn");
-    v.non_negative("from_s", from_s, "time in seconds after the team's start at which the robot joins (with a coordinator)");
+    v.non_negative("from_s", from_s,
+                   "time in seconds after the team's start at which the robot joins (with a coordinator)");
     v.list("route", route,
-           "points of the route that the robot is going to drive; lets the coordinator estimate overlaps before there is a map");
-    v.section("start", start, "pose where the robot began, if it is known: a prior for merging its map, which walls may contradict");
+           "points of the route that the robot is going to drive; lets the coordinator estimate overlaps before there "
+           "is a map");
+    v.section("start", start,
+              "pose where the robot began, if it is known: a prior for merging its map, which walls may contradict");
   }
 };
 
@@ -92,9 +101,11 @@ struct EdgeEntry {
     v.text("id", id, "the edge's name");
     v.positive("speed", speed, "speed of this edge's processor relative to processors.edge; larger is faster");
     v.integer("capacity", capacity, 0, 1000000, "most robots that the edge maps; 0: any number");
-    v.non_negative("from_s", from_s, "time in seconds after the team's start from which the edge is available (with a coordinator)");
+    v.non_negative("from_s", from_s,
+                   "time in seconds after the team's start from which the edge is available (with a coordinator)");
     v.non_negative("until_s", until_s,
-                   "time in seconds after the team's start at which the edge fails, with all maps on it; 0: it stays (with a coordinator)");
+                   "time in seconds after the team's start at which the edge fails, with all maps on it; 0: it stays "
+                   "(with a coordinator)");
   }
 };
 
@@ -115,20 +126,27 @@ struct CoordinatorEntry {
               {"random", Coordination::random},
               {"metis", Coordination::metis},
               {"exact", Coordination::exact}},
-             "how robots are grouped on edges (see: mapweave plan --help); none: there is no coordinator, and edges are as robots name "
+             "how robots are grouped on edges (see: mapweave plan --help); none: there is no coordinator, and edges "
+             "are as robots name "
              "them, or in turn");
     v.text("at", at,
-           "edge that runs the coordinator, named in the summary; empty: the cloud. It changes no decision, since map summaries are "
+           "edge that runs the coordinator, named in the summary; empty: the cloud. It changes no decision, since map "
+           "summaries are "
            "taken to arrive at once");
-    v.text("model", model, "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");
+    v.text(
+        "model", model,
+        "file with a latency model, as mapweave profile writes it, relative to this file; empty: the built-in model");
     v.positive("overlap_period_s", overlap_period_s,
-               "recorded time in seconds between two estimates of what the robots' maps share; shorter periods let the coordinator react "
+               "recorded time in seconds between two estimates of what the robots' maps share; shorter periods let the "
+               "coordinator react "
                "sooner");
     v.fraction("hysteresis", hysteresis,
-               "least saving, as a share of the expected time, for which the coordinator moves robots to other edges; larger values move "
+               "least saving, as a share of the expected time, for which the coordinator moves robots to other edges; "
+               "larger values move "
                "them less often");
     v.positive("route_range_m", route_range_m,
-               "distance in metres to both sides of an announced route that a robot is expected to see; larger values expect more overlap");
+               "distance in metres to both sides of an announced route that a robot is expected to see; larger values "
+               "expect more overlap");
   }
 };
 
@@ -141,11 +159,13 @@ struct DenseOptions {
   exporters::OctoMapOptions octomap;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.integer("every_frames", every_frames, 0, 1000000, "use the depth of every n-th frame for dense maps; 0: of keyframes alone");
+    v.integer("every_frames", every_frames, 0, 1000000,
+              "use the depth of every n-th frame for dense maps; 0: of keyframes alone");
     v.integer("step_px", step_px, 1, 64,
               "use every n-th pixel of a depth picture, in rows and columns; larger values are faster and coarser");
     v.positive("most_error_m", most_error_m,
-               "depths with a larger standard deviation in metres are left out; the error grows with the square of the distance");
+               "depths with a larger standard deviation in metres are left out; the error grows with the square of the "
+               "distance");
     v.section("cloud", cloud, "dense point cloud: map.ply and map.dense.pcd");
     v.section("octomap", octomap, "dense occupancy map: map.bt and map.ot");
   }
@@ -165,9 +185,11 @@ struct OutputOptions {
     v.flag("tum", tum, "write trajectory.tum, and trajectories/<robot>.tum of a team, in TUM format");
     v.flag("g2o", g2o, "write map.g2o, the pose graph");
     v.flag("ply", ply,
-           "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the team's map of run)");
+           "write map.ply and map.dense.pcd, the coloured surfaces seen by depth cameras and stereo pairs (slam; the "
+           "team's map of run)");
     v.flag("octomap", octomap,
-           "write map.bt and map.ot, OctoMaps of what depth cameras and stereo pairs saw: occupied, free and unknown space");
+           "write map.bt and map.ot, OctoMaps of what depth cameras and stereo pairs saw: occupied, free and unknown "
+           "space");
     v.section("picture", picture, "size of map.color.png");
     v.section("cloud", cloud, "point cloud of walls, map.pcd");
     v.section("dense", dense, "which depths are used for the dense maps of output.ply and output.octomap");
@@ -199,15 +221,19 @@ struct RunConfiguration {
     v.integer("seed", seed, 0, 4294967295, "seed of all random numbers of a run; the same seed gives the same bytes");
     v.list("robots", robots, "the robots of the team and their logs");
     v.list("edges", edges,
-           "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that robots name, or a "
+           "the edges; robots that name none are assigned to them in turn, by the robots' names. Empty: the edges that "
+           "robots name, or a "
            "single one");
-    v.section("coordinator", coordinator, "assigns robots to edges, again and again as maps grow and edges and links change");
+    v.section("coordinator", coordinator,
+              "assigns robots to edges, again and again as maps grow and edges and links change");
     v.section("cloud", cloud, "the tier that merges the maps of all edges");
     v.choice("mode", mode, {{"offload", Mode::offload}, {"onboard", Mode::onboard}, {"cloud-only", Mode::cloud_only}},
-             "who maps and who merges; offload: edges map what robots sensed, and merge; onboard: robots map, edges merge; cloud-only: "
+             "who maps and who merges; offload: edges map what robots sensed, and merge; onboard: robots map, edges "
+             "merge; cloud-only: "
              "robots map, the cloud merges alone. The maps are the same");
     v.section("network", network,
-              "simulated network links between the tiers, in virtual time: no run waits for them, and summary.json says when everything "
+              "simulated network links between the tiers, in virtual time: no run waits for them, and summary.json "
+              "says when everything "
               "would have arrived");
     v.section("processors", processors, "simulated speed of the tiers' processors, for the same virtual time");
     v.choice("sensor", sensor,
@@ -218,13 +244,15 @@ struct RunConfiguration {
               {"rgbd", SensorChoice::rgbd},
               {"cameras", SensorChoice::cameras},
               {"all", SensorChoice::all}},
-             "sensors to map with; auto: the laser if a log has one, else its cameras; cameras: all cameras with all that each gives; "
+             "sensors to map with; auto: the laser if a log has one, else its cameras; cameras: all cameras with all "
+             "that each gives; "
              "all: laser and cameras in one pose graph; mono, stereo and rgbd use just that of each camera");
     v.section("reading", reading, "what a log does not say itself");
     v.section("laser", laser, "laser SLAM of one robot");
     v.section("visual", visual, "visual SLAM of one camera");
     v.section("fusion", fusion, "merging the maps of several robots");
-    v.section("server", server, "the camera map server of each edge, with which cameras exchange maps while they drive");
+    v.section("server", server,
+              "the camera map server of each edge, with which cameras exchange maps while they drive");
     v.section("uplink", uplink, "what a camera client sends to its camera map server");
     v.section("rig", rig, "merging the maps of several cameras of one robot");
     v.section("bind", laser_cameras, "aligning a robot's laser map and camera maps in one pose graph (sensor: all)");
@@ -255,9 +283,10 @@ EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 // The tier that fuses everything; no edge is called so.
 TierId cloud_tier();
 
-// Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in the file: kBadInput
-// for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that cannot hold all robots, a wire between two
-// that are none; kMissing for a robot without a log, a log, a trace or a model that is not there.
+// Logs are looked for beside the file that names them, or where the program was started. Throws Error, saying where in
+// the file: kBadInput for no robots, two with one id, names that cannot be, an edge that no robot uses, edges that
+// cannot hold all robots, a wire between two that are none; kMissing for a robot without a log, a log, a trace or a
+// model that is not there.
 RunPlan make_plan(const RunConfiguration&, const Origins&);
 
 // The configuration as it was carried out: robots by id, each with its edge and the full path of its log.

@@ -19,8 +19,8 @@ struct ChosenSensors {
   std::vector<ChosenCamera> cameras;  // by label
 };
 
-// Looks at the first seconds of the log. Throws Error: what open_log throws, kBadInput where the log has no such sensor, naming those that
-// it has.
+// Looks at the first seconds of the log. Throws Error: what open_log throws, kBadInput where the log has no such
+// sensor, naming those that it has.
 ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfiguration&);
 
 }  // namespace mapweave::runtime

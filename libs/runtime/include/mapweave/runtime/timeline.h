@@ -1,6 +1,7 @@
 #pragma once
-// When everything would have been there, had each tier been a machine of its own and each wire what the configuration says (RecSLAM IV-A,
-// equations 1 to 3). Work is what the run measured of itself, in processor time; wires are in virtual time. Never part of a sealed result.
+// When everything would have been there, had each tier been a machine of its own and each wire what the configuration
+// says (RecSLAM IV-A, equations 1 to 3). Work is what the run measured of itself, in processor time; wires are in
+// virtual time. Never part of a sealed result.
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
@@ -14,8 +15,8 @@
 
 namespace mapweave::runtime {
 
-// Who maps and who joins (DESIGN.md, 3): offload: edges map what robots sensed, and join; onboard: robots map, edges join; cloud_only:
-// robots map, the cloud joins alone.
+// Who maps and who joins (DESIGN.md, 3): offload: edges map what robots sensed, and join; onboard: robots map, edges
+// join; cloud_only: robots map, the cloud joins alone.
 enum class Mode { offload, onboard, cloud_only };
 
 // A wire between two that are named.
@@ -35,7 +36,8 @@ struct NetworkOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.section("robot_edge", robot_edge, "link from each robot to its edge");
-    v.section("robot_cloud", robot_cloud, "link between each robot and the cloud (mode cloud-only, and robots without an edge)");
+    v.section("robot_cloud", robot_cloud,
+              "link between each robot and the cloud (mode cloud-only, and robots without an edge)");
     v.section("edge_cloud", edge_cloud, "link from each edge to the cloud");
     v.list("links", links, "single links that differ from the common ones");
   }
@@ -48,7 +50,8 @@ const transport::LinkOptions& wire_between(const NetworkOptions&, const std::str
 // One core of each tier, in cores of this machine.
 struct ProcessorOptions {
   using Profile = transport::ProcessorProfile;
-  Profile robot_profile = Profile::this_machine, edge_profile = Profile::this_machine, cloud_profile = Profile::this_machine;
+  Profile robot_profile = Profile::this_machine, edge_profile = Profile::this_machine,
+          cloud_profile = Profile::this_machine;
   double robot = 1.0, edge = 1.0, cloud = 1.0;
   double robot_speed() const { return speed_of(robot_profile) * robot; }
   double edge_speed() const { return speed_of(edge_profile) * edge; }
@@ -64,11 +67,14 @@ struct ProcessorOptions {
                doc);
       v.positive(speed_name, speed, speed_doc);
     };
-    tier("robot_profile", "robot", robot_profile, robot, "processor of each robot; this-machine: as fast as the one that runs the program",
+    tier("robot_profile", "robot", robot_profile, robot,
+         "processor of each robot; this-machine: as fast as the one that runs the program",
          "speed of each robot's processor as a multiple of its profile's; larger is faster");
-    tier("edge_profile", "edge", edge_profile, edge, "processor of each edge; this-machine: as fast as the one that runs the program",
+    tier("edge_profile", "edge", edge_profile, edge,
+         "processor of each edge; this-machine: as fast as the one that runs the program",
          "speed of the edges' processors as a multiple of their profile's; larger is faster");
-    tier("cloud_profile", "cloud", cloud_profile, cloud, "processor of the cloud; this-machine: as fast as the one that runs the program",
+    tier("cloud_profile", "cloud", cloud_profile, cloud,
+         "processor of the cloud; this-machine: as fast as the one that runs the program",
          "speed of the cloud's processor as a multiple of its profile's; larger is faster");
   }
 };
@@ -80,10 +86,13 @@ struct CloudEntry {
   bool edges_judge = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.text("at", at, "edge that also does the cloud's work, merging the maps of all edges; empty: the cloud is a machine of its own");
+    v.text("at", at,
+           "edge that also does the cloud's work, merging the maps of all edges; empty: the cloud is a machine of its "
+           "own");
     v.texts("push_to", push_to, "robots that are sent the team's map at the end");
     v.flag("edges_judge", edges_judge,
-           "edges compare the maps of robots on different edges, shared out evenly; false: the cloud compares them itself. The maps are "
+           "edges compare the maps of robots on different edges, shared out evenly; false: the cloud compares them "
+           "itself. The maps are "
            "the same");
   }
 };
@@ -113,8 +122,8 @@ struct PushWork {
   RobotId robot;
   std::uint64_t bytes = 0;  // of the team's map
 };
-// What two robots' maps share (DESIGN.md, 3): once they lie on each other; where there was a coordinator, as it thought at its last
-// decision, for with such guesses it predicts.
+// What two robots' maps share (DESIGN.md, 3): once they lie on each other; where there was a coordinator, as it thought
+// at its last decision, for with such guesses it predicts.
 struct OverlapOfRobots {
   RobotId a, b;
   double degree;
@@ -133,13 +142,15 @@ struct Timeline {
   struct Robot {
     RobotId id;
     TierId edge;
-    double packed_s = 0.0, arrived_s = 0.0, mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
-    double load = 0.0;                                       // of its core, while it records: what it computes by what it drives
+    double packed_s = 0.0, arrived_s = 0.0,
+           mapped_s = 0.0;  // onboard and cloud_only: mapped before it arrives; nothing is packed
+    double load = 0.0;      // of its core, while it records: what it computes by what it drives
   };
   struct Edge {
     TierId id;
-    double ready_s = 0.0, fused_s = 0.0, arrived_s = 0.0;  // ready: the last of its robots' maps is there; arrived: what it found of them, too
-    double judged_s = 0.0;                                 // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
+    double ready_s = 0.0, fused_s = 0.0,
+           arrived_s = 0.0;  // ready: the last of its robots' maps is there; arrived: what it found of them, too
+    double judged_s = 0.0;   // what it judged of maps on two edges is in the cloud; 0 where it judged nothing
   };
   struct Push {
     RobotId robot;
@@ -166,8 +177,8 @@ struct TimelineOptions {
 Timeline timeline(const TimelineOptions&, const Work&);
 
 nlohmann::ordered_json timeline_json(const Timeline&, const Work&);
-// What a run did, from its summary.json; `recorded_s` (may be null): TimelineOptions::recorded_s. Throws Error kMissing, kCorrupt or
-// kBadInput, naming file and key.
+// What a run did, from its summary.json; `recorded_s` (may be null): TimelineOptions::recorded_s. Throws Error
+// kMissing, kCorrupt or kBadInput, naming file and key.
 Work read_work(const std::filesystem::path& summary, double* recorded_s);
 
 }  // namespace mapweave::runtime

@@ -3,8 +3,8 @@
 //   t_r = pack + robot -> edge + SLAM on the edge                          (1), by robot
 //   t_e = max over its robots of t_r + fusion of its maps                  (2), by edge
 //   t_c = max over edges of (t_e + edge -> cloud) + fusion of edge maps    (3)
-// Defaults are for this program on one core of an EPYC (all runs of the RecSLAM tables in datasets/RESULTS.md together); `mapweave profile`
-// learns them from earlier runs.
+// Defaults are for this program on one core of an EPYC (all runs of the RecSLAM tables in datasets/RESULTS.md
+// together); `mapweave profile` learns them from earlier runs.
 
 #include <mapweave/scheduling/problem.h>
 
@@ -15,11 +15,11 @@
 
 namespace mapweave::scheduling {
 
-// Maps that are fused: how many scans they hold together, over each two of them the product of theirs, which is what is judged, and over
-// each two robots the scans that both saw (their overlap degree times the sum of theirs), which are matched again. On an edge, of its
-// robots; in the cloud, of edges, each as if its robots were one: their pairs were judged before, and these judgements are sent with them.
-// Pairs across edges are shared out to all edges that are used (tiers/judging_task.h), equally whatever their speeds: what counts is the
-// share of the slowest.
+// Maps that are fused: how many scans they hold together, over each two of them the product of theirs, which is what is
+// judged, and over each two robots the scans that both saw (their overlap degree times the sum of theirs), which are
+// matched again. On an edge, of its robots; in the cloud, of edges, each as if its robots were one: their pairs were
+// judged before, and these judgements are sent with them. Pairs across edges are shared out to all edges that are used
+// (tiers/judging_task.h), equally whatever their speeds: what counts is the share of the slowest.
 struct FusedScans {
   double scans = 0.0, pairs = 0.0, shared = 0.0;
   void share_out(double edges) { pairs /= edges; }
@@ -29,7 +29,8 @@ struct FusedScans {
   }
 };
 
-// Quadratic in the number of scans, as RecSLAM's fig. 7a and 11 have it: what is matched are pairs. All parts are 0 or more.
+// Quadratic in the number of scans, as RecSLAM's fig. 7a and 11 have it: what is matched are pairs. All parts are 0 or
+// more.
 struct FusionTime {
   double fixed_s = 0.0, per_scan_s = 0.0, per_scan_pair_s = 0.0, per_shared_scan_s = 0.0;
   double seconds(const FusedScans& fused) const {
@@ -38,23 +39,25 @@ struct FusionTime {
 };
 
 struct LatencyModel {
-  double scans = 1000.0;             // of a robot of which nothing is said
-  double pack_s_per_scan = 5e-6;     // on the robot
-  double robot_bytes_fixed = 0.0;    // robot -> edge, beside its scans: none where it sends what it senses
-  double scan_bytes = 600.0;         // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
-  double robot_bytes_per_s = 2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
+  double scans = 1000.0;           // of a robot of which nothing is said
+  double pack_s_per_scan = 5e-6;   // on the robot
+  double robot_bytes_fixed = 0.0;  // robot -> edge, beside its scans: none where it sends what it senses
+  double scan_bytes = 600.0;       // a packed scan of 180 rays on the wire, with stamp, odometry and envelope
+  double robot_bytes_per_s =
+      2.5e6;  // robot -> edge where the problem names no link: 20 Mbit/s of wireless network for each
   double robot_delay_s = 0.005;
   double slam_s_per_scan = 0.0007;                // on an edge of speed 1
   FusionTime edge_fusion{0.0, 0.0, 2.8e-7, 0.0};  // on an edge of speed 1
   double map_bytes_per_scan = 650.0;              // of a robot's map as it is sent on
   double map_bytes_fixed = 20e3;
-  double edge_bytes_per_map_byte = 1.0;           // what an edge sends on: its robots' maps as they are, and what it judged of them
-  double cloud_delay_s = 0.02;                    // edge -> cloud, of an edge of which nothing is said
+  double edge_bytes_per_map_byte =
+      1.0;                      // what an edge sends on: its robots' maps as they are, and what it judged of them
+  double cloud_delay_s = 0.02;  // edge -> cloud, of an edge of which nothing is said
   FusionTime cloud_fusion{0.0, 0.0, 4e-7, 4e-5};  // of edge maps, at speed 1; its pairs where CloudResources says
 };
 
-// As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing has its default.
-// Throws Error naming file and key.
+// As `mapweave profile` writes it: a JSON object whose keys are the fields above (fusions as objects); what is missing
+// has its default. Throws Error naming file and key.
 LatencyModel read_model(const std::filesystem::path&);
 LatencyModel parse_model(std::string_view json, const std::string& where);
 std::string model_json(const LatencyModel&);
@@ -83,13 +86,16 @@ class Latency {
   Latency(const Problem&, const LatencyModel&);
 
   double scans(std::uint32_t robot) const { return problem_.scans[robot].value_or(model_.scans); }
-  double robot_seconds(std::uint32_t robot, std::uint32_t edge) const { return robot_terms(robot, edge).seconds(); }  // eq. 1
+  double robot_seconds(std::uint32_t robot, std::uint32_t edge) const {
+    return robot_terms(robot, edge).seconds();
+  }  // eq. 1
   double map_bytes(std::uint32_t robot) const { return map_bytes_[robot]; }
-  // Of the map that they make together, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps share is their degree
-  // times both sizes; common parts of three and more are taken as independent. Never less than the largest of them. `robots` ascending.
-  // Algorithm 3 places by it; our edges send more (sent_bytes).
+  // Of the map that they make together, by inclusion and exclusion over overlap degrees (RecSLAM V): what two maps
+  // share is their degree times both sizes; common parts of three and more are taken as independent. Never less than
+  // the largest of them. `robots` ascending. Algorithm 3 places by it; our edges send more (sent_bytes).
   double fused_bytes(const std::vector<std::uint32_t>& robots) const;
-  // What an edge sends to the cloud for this robot, whoever else is there: common parts are sent as often as they were mapped.
+  // What an edge sends to the cloud for this robot, whoever else is there: common parts are sent as often as they were
+  // mapped.
   double sent_bytes(std::uint32_t robot) const { return model_.edge_bytes_per_map_byte * map_bytes_[robot]; }
   double cloud_delay_s(std::uint32_t edge) const { return problem_.edges[edge].delay_s.value_or(model_.cloud_delay_s); }
   double shared_scans() const { return all_shared_; }  // FusedScans::shared of all robots
@@ -98,7 +104,9 @@ class Latency {
   double computing_seconds(const std::vector<std::uint32_t>& robots, std::uint32_t edge) const;  // eq. 2 alone
   // Eq. 3. `robots_at`: by edge, ascending; a robot may be at several.
   LatencyTerms terms(const std::vector<std::vector<std::uint32_t>>& robots_at) const;
-  double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const { return terms(robots_at).total_seconds(); }
+  double total_seconds(const std::vector<std::vector<std::uint32_t>>& robots_at) const {
+    return terms(robots_at).total_seconds();
+  }
 
   const Problem& problem() const { return problem_; }
   const LatencyModel& model() const { return model_; }

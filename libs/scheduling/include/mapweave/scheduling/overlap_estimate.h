@@ -1,6 +1,6 @@
 #pragma once
-// How much do two maps share, as far as their summaries tell (RecSLAM IV-A, V)? Guesses for scheduling: no map is merged by them. Pure
-// functions; thread-safe.
+// How much do two maps share, as far as their summaries tell (RecSLAM IV-A, V)? Guesses for scheduling: no map is
+// merged by them. Pure functions; thread-safe.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/ids.h>
@@ -17,24 +17,27 @@ struct Waypoint {
   double x_m = 0.0, y_m = 0.0;  // frame team
 };
 
-// What scans, keyframes' landmarks and grids of the map show. Empty for an empty map, and for one of more than kMostCells.
+// What scans, keyframes' landmarks and grids of the map show. Empty for an empty map, and for one of more than
+// kMostCells.
 MapSummary summary_of(const Map&);
-// Before there is a map: what a robot that announces its way will have seen within `range_m` of it. In the team's frame.
+// Before there is a map: what a robot that announces its way will have seen within `range_m` of it. In the team's
+// frame.
 MapSummary summary_of_route(const std::vector<Waypoint>&, double range_m);
 
 // |A and B| / (|A| + |B|) in known cells, 0 to 0.5 (RecSLAM IV-A).
 double overlap_degree(const MapSummary& a, const MapSummary& b, const Pose2& a_from_b);
 
-// Where nobody knows how the maps lie: viewpoints that look alike are laid on each other in all headings, and what agrees best is refined.
-// nullopt where nothing agrees.
+// Where nobody knows how the maps lie: viewpoints that look alike are laid on each other in all headings, and what
+// agrees best is refined. nullopt where nothing agrees.
 struct EstimatedOverlap {
   Pose2 a_from_b;
   double degree = 0.0;
 };
 std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapSummary& b);
 
-// The summaries of a team as they grow, and what pairs of them share. Work and memory grow with robots, not with their pairs: each is
-// compared with the few others that look most like it. The same summaries in the same order give the same answer. Not thread-safe.
+// The summaries of a team as they grow, and what pairs of them share. Work and memory grow with robots, not with their
+// pairs: each is compared with the few others that look most like it. The same summaries in the same order give the
+// same answer. Not thread-safe.
 class OverlapEstimator {
  public:
   void put(const RobotId&, MapSummary);  // in place of the one before; an empty one is forgotten

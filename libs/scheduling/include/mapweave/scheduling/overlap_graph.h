@@ -1,6 +1,7 @@
 #pragma once
-// Who shares how much with whom (RecSLAM IV-B, "Graph abstraction"): vertices are robots' maps, the weight of a link is their overlap
-// degree |A and B| / (|A| + |B|), 0 to 0.5. Links of weight 0 are left out. Sparse: memory grows with links, not with pairs.
+// Who shares how much with whom (RecSLAM IV-B, "Graph abstraction"): vertices are robots' maps, the weight of a link is
+// their overlap degree |A and B| / (|A| + |B|), 0 to 0.5. Links of weight 0 are left out. Sparse: memory grows with
+// links, not with pairs.
 
 #include <cstddef>
 #include <cstdint>
@@ -22,8 +23,9 @@ struct Neighbour {
 class OverlapGraph {
  public:
   OverlapGraph() = default;
-  // Links name vertices below `vertices`, each pair once in either order, never one vertex twice, with finite weights of 0 or more; else
-  // ContractViolation. Any non-negative weight will do for grouping; the latency model reads weights as overlap degrees.
+  // Links name vertices below `vertices`, each pair once in either order, never one vertex twice, with finite weights
+  // of 0 or more; else ContractViolation. Any non-negative weight will do for grouping; the latency model reads weights
+  // as overlap degrees.
   OverlapGraph(std::size_t vertices, const std::vector<OverlapLink>& links);
 
   std::size_t size() const { return begin_.size() - 1; }

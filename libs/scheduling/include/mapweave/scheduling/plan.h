@@ -16,8 +16,8 @@ struct PlanOptions {
   PlanMethod method = PlanMethod::standard;
   std::uint64_t seed = 1;
   LatencyModel model;
-  // Partial offloading (RecSLAM III-B): to how many edges each robot sends its data, so that one edge fewer than this may fail. The further
-  // ones are those that are done soonest with it.
+  // Partial offloading (RecSLAM III-B): to how many edges each robot sends its data, so that one edge fewer than this
+  // may fail. The further ones are those that are done soonest with it.
   std::uint32_t edges_per_robot = 1;
 };
 
@@ -30,7 +30,8 @@ struct Plan {
   double algorithm_seconds = 0.0;                             // processor time of grouping and placement
 };
 
-// Pure but for algorithm_seconds. Throws Error kBadInput or kUsage where a method cannot do what is asked, naming another.
+// Pure but for algorithm_seconds. Throws Error kBadInput or kUsage where a method cannot do what is asked, naming
+// another.
 Plan make_plan(const Problem&, const PlanOptions&);
 
 }  // namespace mapweave::scheduling

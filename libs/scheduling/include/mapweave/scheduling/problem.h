@@ -23,8 +23,9 @@ struct EdgeResources {
 };
 
 struct CloudResources {
-  double speed = 1.0;       // as of edges
-  bool edges_judge = true;  // the edges that are used compare what lies on two of them, shared out evenly; else the cloud does
+  double speed = 1.0;  // as of edges
+  bool edges_judge =
+      true;  // the edges that are used compare what lies on two of them, shared out evenly; else the cloud does
 };
 
 struct RobotLink {
@@ -36,8 +37,9 @@ struct Problem {
   OverlapGraph overlaps;
   std::vector<EdgeResources> edges;
   CloudResources cloud;
-  std::vector<std::optional<double>> scans;                            // by robot; none: the latency model's default
-  std::map<std::pair<std::uint32_t, std::uint32_t>, RobotLink> links;  // robot, edge; the default link where a pair is missing
+  std::vector<std::optional<double>> scans;  // by robot; none: the latency model's default
+  std::map<std::pair<std::uint32_t, std::uint32_t>, RobotLink>
+      links;  // robot, edge; the default link where a pair is missing
 };
 
 // Throws Error kMissing, kCorrupt (not JSON) or kBadInput (JSON that says what cannot be), naming file, key and remedy.
@@ -45,8 +47,8 @@ Problem read_problem(const std::filesystem::path&);
 // The same from memory; `where` stands for the file in messages.
 Problem parse_problem(std::string_view json, const std::string& where);
 
-// How many robots each group takes, largest first, groups of 0 left out: as equal as capacities allow, within one where none binds; never
-// more groups than robots. Throws Error kBadInput where capacities cannot hold everyone.
+// How many robots each group takes, largest first, groups of 0 left out: as equal as capacities allow, within one where
+// none binds; never more groups than robots. Throws Error kBadInput where capacities cannot hold everyone.
 std::vector<std::uint32_t> group_sizes(const Problem&, const std::string& where = {});
 
 }  // namespace mapweave::scheduling

@@ -1,6 +1,6 @@
 #pragma once
-// The latency model learnt from folders of results of earlier runs: from the "timeline" in their `summary.json` (libs/runtime,
-// timeline.h), which tells what each tier did in seconds of one core, and what was sent.
+// The latency model learnt from folders of results of earlier runs: from the "timeline" in their `summary.json`
+// (libs/runtime, timeline.h), which tells what each tier did in seconds of one core, and what was sent.
 
 #include <mapweave/scheduling/latency_model.h>
 #include <mapweave/scheduling/regression.h>
@@ -31,9 +31,10 @@ struct Profile {
   std::vector<std::string> notes;  // what was not told
 };
 
-// Seconds are of this machine's core at speed 1. Modes tell what they can: only `offload` packs; `cloud-only` has no edges, so the cloud
-// fuses robots' maps. Runs that were interrupted have no timeline: a note says so. Throws Error kMissing, kCorrupt or kBadInput, naming the
-// file, for a folder without a summary, a summary that cannot be one, or where no run has a timeline.
+// Seconds are of this machine's core at speed 1. Modes tell what they can: only `offload` packs; `cloud-only` has no
+// edges, so the cloud fuses robots' maps. Runs that were interrupted have no timeline: a note says so. Throws Error
+// kMissing, kCorrupt or kBadInput, naming the file, for a folder without a summary, a summary that cannot be one, or
+// where no run has a timeline.
 Profile profile_runs(const std::vector<std::filesystem::path>& folders);
 
 }  // namespace mapweave::scheduling

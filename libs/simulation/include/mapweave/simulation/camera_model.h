@@ -1,6 +1,7 @@
 #pragma once
-// A pinhole camera with radial-tangential distortion (Brown 1966; the parameters of OpenCV: k1 k2 p1 p2 k3). Camera frame: z ahead, x to
-// the right, y down. Pixels: (0, 0) is the middle of the upper left one. "Normalised" is the plane z = 1, undistorted.
+// A pinhole camera with radial-tangential distortion (Brown 1966; the parameters of OpenCV: k1 k2 p1 p2 k3). Camera
+// frame: z ahead, x to the right, y down. Pixels: (0, 0) is the middle of the upper left one. "Normalised" is the plane
+// z = 1, undistorted.
 
 #include <mapweave/core/geometry.h>
 

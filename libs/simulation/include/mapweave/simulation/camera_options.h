@@ -1,5 +1,6 @@
 #pragma once
-// What a world file says about cameras. The defaults of the noise were fitted to the TUM RGB-D sequence freiburg1_rpy (README).
+// What a world file says about cameras. The defaults of the noise were fitted to the TUM RGB-D sequence freiburg1_rpy
+// (README).
 
 #include <mapweave/simulation/camera_model.h>
 
@@ -17,7 +18,8 @@ struct ImageNoiseOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.number("exposure_ms", exposure_ms, 0.0, 100.0, "what moves meanwhile is blurred; the stamp is its middle");
-    v.number("exposure_change", exposure_change, 0.0, 1.0, "brightness wanders by this share (standard deviation) within seconds");
+    v.number("exposure_change", exposure_change, 0.0, 1.0,
+             "brightness wanders by this share (standard deviation) within seconds");
     v.number("vignetting", vignetting, 0.0, 0.9, "the corners are darker by this share");
     v.number("noise", noise, 0.0, 50.0, "standard deviation of a channel, grey levels");
   }
@@ -37,14 +39,16 @@ struct DepthNoiseOptions {
   void describe(Visitor& v) {
     v.number("noise_m", noise_m, 0.0, 1.0, "standard deviation of a depth z before quantisation: this");
     v.number("noise_per_m2", noise_per_m2, 0.0, 0.1, "plus this times z^2, alike within 3 x 3 pixels");
-    v.number("step_per_m2", step_per_m2, 0.0, 0.1, "depths come in steps of this times z^2 (whole steps of disparity); 0: unquantised");
+    v.number("step_per_m2", step_per_m2, 0.0, 0.1,
+             "depths come in steps of this times z^2 (whole steps of disparity); 0: unquantised");
     v.number("min_range_m", min_range_m, 0.0, 5.0, "nothing is measured nearer");
     v.number("max_range_m", max_range_m, 0.5, 13.0, "or farther");
     v.number("grazing_deg", grazing_deg, 45.0, 90.0, "or on surfaces that are turned away by more than this");
     v.number("shadow_m", shadow_m, 0.0, 0.5, "or where a projector this far to the camera's right throws no light");
     v.fraction("dropouts", dropouts, "share of pixels without a depth for no reason");
     v.number("offset_ms", offset_ms, 0.0, 20.0,
-             "the depth is taken up to this long before or after the colour, drifting by 1 ms/s; a TUM folder tells its stamp, a rawlog "
+             "the depth is taken up to this long before or after the colour, drifting by 1 ms/s; a TUM folder tells "
+             "its stamp, a rawlog "
              "cannot");
   }
 };
@@ -70,7 +74,9 @@ struct CameraOptions {
   void describe(Visitor& v) {
     v.text("id", id, "the camera's name: the label of its observations");
     v.choice("kind", kind,
-             {{"mono", SimulatedCameraKind::mono}, {"stereo", SimulatedCameraKind::stereo}, {"rgbd", SimulatedCameraKind::rgbd}},
+             {{"mono", SimulatedCameraKind::mono},
+              {"stereo", SimulatedCameraKind::stereo},
+              {"rgbd", SimulatedCameraKind::rgbd}},
              "one picture, a left and a right one, or one with its depths (registered)");
     v.integer("width", width, 16, 4096, "pixels");
     v.integer("height", height, 16, 4096, "pixels");
@@ -96,7 +102,13 @@ struct CameraOptions {
     v.section("depth", depth, "rgbd: how depths do");
   }
   CameraIntrinsics intrinsics() const {
-    return {width, height, fx, fy, cx < 0.0 ? 0.5 * (width - 1) : cx, cy < 0.0 ? 0.5 * (height - 1) : cy, {k1, k2, p1, p2, k3}};
+    return {width,
+            height,
+            fx,
+            fy,
+            cx < 0.0 ? 0.5 * (width - 1) : cx,
+            cy < 0.0 ? 0.5 * (height - 1) : cy,
+            {k1, k2, p1, p2, k3}};
   }
   Pose3 robot_from_body() const;    // x ahead, z up
   Pose3 robot_from_camera() const;  // the same camera, z ahead and y down

@@ -1,6 +1,6 @@
 #pragma once
-// What a robot's camera records: every frame is a pure function of the world and its number, so that frames may be made in any order
-// by any number of threads.
+// What a robot's camera records: every frame is a pure function of the world and its number, so that frames may be made
+// in any order by any number of threads.
 
 #include <mapweave/simulation/renderer.h>
 #include <mapweave/simulation/world.h>
@@ -43,8 +43,8 @@ class CameraRecording {
 
  private:
   double seconds(std::size_t frame) const;
-  void take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream&, std::uint64_t frame, Workspace&,
-            Picture&) const;
+  void take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream&, std::uint64_t frame,
+            Workspace&, Picture&) const;
 
   const World* world_;
   std::size_t robot_;

@@ -1,6 +1,6 @@
 #pragma once
-// A camera that hands over features instead of pictures, for long drives and many robots: landmarks on all surfaces, with descriptors that
-// stay the same but for noise. A thousand frames a second and more on one core.
+// A camera that hands over features instead of pictures, for long drives and many robots: landmarks on all surfaces,
+// with descriptors that stay the same but for noise. A thousand frames a second and more on one core.
 
 #include <mapweave/simulation/camera_options.h>
 #include <mapweave/simulation/ray_caster.h>
@@ -27,14 +27,18 @@ struct FeatureOptions {
   double outliers = 0.05;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("landmarks_per_m2", landmarks_per_m2, 0.1, 1000.0, "on walls and furniture; a tenth of it on floor and ceiling");
-    v.number("least_size_m", least_size_m, 0.001, 1.0, "a landmark is found where its size shows as 7 pixels times the octaves' factors");
-    v.number("greatest_size_m", greatest_size_m, 0.001, 10.0, "sizes are spread evenly between these, by their logarithms");
+    v.number("landmarks_per_m2", landmarks_per_m2, 0.1, 1000.0,
+             "on walls and furniture; a tenth of it on floor and ceiling");
+    v.number("least_size_m", least_size_m, 0.001, 1.0,
+             "a landmark is found where its size shows as 7 pixels times the octaves' factors");
+    v.number("greatest_size_m", greatest_size_m, 0.001, 10.0,
+             "sizes are spread evenly between these, by their logarithms");
     v.number("farthest_m", farthest_m, 0.5, 200.0, "nothing is found beyond");
     v.integer("most_features", most_features, 1, 100000, "in a picture");
     v.integer("octaves", octaves, 1, 16, "levels of the pyramid");
     v.number("octave_factor", octave_factor, 1.01, 2.0, "from one level to the next");
-    v.number("pixel_noise", pixel_noise, 0.0, 20.0, "standard deviation on the lowest level; grows with the octave's factor");
+    v.number("pixel_noise", pixel_noise, 0.0, 20.0,
+             "standard deviation on the lowest level; grows with the octave's factor");
     v.fraction("flipped_bits", flipped_bits, "share of a descriptor's bits that are wrong in a frame");
     v.fraction("missed", missed, "share of visible landmarks that a frame does not find");
     v.fraction("strays", outliers, "features that no landmark stands behind, as a share of the others");
@@ -84,10 +88,12 @@ struct SimulatedFeatureFrame {
   std::vector<Feature> features;
 };
 
-// Every frame is a pure function of the world and its number. Immutable; may be used by many threads. World and field must outlive it.
+// Every frame is a pure function of the world and its number. Immutable; may be used by many threads. World and field
+// must outlive it.
 class FeatureRecording {
  public:
-  FeatureRecording(const World&, const LandmarkField& of_its_building, const FeatureOptions&, std::size_t robot, std::size_t camera);
+  FeatureRecording(const World&, const LandmarkField& of_its_building, const FeatureOptions&, std::size_t robot,
+                   std::size_t camera);
   std::size_t frame_count() const { return frame_count_; }
   SimulatedFeatureFrame frame(std::size_t frame) const;
   const CameraModel& model() const { return model_; }

@@ -16,8 +16,8 @@ struct Point2 {
 // One straight piece of a vertical surface, seen from both sides.
 struct Wall {
   Point2 from, to;
-  int piece = -1;                     // the piece of furniture whose outline it belongs to; -1: the building, from floor to ceiling
-  int twin = -1;                      // walls with the same number look the same; -1: like no other
+  int piece = -1;  // the piece of furniture whose outline it belongs to; -1: the building, from floor to ceiling
+  int twin = -1;   // walls with the same number look the same; -1: like no other
   double low_m = -1e9, high_m = 1e9;  // for lines of sight; lasers look at all walls
 };
 
@@ -73,7 +73,8 @@ struct CorridorOptions {
   }
 };
 
-// Rooms on both sides of corridors (on one side where there is little depth); corridors of a large apartment form loops.
+// Rooms on both sides of corridors (on one side where there is little depth); corridors of a large apartment form
+// loops.
 struct ApartmentOptions {
   double width_m = 18.0;
   double height_m = 13.0;
@@ -96,8 +97,8 @@ struct ApartmentOptions {
   }
 };
 
-// Rooms off one side of a corridor, all alike down to the furniture: each a shifted copy of the first (repeated), or every second one its
-// mirror image (mirrored).
+// Rooms off one side of a corridor, all alike down to the furniture: each a shifted copy of the first (repeated), or
+// every second one its mirror image (mirrored).
 struct RoomRowOptions {
   int rooms = 6;
   double room_width_m = 4.0;
@@ -149,8 +150,8 @@ struct RingOptions {
   }
 };
 
-// Each is a pure function of its arguments and stands in the quadrant x >= 0, y >= 0 (set-back doors reach 0.25 m out of it).
-// Options that contradict one another (a ring narrower than its corridors) throw Error kBadInput.
+// Each is a pure function of its arguments and stands in the quadrant x >= 0, y >= 0 (set-back doors reach 0.25 m out
+// of it). Options that contradict one another (a ring narrower than its corridors) throw Error kBadInput.
 FloorPlan make_corridor_plan(const CorridorOptions&, std::uint64_t seed);
 FloorPlan make_apartment_plan(const ApartmentOptions&, std::uint64_t seed);
 FloorPlan make_repeated_rooms_plan(const RoomRowOptions&, std::uint64_t seed);

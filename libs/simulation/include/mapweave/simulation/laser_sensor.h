@@ -61,8 +61,8 @@ class LaserSensor {
   LaserSensor(const RayCaster& building, const SimulatedLaserOptions& options);
   // Ranges in metres, ray by ray counter-clockwise; 0: no return. A disc that covers the laser itself is not seen.
   std::vector<float> scan(const Pose2& world_from_robot, const std::vector<Disc>& moving, RandomNumbers noise) const;
-  // The same of a robot on its way, ray by ray from where it is at that time; `world_from_robot`: by seconds after the stamp. What moves
-  // besides stands still meanwhile.
+  // The same of a robot on its way, ray by ray from where it is at that time; `world_from_robot`: by seconds after the
+  // stamp. What moves besides stands still meanwhile.
   std::vector<float> swept_scan(const std::function<Pose2(double)>& world_from_robot, const std::vector<Disc>& moving,
                                 RandomNumbers noise) const;
   const SimulatedLaserOptions& options() const { return options_; }
@@ -70,7 +70,8 @@ class LaserSensor {
  private:
   const RayCaster* building_;
   SimulatedLaserOptions options_;
-  float range(const Pose2& world_from_robot, std::size_t ray, const std::vector<Disc>& in_view, RandomNumbers& noise) const;
+  float range(const Pose2& world_from_robot, std::size_t ray, const std::vector<Disc>& in_view,
+              RandomNumbers& noise) const;
   std::vector<Disc> in_view(const Pose2& world_from_robot, const std::vector<Disc>& moving) const;
   std::vector<Point2> directions_;  // of the rays, in the robot's frame
 };

@@ -25,8 +25,10 @@ mrpt::obs::CObservationIMU::Ptr imu_observation(const ImuReading&);
 struct PictureFiles {
   std::string left, right;
 };
-// A CObservationImage, a CObservationStereoImages or a CObservation3DRangeScan. The camera's pose on the robot is that of its optical frame
-// (z ahead) in the first two, and has x ahead in the third, as MRPT wants it. The stamp is the colour picture's.
-mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame&, const CameraOptions&, const PictureFiles& files = {});
+// A CObservationImage, a CObservationStereoImages or a CObservation3DRangeScan. The camera's pose on the robot is that
+// of its optical frame (z ahead) in the first two, and has x ahead in the third, as MRPT wants it. The stamp is the
+// colour picture's.
+mrpt::obs::CObservation::Ptr camera_observation(const CameraFrame&, const CameraOptions&,
+                                                const PictureFiles& files = {});
 
 }  // namespace mapweave::simulation

@@ -1,7 +1,7 @@
 #pragma once
-// Random numbers that are looked up, not drawn: a number is a pure function of (seed, purpose, owner, index, position), so no result
-// depends on threads, on the order of robots, or on how many numbers something else has used. The distributions are our own, since those of
-// the standard library differ between its makers.
+// Random numbers that are looked up, not drawn: a number is a pure function of (seed, purpose, owner, index, position),
+// so no result depends on threads, on the order of robots, or on how many numbers something else has used. The
+// distributions are our own, since those of the standard library differ between its makers.
 
 #include <mapweave/core/mixed_bits.h>
 
@@ -50,7 +50,9 @@ class RandomStream {
  public:
   RandomStream(std::uint64_t seed, std::string_view purpose, std::string_view owner = {})
       : key_(mixed(mixed(mixed(seed + 0x9e3779b97f4a7c15u) ^ letters(purpose)) ^ letters(owner))) {}
-  RandomNumbers at(std::uint64_t index) const { return RandomNumbers(mixed(key_ ^ mixed(index + 0x632be59bd9b4e019u))); }
+  RandomNumbers at(std::uint64_t index) const {
+    return RandomNumbers(mixed(key_ ^ mixed(index + 0x632be59bd9b4e019u)));
+  }
 
  private:
   static std::uint64_t letters(std::string_view text) {  // FNV-1a

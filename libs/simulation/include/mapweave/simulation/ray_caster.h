@@ -14,7 +14,8 @@ constexpr double kNoHit = std::numeric_limits<double>::infinity();
 
 // Distances along a ray from `origin` in the unit direction (dx, dy); kNoHit where it misses.
 double distance_along_ray(Point2 origin, double dx, double dy, const Wall&);
-double distance_along_ray(Point2 origin, double dx, double dy, Point2 disc_centre, double disc_radius_m);  // 0 inside the disc
+double distance_along_ray(Point2 origin, double dx, double dy, Point2 disc_centre,
+                          double disc_radius_m);  // 0 inside the disc
 
 // Immutable; may be used by many threads.
 class RayCaster {

@@ -1,8 +1,9 @@
 #pragma once
-// What a camera sees of a scene, without noise. Surfaces are cut out tile by tile in normalised coordinates, where both a surface's rim and
-// its inverse depth are linear (so that distortion costs a table and nothing else); then every pixel is looked up once in the
-// texture of the surface that it shows: between levels (Williams: Pyramidal parametrics, SIGGRAPH 1983), with up to four samples along
-// the longer axis of its footprint, and four samples per pixel where surfaces meet.
+// What a camera sees of a scene, without noise. Surfaces are cut out tile by tile in normalised coordinates, where both
+// a surface's rim and its inverse depth are linear (so that distortion costs a table and nothing else); then every
+// pixel is looked up once in the texture of the surface that it shows: between levels (Williams: Pyramidal parametrics,
+// SIGGRAPH 1983), with up to four samples along the longer axis of its footprint, and four samples per pixel where
+// surfaces meet.
 
 #include <mapweave/simulation/camera_model.h>
 #include <mapweave/simulation/scene.h>
@@ -36,7 +37,7 @@ struct RenderedView {
 };
 
 // A pure function; `view` is filled anew; its memory is used again. `moving` comes on top of the scene.
-void render(const Scene&, const std::vector<Surface>& moving, const CameraModel&, const Pose3& world_from_camera, Channels,
-            RenderedView& view);
+void render(const Scene&, const std::vector<Surface>& moving, const CameraModel&, const Pose3& world_from_camera,
+            Channels, RenderedView& view);
 
 }  // namespace mapweave::simulation

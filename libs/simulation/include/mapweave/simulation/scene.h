@@ -1,6 +1,6 @@
 #pragma once
-// A floor plan as a camera sees it: flat surfaces with textures, which are painted once from a seed. World frame, metres, z up from the
-// floor.
+// A floor plan as a camera sees it: flat surfaces with textures, which are painted once from a seed. World frame,
+// metres, z up from the floor.
 
 #include <mapweave/core/geometry.h>
 #include <mapweave/core/worker_pool.h>

@@ -1,5 +1,6 @@
 #pragma once
-// What surfaces look like: one channel between two colours, with its reductions (mip levels), repeating in both directions.
+// What surfaces look like: one channel between two colours, with its reductions (mip levels), repeating in both
+// directions.
 
 #include <mapweave/simulation/random.h>
 
@@ -61,8 +62,8 @@ class Canvas {
   void fill(const Area&, int value);
   void add_gradient(const Area&, int from_left, int to_right);
   void add_grain(const Area&, double sigma, RandomNumbers&);
-  // Rectangles, discs and triangles of this size (halved to doubled) at random places, `share` of the area in all, each by up to
-  // `contrast` lighter or darker than what it covers. Clipped to the area.
+  // Rectangles, discs and triangles of this size (halved to doubled) at random places, `share` of the area in all, each
+  // by up to `contrast` lighter or darker than what it covers. Clipped to the area.
   void add_shapes(const Area&, double size_m, double share, int contrast, RandomNumbers&);
   void add_lines(const Area&, double step_m, double width_m, int change, bool is_upright);
 

@@ -9,7 +9,8 @@ namespace mapweave::simulation {
 
 struct TeamOptions {
   int robots = 2;
-  double shared = 0.34;  // share of a robot's rooms that the next robot visits too; 0: disjoint tours, 1: everyone visits all
+  double shared =
+      0.34;  // share of a robot's rooms that the next robot visits too; 0: disjoint tours, 1: everyone visits all
   bool return_to_start = true;
   double length_m = 0.0;  // of each robot's drive; 0: its tour, once
   std::int64_t seed = 7;

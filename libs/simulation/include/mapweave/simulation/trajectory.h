@@ -19,7 +19,8 @@ struct MotionOptions {
   double floor_tilt_deg = 0.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("speed_min_m_per_s", speed_min_m_per_s, 0.02, 10.0, "each leg of a tour has its own cruising speed: the least");
+    v.number("speed_min_m_per_s", speed_min_m_per_s, 0.02, 10.0,
+             "each leg of a tour has its own cruising speed: the least");
     v.number("speed_max_m_per_s", speed_max_m_per_s, 0.02, 10.0, "and the greatest");
     v.number("acceleration_m_per_s2", acceleration_m_per_s2, 0.05, 20.0, "of speeding up and braking");
     v.number("turn_rate_deg_per_s", turn_rate_deg_per_s, 5.0, 720.0, "greatest turn rate");
@@ -35,11 +36,14 @@ class FreeSpace {
   FreeSpace(const FloorPlan& plan, double clearance_m);
   // The nearest free point within 2 m, if any: `wanted` itself where it is free.
   std::optional<Point2> nearest_free(Point2 wanted) const;
-  // A path with few corners that keeps the clearance all the way and prefers the middle of passages. Both ends must be free. A*.
+  // A path with few corners that keeps the clearance all the way and prefers the middle of passages. Both ends must be
+  // free. A*.
   std::optional<std::vector<Point2>> path(Point2 from, Point2 to) const;
-  // True where every point between keeps at least this distance from walls (known up to 1 m; conservative to within a cell).
+  // True where every point between keeps at least this distance from walls (known up to 1 m; conservative to within a
+  // cell).
   bool is_straight_path_free(Point2 from, Point2 to, double distance_m) const;
-  // A lower bound, to within 8 cm, of the distance to the nearest wall, or 1 m where it is farther; 0 outside of the building.
+  // A lower bound, to within 8 cm, of the distance to the nearest wall, or 1 m where it is farther; 0 outside of the
+  // building.
   double distance_to_walls(Point2) const;
   double clearance_m() const { return clearance_m_; }
 
@@ -76,8 +80,9 @@ struct Leg {
   double speed_m_per_s;
 };
 
-// Drives the legs one after the other, each starting where the last one ended: corners are rounded as far as the free space allows, and
-// turned on the spot where it does not. Stops after `length_m` where that is positive. Starts heading along the first leg.
+// Drives the legs one after the other, each starting where the last one ended: corners are rounded as far as the free
+// space allows, and turned on the spot where it does not. Stops after `length_m` where that is positive. Starts heading
+// along the first leg.
 SimulatedTrajectory drive(const std::vector<Leg>& legs, const FreeSpace&, const MotionOptions&, double length_m);
 
 }  // namespace mapweave::simulation

@@ -1,5 +1,6 @@
 #pragma once
-// A world that has been built: plans, everyone's motion, and for each robot the stream of what its sensors say, with the truth.
+// A world that has been built: plans, everyone's motion, and for each robot the stream of what its sensors say, with
+// the truth.
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/stamp.h>
@@ -17,15 +18,16 @@ struct SimulatedStep {
   Stamp stamp;
   Pose2 world_from_robot;     // the truth
   Pose2 odometry_from_robot;  // what the wheels say; (0, 0, 0) at the robot's first step
-  std::vector<float> ranges;  // metres, ray by ray from LaserOptions::first_angle_rad(); 0: no return; empty: no scan at this step
+  std::vector<float>
+      ranges;  // metres, ray by ray from LaserOptions::first_angle_rad(); 0: no return; empty: no scan at this step
 };
 
-// Immutable once built; may be used by many threads. A pure function of its options: the order in which robots are listed changes nothing
-// but their numbers.
+// Immutable once built; may be used by many threads. A pure function of its options: the order in which robots are
+// listed changes nothing but their numbers.
 class World {
  public:
-  // Throws Error kBadInput, naming the key, for worlds that cannot be: no robots, two with one id, a room that is not there, a point that
-  // cannot be reached.
+  // Throws Error kBadInput, naming the key, for worlds that cannot be: no robots, two with one id, a room that is not
+  // there, a point that cannot be reached.
   World(WorldOptions options, WorkerPool& pool);
   ~World();
   World(World&&) noexcept;
@@ -43,8 +45,9 @@ class World {
   const std::vector<CameraOptions>& cameras(std::size_t robot) const;
   const Scene& scene(std::size_t building) const;  // painted when first asked for, which takes a second or two
   Stamp first_stamp(std::size_t robot) const;
-  Pose3 world_from_robot(std::size_t robot, double seconds) const;                  // on the floor as it is, waves and all
-  std::vector<Body> bodies_around(std::size_t robot, double seconds) const;         // robots and people in its building, but for itself
+  Pose3 world_from_robot(std::size_t robot, double seconds) const;  // on the floor as it is, waves and all
+  std::vector<Body> bodies_around(std::size_t robot,
+                                  double seconds) const;  // robots and people in its building, but for itself
   bool is_carried(std::size_t robot, double seconds, double within_s = 0.0) const;  // at any time within these of it
 
  private:
@@ -53,7 +56,8 @@ class World {
   std::unique_ptr<const State> state_;
 };
 
-// One robot's recording, step by step, in constant memory. The world must outlive it. Not thread-safe; many may run at once.
+// One robot's recording, step by step, in constant memory. The world must outlive it. Not thread-safe; many may run at
+// once.
 class Recording {
  public:
   Recording(const World& world, std::size_t robot);

@@ -22,7 +22,8 @@ struct FurnitureOptions {
   void describe(Visitor& v) {
     v.fraction("round", round, "share of boxes that are cylinders instead");
     v.integer("session", session, 0, 1000, "another day in the same building: some furniture differs; 0: the first");
-    v.fraction("changed", changed, "share of furniture that is gone, or another and smaller piece, in a session after the first");
+    v.fraction("changed", changed,
+               "share of furniture that is gone, or another and smaller piece, in a session after the first");
   }
 };
 
@@ -75,7 +76,8 @@ struct KidnappingOptions {
   void describe(Visitor& v) {
     v.number("after_m", after_m, 0.0, 100000.0, "of its way the robot is picked up");
     v.number("skip_m", skip_m, 0.0, 100000.0, "and put down again this much further along its way");
-    v.number("duration_s", duration_s, 0.0, 600.0, "meanwhile its cameras and its laser are covered; 0: between two frames");
+    v.number("duration_s", duration_s, 0.0, 600.0,
+             "meanwhile its cameras and its laser are covered; 0: between two frames");
   }
 };
 
@@ -102,7 +104,8 @@ struct RobotOptions {
     v.integer("building", building, 0, 100, "the building it is in, counted from 0");
     v.integer("first_room", first_room, 0, 100000, "its tour visits the rooms from this one, counted from 0");
     v.integer("last_room", last_room, -1, 100000, "to this one; -1: the last there is");
-    v.choice("order", order, {{"along", TourOrder::along}, {"back", TourOrder::back}, {"shuffled", TourOrder::shuffled}},
+    v.choice("order", order,
+             {{"along", TourOrder::along}, {"back", TourOrder::back}, {"shuffled", TourOrder::shuffled}},
              "rooms one after the other, the other way round, or in an order from the seed");
     v.flag("return_to_start", return_to_start, "each lap ends where it began");
     v.integer("laps", laps, 1, 1000, "rounds of the tour");
@@ -138,11 +141,15 @@ struct LogOptions {
   bool scans = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.choice("layout", layout, {{"rawlog", LogLayout::rawlog}, {"folders", LogLayout::folders}, {"both", LogLayout::both}},
-             "all sensors in one rawlog; a folder for each camera (TUM RGB-D layout; stereo: KITTI odometry layout) beside a rawlog of the "
+    v.choice("layout", layout,
+             {{"rawlog", LogLayout::rawlog}, {"folders", LogLayout::folders}, {"both", LogLayout::both}},
+             "all sensors in one rawlog; a folder for each camera (TUM RGB-D layout; stereo: KITTI odometry layout) "
+             "beside a rawlog of the "
              "other sensors; or cameras in both");
-    v.choice("pictures", pictures, {{"embedded", PictureFormat::embedded}, {"png", PictureFormat::png}, {"jpeg", PictureFormat::jpeg}},
-             "in the rawlog (grey ones without loss, colour as MRPT's JPEG), or beside it; folders take png for embedded");
+    v.choice(
+        "pictures", pictures,
+        {{"embedded", PictureFormat::embedded}, {"png", PictureFormat::png}, {"jpeg", PictureFormat::jpeg}},
+        "in the rawlog (grey ones without loss, colour as MRPT's JPEG), or beside it; folders take png for embedded");
     v.integer("jpeg_quality", jpeg_quality, 1, 100, "of jpeg");
     v.flag("scans", scans, "whether the laser's scans are written");
   }
@@ -170,7 +177,8 @@ struct WorldOptions {
     v.list("robots", robots, "who drives where");
     v.integer("edges", edges, 1, 1000, "edges that robots without one are given to in turn");
     v.section("people", people, "people that walk about");
-    v.number("robot_radius_m", robot_radius_m, 0.0, 2.0, "of the disc that the other robots' lasers see; 0: robots do not see each other");
+    v.number("robot_radius_m", robot_radius_m, 0.0, 2.0,
+             "of the disc that the other robots' lasers see; 0: robots do not see each other");
     v.number("robot_height_m", robot_height_m, 0.05, 2.5, "and of the body that their cameras see");
     v.section("look", look, "what cameras see of buildings");
     v.list("cameras", cameras, "that every robot carries, unless it has its own");

@@ -1,6 +1,6 @@
 #pragma once
-// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it receives. The client
-// itself goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
+// A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it
+// receives. The client itself goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
 
 #include <mapweave/tiers/byte_allowance.h>
 #include <mapweave/tiers/update_inbox.h>
@@ -20,10 +20,12 @@ struct UplinkOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.non_negative("most_bytes_per_s", most_bytes_per_s,
-                   "largest mean rate in bytes per second at which a camera client sends; 0: unlimited. A lower rate first thins the "
+                   "largest mean rate in bytes per second at which a camera client sends; 0: unlimited. A lower rate "
+                   "first thins the "
                    "features of keyframes, then delays keyframes; poses are sent in any case");
-    v.integer("least_features", least_features, 1, 100000,
-              "least number of features that a keyframe is sent with, however low the rate limit (uplink.most_bytes_per_s)");
+    v.integer(
+        "least_features", least_features, 1, 100000,
+        "least number of features that a keyframe is sent with, however low the rate limit (uplink.most_bytes_per_s)");
   }
 };
 
@@ -33,17 +35,17 @@ class CameraAgent {
 
   // Whose messages these are, once the client has begun; before, there is nothing to say.
   const std::optional<SessionId>& session() const { return session_; }
-  // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated. Nothing new while too
-  // much is under way that nobody has confirmed: the client keeps it together meanwhile. None is longer than the shortest queue of a live
-  // server, but for one of a single keyframe that is. `now`: of data.
+  // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated.
+  // Nothing new while too much is under way that nobody has confirmed: the client keeps it together meanwhile. None is
+  // longer than the shortest queue of a live server, but for one of a single keyframe that is. `now`: of data.
   std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
   // Of those, one that did not get onto the wire: it is sent again.
   void put_back(const std::string& update);
   // The client has ended: what it still has to publish is bounded by nothing.
   void lift_limit() { options_.most_bytes_per_s = 0.0; }
-  // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not stored is sent again.
-  // A server that lacks what was confirmed before, or has what was never published, is another one: such a map is published to it from the
-  // beginning.
+  // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not
+  // stored is sent again. A server that lacks what was confirmed before, or has what was never published, is another
+  // one: such a map is published to it from the beginning.
   void stored(const Receipt& receipt);
   void reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts);
   // Where the client is; nullopt while it has no place.

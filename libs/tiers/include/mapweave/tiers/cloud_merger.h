@@ -1,6 +1,6 @@
 #pragma once
-// The cloud's role: collects the robots' maps from every edge and commits over all of them (RecSLAM's global fusion). Edges' judgements
-// are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
+// The cloud's role: collects the robots' maps from every edge and commits over all of them (RecSLAM's global fusion).
+// Edges' judgements are a memo, their commitments are not asked. A state machine: no thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/tiers/judging_task.h>
@@ -20,17 +20,17 @@ class CloudMerger {
 
   // Where maps lie to each other, for seal().
   void set_priors(std::vector<fusion::MapPrior> priors) { priors_ = std::move(priors); }
-  // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt, kBadInput) for one that
-  // cannot be decoded, that does not fit what it builds on (this one, or one that waited for it), or that names a map of another tier;
-  // nothing is stored of it then.
+  // An encoded MapUpdate. Updates of one origin may come in any order and more than once. Throws Error (kCorrupt,
+  // kBadInput) for one that cannot be decoded, that does not fit what it builds on (this one, or one that waited for
+  // it), or that names a map of another tier; nothing is stored of it then.
   Receipt receive(std::string_view bytes, const std::string& where);
   // Every origin, in order: the sender repeats what is awaited.
   std::vector<Receipt> receipts() const;
-  // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared out so that the
-  // products of their nodes are even. Others (of robots that map on board) are left to seal().
+  // What edges can judge for seal(): of the pairs that it begins with those of maps that came from two of them, shared
+  // out so that the products of their nodes are even. Others (of robots that map on board) are left to seal().
   std::map<TierId, JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool&) const;
-  // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the judgements among
-  // them change a byte.
+  // Fuses all maps. Throws Error(kMissing) while an update is awaited. Neither the order in which updates came nor the
+  // judgements among them change a byte.
   fusion::FusionResult seal(WorkerPool&, Progress&);
 
  private:

@@ -1,6 +1,7 @@
 #pragma once
-// The coordinator's role (RecSLAM III-D, IV): receives what robots' maps show and what edges and wires are like, and decides which robot's
-// data go to which edge; again when the world changes, where that is worth it, and why. A state machine: no thread, no clock, no file.
+// The coordinator's role (RecSLAM III-D, IV): receives what robots' maps show and what edges and wires are like, and
+// decides which robot's data go to which edge; again when the world changes, where that is worth it, and why. A state
+// machine: no thread, no clock, no file.
 
 #include <mapweave/maps/map_summary.h>
 #include <mapweave/scheduling/overlap_estimate.h>
@@ -59,8 +60,8 @@ struct CoordinatorDecision {
   bool is_new_plan = false;          // else robots stay, but for those that have no edge
   std::vector<Move> moves;           // by robot
   std::map<RobotId, TierId> edge_of;
-  // Of t_c (eq. 3) for what was sensed so far: as decided, had everybody stayed (those without an edge put where they cost least), and
-  // what no plan undercuts.
+  // Of t_c (eq. 3) for what was sensed so far: as decided, had everybody stayed (those without an edge put where they
+  // cost least), and what no plan undercuts.
   double expected_s = 0.0, staying_s = 0.0, lower_bound_s = 0.0;
   double cut_weight = 0.0, algorithm_s = 0.0;
   std::vector<scheduling::OverlapEstimator::Overlap> overlaps;  // as summaries reported them
@@ -70,10 +71,11 @@ class Coordinator {
  public:
   explicit Coordinator(CoordinatorOptions);
 
-  // Robots and edges that were not named before come first; ContractViolation for a report or a link of one that is unknown.
+  // Robots and edges that were not named before come first; ContractViolation for a report or a link of one that is
+  // unknown.
   void receive(CoordinatorEvent);
-  // nullopt where nothing was received since the last decision that could change it. Pure in what was received, but for algorithm_s. Throws
-  // Error what make_plan throws of a method that cannot do what is asked.
+  // nullopt where nothing was received since the last decision that could change it. Pure in what was received, but for
+  // algorithm_s. Throws Error what make_plan throws of a method that cannot do what is asked.
   std::optional<CoordinatorDecision> decide(double now_s);
 
   const std::map<RobotId, TierId>& edge_of() const { return edge_of_; }  // empty names: on board

@@ -1,6 +1,7 @@
 #pragma once
-// The edge's role: keeps the maps of its robots, fuses them (RecSLAM's preparative fusion) and sends to the cloud. Its commitments are
-// provisional: what travels are the robots' own maps and the judgements made here. A state machine: no thread, no clock, no file.
+// The edge's role: keeps the maps of its robots, fuses them (RecSLAM's preparative fusion) and sends to the cloud. Its
+// commitments are provisional: what travels are the robots' own maps and the judgements made here. A state machine: no
+// thread, no clock, no file.
 
 #include <mapweave/fusion/fuse.h>
 #include <mapweave/tiers/judging_task.h>
@@ -31,17 +32,19 @@ class EdgeServer {
     std::size_t map_bytes = 0;           // of these, what are the robot's own maps
     bool fused = false;                  // all robots have ended: result() is there
   };
-  // A robot's stream has ended. Throws Error(kBadInput) for a robot that is not this edge's, or that has ended already. The edge's result
-  // does not depend on the order in which robots end.
+  // A robot's stream has ended. Throws Error(kBadInput) for a robot that is not this edge's, or that has ended already.
+  // The edge's result does not depend on the order in which robots end.
   Effects step(RobotOutcome, WorkerPool&, Progress&);
 
-  // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair of which it holds
-  // no map.
+  // After it has fused: what the cloud asks for. Throws what decoding an update throws, and Error(kBadInput) for a pair
+  // of which it holds no map.
   Effects step(const JudgingTask&, WorkerPool&, Progress&);
 
   TierId id() const { return edge_; }
-  const Table<MapId, Map>& maps() const { return maps_; }         // the store: every robot's own map
-  const fusion::FusionResult& result() const { return result_; }  // empty before all robots have ended, and where none left a map
+  const Table<MapId, Map>& maps() const { return maps_; }  // the store: every robot's own map
+  const fusion::FusionResult& result() const {
+    return result_;
+  }  // empty before all robots have ended, and where none left a map
 
  private:
   TierId edge_;

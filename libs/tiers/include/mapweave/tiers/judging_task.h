@@ -1,6 +1,6 @@
 #pragma once
-// What the cloud asks of an edge before it joins everything: to judge pairs of maps that lie on two edges. Judgements are pure in two
-// contents, so whoever makes them makes the same.
+// What the cloud asks of an edge before it joins everything: to judge pairs of maps that lie on two edges. Judgements
+// are pure in two contents, so whoever makes them makes the same.
 
 #include <mapweave/fusion/fuse.h>
 

@@ -1,6 +1,6 @@
 #pragma once
-// The robot's role, mode offload: packs what it sensed, for exactly one edge (RecSLAM III-B). A state machine: no thread, no clock, no
-// file.
+// The robot's role, mode offload: packs what it sensed, for exactly one edge (RecSLAM III-B). A state machine: no
+// thread, no clock, no file.
 
 #include <mapweave/core/error.h>
 #include <mapweave/laser/scan_input.h>
@@ -16,8 +16,8 @@ class RobotAgent {
   // `stream`: what the records come from, for messages; the robot's name where it is empty.
   explicit RobotAgent(RobotId robot, laser::ScanInputOptions options = {}, std::string stream = {});
 
-  // The next record of the robot's own stream; nullopt where it is of no use to a laser mapper. Throws Error(kBadInput) where time runs
-  // backwards; the stream should then end.
+  // The next record of the robot's own stream; nullopt where it is of no use to a laser mapper. Throws Error(kBadInput)
+  // where time runs backwards; the stream should then end.
   std::optional<Sensed> step(const rawlog::Record&);
   // The stream ends, early where there is trouble. A stream without a laser scan is trouble. Called once.
   Sensed end(std::optional<Error> trouble = {});

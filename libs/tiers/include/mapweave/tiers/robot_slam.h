@@ -1,6 +1,6 @@
 #pragma once
-// One SLAM instance of an edge: one robot's messages in, its map out when the stream has ended. Instances share nothing, so that an edge
-// can run each on a thread of its own. A state machine: no thread, no clock, no file.
+// One SLAM instance of an edge: one robot's messages in, its map out when the stream has ended. Instances share
+// nothing, so that an edge can run each on a thread of its own. A state machine: no thread, no clock, no file.
 
 #include <mapweave/laser/laser_mapper.h>
 #include <mapweave/maps/exchange.h>
@@ -23,8 +23,9 @@ class RobotSlam {
  public:
   RobotSlam(RobotId robot, std::unique_ptr<laser::LaserMapper> mapper);
 
-  // The outcome, once: at the end of the stream, or where the engine failed. What comes after it, and what came before, is ignored; a
-  // gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only Interrupted is thrown.
+  // The outcome, once: at the end of the stream, or where the engine failed. What comes after it, and what came before,
+  // is ignored; a gap in the numbers ends the stream. Whatever goes wrong is this robot's trouble; only Interrupted is
+  // thrown.
   std::optional<RobotOutcome> step(Sensed);
   // Empty after the outcome, and where the engine shows none before its end.
   Map map_so_far() const { return mapper_ != nullptr && anything_ ? mapper_->snapshot() : Map(); }
@@ -34,8 +35,9 @@ class RobotSlam {
   RobotOutcome finished(std::optional<Error> trouble);
   RobotOutcome failed(Error trouble);
   RobotId robot_;
-  std::unique_ptr<laser::LaserMapper> mapper_;    // null after the outcome
-  std::shared_ptr<const ScanGeometry> geometry_;  // of the last scan: scans of one laser share it, whatever they came over
+  std::unique_ptr<laser::LaserMapper> mapper_;  // null after the outcome
+  std::shared_ptr<const ScanGeometry>
+      geometry_;  // of the last scan: scans of one laser share it, whatever they came over
   std::uint64_t expected_ = 1;
   bool anything_ = false;
 };

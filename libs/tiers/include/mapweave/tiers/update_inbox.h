@@ -27,9 +27,10 @@ class UpdateInbox {
   UpdateInbox& operator=(UpdateInbox&&) = default;
 
   // What could be stored now, in order; nothing for one that came before, or that has to wait. One that builds on
-  // nothing may have any number after those: it says all up to there, in place of what was there. Throws Error(kBadInput) for one that does
-  // not fit what it builds on, of which nothing is stored then; one that waited and does not fit is dropped, and will be awaited.
-  // `bytes`: of the update as it came. most_waiting_bytes: that may wait here now, if less than kMostWaitingBytes.
+  // nothing may have any number after those: it says all up to there, in place of what was there. Throws
+  // Error(kBadInput) for one that does not fit what it builds on, of which nothing is stored then; one that waited and
+  // does not fit is dropped, and will be awaited. `bytes`: of the update as it came. most_waiting_bytes: that may wait
+  // here now, if less than kMostWaitingBytes.
   std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where,
                                  std::size_t most_waiting_bytes = kMostWaitingBytes);
   std::size_t waiting_bytes() const { return waiting_bytes_; }   // with what keeping each one takes
@@ -37,8 +38,8 @@ class UpdateInbox {
 
   // Changes when an update is stored.
   const Map& map() const { return kept_->map; }
-  // The map as it is now; what comes later changes another one. Read and let go of on any thread. While it is held the next update to be
-  // stored copies the map, once.
+  // The map as it is now; what comes later changes another one. Read and let go of on any thread. While it is held the
+  // next update to be stored copies the map, once.
   std::shared_ptr<const Map> snapshot() const;
   Receipt receipt() const { return {origin_, stored_, waiting_.empty() ? 0 : stored_ + 1}; }
 

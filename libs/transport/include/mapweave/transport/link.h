@@ -1,6 +1,6 @@
 #pragma once
-// A wire that messages of known size go over, in virtual time: when does the last byte arrive? For runs whose tiers share a process but
-// not, in what is reported of them, a place.
+// A wire that messages of known size go over, in virtual time: when does the last byte arrive? For runs whose tiers
+// share a process but not, in what is reported of them, a place.
 
 #include <mapweave/core/options.h>
 #include <mapweave/transport/profiles.h>
@@ -20,20 +20,24 @@ struct LinkOptions {
 
   template <class Visitor>
   void describe(Visitor& v) {
-    v.choice("profile", profile,
-             {{"none", LinkProfile::none},
-              {"lan", LinkProfile::lan},
-              {"wifi", LinkProfile::wifi},
-              {"4g", LinkProfile::lte},
-              {"5g", LinkProfile::nr}},
-             "kind of network link, with a typical bandwidth, delay, jitter and loss; none: everything arrives at once");
+    v.choice(
+        "profile", profile,
+        {{"none", LinkProfile::none},
+         {"lan", LinkProfile::lan},
+         {"wifi", LinkProfile::wifi},
+         {"4g", LinkProfile::lte},
+         {"5g", LinkProfile::nr}},
+        "kind of network link, with a typical bandwidth, delay, jitter and loss; none: everything arrives at once");
     v.non_negative("bytes_per_s", bytes_per_s, "bandwidth of the link in bytes per second; 0: as the profile says");
     v.non_negative("delay_s", delay_s, "one-way delay of a packet in seconds; 0: as the profile says");
     v.non_negative("jitter_s", jitter_s,
-                   "standard deviation in seconds of the random part that is added to each packet's delay; 0: as the profile says");
-    v.number("loss", loss, 0.0, 0.9, "share of packets that are lost and sent again a round trip later; 0: as the profile says");
+                   "standard deviation in seconds of the random part that is added to each packet's delay; 0: as the "
+                   "profile says");
+    v.number("loss", loss, 0.0, 0.9,
+             "share of packets that are lost and sent again a round trip later; 0: as the profile says");
     v.text("trace", trace,
-           "file with lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that gives the link's state over time, repeated after its "
+           "file with lines `seconds,bytes_per_s[,delay_s[,jitter_s[,loss]]]` that gives the link's state over time, "
+           "repeated after its "
            "last line; empty: the state is constant");
   }
 };
@@ -41,16 +45,18 @@ struct LinkOptions {
 // The profile, with the numbers that are given instead of its own.
 LinkState state_of(const LinkOptions&);
 
-// What a link is like from a time on. It begins again where the last entry begins, which says no more than that; a single entry lasts.
+// What a link is like from a time on. It begins again where the last entry begins, which says no more than that; a
+// single entry lasts.
 struct LinkTrace {
   std::vector<double> from_s;  // rising, from 0
   std::vector<LinkState> states;
 };
-// What a line leaves out is as in `otherwise`. Throws Error: kMissing without such a file, kBadInput with the line of one that is none.
+// What a line leaves out is as in `otherwise`. Throws Error: kMissing without such a file, kBadInput with the line of
+// one that is none.
 LinkTrace read_link_trace(const std::filesystem::path&, const LinkState& otherwise);
 
-// Messages leave in the order in which they are handed over and arrive in it; what is lost is sent again a round trip later. Not
-// thread-safe. The same numbers for the same seed.
+// Messages leave in the order in which they are handed over and arrive in it; what is lost is sent again a round trip
+// later. Not thread-safe. The same numbers for the same seed.
 class Link {
  public:
   Link(LinkState state, std::uint64_t seed) : Link(LinkTrace{{0.0}, {state}}, seed) {}
@@ -58,7 +64,8 @@ class Link {
   // The profile, numbers and trace of the options; throws what reading the trace throws.
   Link(const LinkOptions&, std::uint64_t seed);
 
-  // When the last byte arrives of a message that is handed over at a time, which is never earlier than that of the last.
+  // When the last byte arrives of a message that is handed over at a time, which is never earlier than that of the
+  // last.
   double send(double at_s, std::size_t bytes);
   LinkState state_at(double at_s) const { return span_at(at_s).state; }
 

@@ -1,5 +1,6 @@
 #pragma once
-// What common wires and processors are like, for runs whose tiers share a machine. Figures and their sources: src/profiles.cpp.
+// What common wires and processors are like, for runs whose tiers share a machine. Figures and their sources:
+// src/profiles.cpp.
 
 namespace mapweave::transport {
 

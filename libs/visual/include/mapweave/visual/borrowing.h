@@ -1,7 +1,7 @@
 #pragma once
-// What a camera client takes from a server (CVS III-B, III-C): landmarks that others made, and its own place where it does not know it.
-// Coordinates are those of the map that the client publishes (VisualClient::take_updates): of the robot's base at the session's first
-// keyframe.
+// What a camera client takes from a server (CVS III-B, III-C): landmarks that others made, and its own place where it
+// does not know it. Coordinates are those of the map that the client publishes (VisualClient::take_updates): of the
+// robot's base at the session's first keyframe.
 
 #include <mapweave/maps/exchange.h>
 

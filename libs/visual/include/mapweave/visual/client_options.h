@@ -19,21 +19,27 @@ struct TrackingOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("sigma_px", sigma_px,
-               "standard deviation in pixels of where a landmark is seen in the full picture; larger values trust single sightings less");
+               "standard deviation in pixels of where a landmark is seen in the full picture; larger values trust "
+               "single sightings less");
     v.positive("reach_px", reach_px,
-               "radius in pixels, on the landmark's pyramid level, around its predicted position in which it is searched for; larger "
+               "radius in pixels, on the landmark's pyramid level, around its predicted position in which it is "
+               "searched for; larger "
                "values follow faster motion and take longer");
     v.fraction("min_correlation", min_correlation,
-               "least correlation of a landmark's patch with the picture to count as seen; larger values track fewer landmarks with "
+               "least correlation of a landmark's patch with the picture to count as seen; larger values track fewer "
+               "landmarks with "
                "fewer mistakes");
     v.integer("cell_px", cell_px, 8, 200,
-              "side in pixels of the cells of the picture that hold one landmark each; smaller values track more landmarks and take "
+              "side in pixels of the cells of the picture that hold one landmark each; smaller values track more "
+              "landmarks and take "
               "longer");
     v.integer("near_keyframes", near_keyframes, 1, 1000,
-              "number of covisible keyframes whose landmarks are projected into each frame; larger values track more landmarks and take "
+              "number of covisible keyframes whose landmarks are projected into each frame; larger values track more "
+              "landmarks and take "
               "longer");
     v.integer("least_landmarks", least_landmarks, 8, 1000,
-              "number of tracked landmarks below which the camera counts as lost; half of it suffices while it is followed from frame to "
+              "number of tracked landmarks below which the camera counts as lost; half of it suffices while it is "
+              "followed from frame to "
               "frame");
     v.positive("gate_sigmas", gate_sigmas,
                "a sighting farther from its prediction than this many standard deviations is rejected as an outlier");
@@ -49,11 +55,14 @@ struct KeyframeOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.fraction("kept_share", kept_share,
-               "a new keyframe is made when fewer than this share of the last keyframe's landmarks are still tracked; larger values make "
+               "a new keyframe is made when fewer than this share of the last keyframe's landmarks are still tracked; "
+               "larger values make "
                "more keyframes");
-    v.positive("turn_rad", turn_rad, "a new keyframe is made after the camera turned by this angle in radians since the last one");
+    v.positive("turn_rad", turn_rad,
+               "a new keyframe is made after the camera turned by this angle in radians since the last one");
     v.positive("parallax", parallax,
-               "a new keyframe is made after the camera moved by this share of the landmarks' median distance since the last one");
+               "a new keyframe is made after the camera moved by this share of the landmarks' median distance since "
+               "the last one");
   }
 };
 
@@ -65,11 +74,13 @@ struct DepthOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.positive("inverse_depth_sigma", inverse_depth_sigma,
-               "standard deviation of a depth camera's inverse depth in 1/m; constant, because the error of a depth grows with its square");
+               "standard deviation of a depth camera's inverse depth in 1/m; constant, because the error of a depth "
+               "grows with its square");
     v.positive("max_depth_m", max_depth_m, "readings of a depth camera beyond this distance in metres are ignored");
     v.positive("min_depth_m", min_depth_m, "readings of a depth camera below this distance in metres are ignored");
     v.fraction("max_disparity", max_disparity,
-               "largest disparity of a stereo pair that is searched, as a share of the picture's width; larger values see nearer things "
+               "largest disparity of a stereo pair that is searched, as a share of the picture's width; larger values "
+               "see nearer things "
                "and take longer");
   }
 };
@@ -85,13 +96,16 @@ struct WindowOptions {
     v.integer("keyframes", keyframes, 2, 100,
               "number of keyframes that local bundle adjustment moves; larger values are more accurate and slower");
     v.integer("fixed_keyframes", fixed_keyframes, 0, 100,
-              "number of keyframes around the window that local bundle adjustment holds fixed, so that the window does not drift against "
+              "number of keyframes around the window that local bundle adjustment holds fixed, so that the window does "
+              "not drift against "
               "them");
     v.integer("steps", steps, 1, 100, "most solver steps of each local bundle adjustment");
     v.flag("learn_readout", learn_readout,
-           "estimate how long the camera takes to read a picture from its first row to its last (rolling shutter) and correct for it");
+           "estimate how long the camera takes to read a picture from its first row to its last (rolling shutter) and "
+           "correct for it");
     v.flag("learn_depth_offset", learn_depth_offset,
-           "estimate a constant error of the inverse depths (disparities) of a depth camera or stereo pair and correct for it");
+           "estimate a constant error of the inverse depths (disparities) of a depth camera or stereo pair and correct "
+           "for it");
   }
 };
 
@@ -107,13 +121,16 @@ struct MemoryOptions {
     v.integer("keyframes", keyframes, 20, 100000,
               "most keyframes in a robot's map; beyond it, those are removed whose landmarks other keyframes see too");
     v.fraction("redundant_share", redundant_share,
-               "a keyframe is removed where this share of its landmarks is seen by enough other keyframes; smaller values keep fewer "
+               "a keyframe is removed where this share of its landmarks is seen by enough other keyframes; smaller "
+               "values keep fewer "
                "keyframes");
     v.integer("redundant_views", redundant_views, 1, 100,
-              "number of other keyframes that must see a landmark as finely as a keyframe does for the landmark to count as redundant "
+              "number of other keyframes that must see a landmark as finely as a keyframe does for the landmark to "
+              "count as redundant "
               "there");
-    v.fraction("found_share", found_share,
-               "a landmark is removed when it is found in fewer than this share of the frames in which it was searched for");
+    v.fraction(
+        "found_share", found_share,
+        "a landmark is removed when it is found in fewer than this share of the frames in which it was searched for");
     v.integer("frames", frames, 1000, 100000000,
               "most frames of the trajectory that are kept, at 40 bytes each; beyond it every second one is dropped");
   }
@@ -129,18 +146,24 @@ struct VisualLoopOptions {
   bool wait = true;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.flag("enabled", enabled, "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
-    v.integer("witnesses", witnesses, 1, 20, "number of keyframes that must agree on a loop closure for it to be believed");
-    v.fraction("least_probability", least_probability, "least probability that two keyframes show one place to count for a loop closure");
+    v.flag("enabled", enabled,
+           "search for loop closures of a camera's map; off: drift stays, and sessions are not joined");
+    v.integer("witnesses", witnesses, 1, 20,
+              "number of keyframes that must agree on a loop closure for it to be believed");
+    v.fraction("least_probability", least_probability,
+               "least probability that two keyframes show one place to count for a loop closure");
     v.positive("drift", drift,
-               "drift that a loop closure may correct, in metres per metre of path since the place was seen; larger values accept loops "
+               "drift that a loop closure may correct, in metres per metre of path since the place was seen; larger "
+               "values accept loops "
                "after worse drift");
     v.positive("drift_m", drift_m, "drift in metres that a loop closure may correct whatever the length of the path");
     v.number("delay_s", delay_s, 0.0, 60.0,
-             "recorded time in seconds from detecting a loop closure until its correction is applied; fixed, so that results do not "
+             "recorded time in seconds from detecting a loop closure until its correction is applied; fixed, so that "
+             "results do not "
              "depend on computing time");
     v.flag("wait", wait,
-           "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; off: as soon as it is "
+           "apply a loop correction exactly delay_s after its detection, waiting for the computation if needed; off: "
+           "as soon as it is "
            "computed, which is not repeatable");
   }
 };
@@ -154,22 +177,29 @@ struct SessionOptions {
   bool await_place = false;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.positive("patience_s", patience_s,
-               "time in seconds for which a lost camera that sees something tries to relocalise before it begins a new map");
-    v.integer("least_corners", least_corners, 8, 10000,
-              "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered lens");
+    v.positive(
+        "patience_s", patience_s,
+        "time in seconds for which a lost camera that sees something tries to relocalise before it begins a new map");
+    v.integer(
+        "least_corners", least_corners, 8, 10000,
+        "number of corners below which a picture counts as showing nothing, as in a cupboard or with a covered lens");
     v.positive("carried_m_per_s", carried_m_per_s,
-               "speed in m/s at which a lost camera without odometry may have been moved; relocalisation farther away is refused as a "
+               "speed in m/s at which a lost camera without odometry may have been moved; relocalisation farther away "
+               "is refused as a "
                "look-alike");
     v.fraction("odometry_drift", odometry_drift,
-               "error of odometry as a share of motion and of turns while the camera is lost; relocalisation outside what it allows is "
+               "error of odometry as a share of motion and of turns while the camera is lost; relocalisation outside "
+               "what it allows is "
                "refused as a look-alike");
     v.number("alike_m", alike_m, 0.0, 1000.0,
-             "least distance in metres between two places that look the same, for cameras without odometry: a lost camera is relocalised "
-             "only where nearer look-alikes are impossible, and sessions are joined only where places twice as far apart agree; 0: every "
+             "least distance in metres between two places that look the same, for cameras without odometry: a lost "
+             "camera is relocalised "
+             "only where nearer look-alikes are impossible, and sessions are joined only where places twice as far "
+             "apart agree; 0: every "
              "place is unique");
     v.flag("await_place", await_place,
-           "a monocular camera begins no map of its own, but waits until the server tells it its pose, and thereby its scale");
+           "a monocular camera begins no map of its own, but waits until the server tells it its pose, and thereby its "
+           "scale");
   }
 };
 

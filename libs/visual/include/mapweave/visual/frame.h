@@ -20,7 +20,9 @@ struct Image {
   Image() = default;
   Image(int w, int h) : width(w), height(h), pixels(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
   bool empty() const { return pixels.empty(); }
-  const Pixel* row(int y) const { return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
+  const Pixel* row(int y) const {
+    return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
+  }
   Pixel* row(int y) { return pixels.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width); }
 };
 using GreyImage = Image<std::uint8_t>;
@@ -35,20 +37,22 @@ struct DepthPicture {
   double delay_s = 0.0;  // taken so much later than the picture; negative: earlier
 };
 
-// The colours of a picture as the sensor gave it, before rectification; the pixels are shared with whoever decoded them.
+// The colours of a picture as the sensor gave it, before rectification; the pixels are shared with whoever decoded
+// them.
 struct ColourPicture {
   std::shared_ptr<const std::uint8_t> blue_green_red;  // 8 bits each, pixel by pixel; null without colours
   int width = 0, height = 0;
   std::size_t row_bytes = 0;
   Pinhole camera;
   Distortion distortion;
-  Eigen::Quaterniond raw_from_rectified = Eigen::Quaterniond::Identity();  // rectifying a stereo pair turns its pictures
+  Eigen::Quaterniond raw_from_rectified =
+      Eigen::Quaterniond::Identity();  // rectifying a stereo pair turns its pictures
 };
 
 // How the camera moved since the frame before by wheels or gyroscopes, before its picture is looked at.
 struct ExpectedMotion {
   Eigen::Quaterniond earlier_from_later = Eigen::Quaterniond::Identity();  // optical frames
-  std::optional<Eigen::Vector3d> translation;                              // of the later camera in the earlier one's frame, metres
+  std::optional<Eigen::Vector3d> translation;  // of the later camera in the earlier one's frame, metres
 };
 
 struct Frame {
@@ -58,8 +62,8 @@ struct Frame {
   DepthPicture depth;  // image empty without depth
   ColourPicture colour;
   std::optional<ExpectedMotion> expected;
-  // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera without depth takes scale
-  // from, and what tells places apart that look the same.
+  // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera
+  // without depth takes scale from, and what tells places apart that look the same.
   std::optional<Pose3> odometry_from_camera;
   bool shows_depth() const { return !right.empty() || !depth.image.empty(); }
 };

@@ -24,7 +24,10 @@ struct FrameInputOptions {
   void describe(Visitor& v) {
     v.text("label", label, "sensor label of the camera to use where a log has several; empty: the first one seen");
     v.choice("kind", kind,
-             {{"auto", CameraKind::automatic}, {"mono", CameraKind::mono}, {"stereo", CameraKind::stereo}, {"rgbd", CameraKind::rgbd}},
+             {{"auto", CameraKind::automatic},
+              {"mono", CameraKind::mono},
+              {"stereo", CameraKind::stereo},
+              {"rgbd", CameraKind::rgbd}},
              "what of its pictures is used; mono leaves depth and right pictures aside");
   }
 };
@@ -39,19 +42,21 @@ struct CameraRig {
 
 class MotionPrior;
 
-// Of one robot's log, one call per record in order. Frames of the chosen camera are answered, all else is nullopt; odometry and inertial
-// units tell what motion to expect. Throws Error kBadInput,
-// naming the camera, where it has no calibration, where a picture has another size than that, or where it has no depth or right picture
-// and `kind` asks for them; kMissing and kCorrupt where a picture beside the log cannot be read.
+// Of one robot's log, one call per record in order. Frames of the chosen camera are answered, all else is nullopt;
+// odometry and inertial units tell what motion to expect. Throws Error kBadInput, naming the camera, where it has no
+// calibration, where a picture has another size than that, or where it has no depth or right picture and `kind` asks
+// for them; kMissing and kCorrupt where a picture beside the log cannot be read.
 class FramePacker {
  public:
   explicit FramePacker(FrameInputOptions options = {});
   ~FramePacker();
   std::optional<Frame> operator()(const rawlog::Record& record);
 
-  const std::optional<CameraRig>& rig() const { return rig_; }                              // after the first frame
-  const std::string& label() const { return options_.label; }                               // in use; empty before the first frame
-  const std::map<std::string, std::uint64_t>& ignored_cameras() const { return ignored_; }  // frames of other cameras, by label
+  const std::optional<CameraRig>& rig() const { return rig_; }  // after the first frame
+  const std::string& label() const { return options_.label; }   // in use; empty before the first frame
+  const std::map<std::string, std::uint64_t>& ignored_cameras() const {
+    return ignored_;
+  }  // frames of other cameras, by label
 
  private:
   FrameInputOptions options_;

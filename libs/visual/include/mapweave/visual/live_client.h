@@ -1,5 +1,6 @@
 #pragma once
-// A camera client with threads of its own, for cameras that do not wait: one follows the camera, another corrects the map after loops.
+// A camera client with threads of its own, for cameras that do not wait: one follows the camera, another corrects the
+// map after loops.
 
 #include <mapweave/visual/visual_client.h>
 
@@ -10,8 +11,8 @@
 
 namespace mapweave::visual {
 
-// The same code as VisualClient's; only which frames it gets, and when a corrected map is applied, depend on how long things take.
-// All calls are thread-safe.
+// The same code as VisualClient's; only which frames it gets, and when a corrected map is applied, depend on how long
+// things take. All calls are thread-safe.
 class LiveClient {
  public:
   // Called on the tracking thread after each frame, which may talk to the client then; the next frame waits meanwhile.
@@ -25,8 +26,8 @@ class LiveClient {
   // Never waits. A frame that waits already is dropped for this one. Contract as VisualClient::add.
   void add(Frame frame);
   void add(FeatureFrame frame);
-  // Until the last frame was tracked and what was pending is applied. Throws what a thread threw. The client is the caller's from then on;
-  // no more frames come.
+  // Until the last frame was tracked and what was pending is applied. Throws what a thread threw. The client is the
+  // caller's from then on; no more frames come.
   VisualClient& finish();
   int dropped() const;
 
