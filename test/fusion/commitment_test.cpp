@@ -1,4 +1,4 @@
-#include "commitment.h"
+#include "decision/commitment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

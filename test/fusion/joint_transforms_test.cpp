@@ -1,4 +1,4 @@
-#include "joint_transforms.h"
+#include "team/joint_transforms.h"
 
 #include <gtest/gtest.h>
 #include <support/pose_matchers.h>

@@ -1,4 +1,4 @@
-#include "same_recording.h"
+#include "decision/same_recording.h"
 #include "fused_maps.h"
 
 #include <gmock/gmock.h>

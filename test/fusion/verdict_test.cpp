@@ -1,4 +1,4 @@
-#include "verdict.h"
+#include "decision/verdict.h"
 
 #include <gtest/gtest.h>
 #include <laser/wall_agreement.h>

@@ -1,7 +1,7 @@
-#include "component_audit.h"
-#include "connections.h"
-#include "team_in_plane.h"
-#include "team_in_space.h"
+#include "decision/component_audit.h"
+#include "decision/connections.h"
+#include "team/team_in_plane.h"
+#include "team/team_in_space.h"
 
 #include <mapweave/core/disjoint_sets.h>
 #include <mapweave/core/interrupt.h>

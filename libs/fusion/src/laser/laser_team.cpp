@@ -1,6 +1,6 @@
 #include "laser_team.h"
 
-#include "../commitment.h"
+#include "decision/commitment.h"
 #include "self_repetition.h"
 
 #include <mapweave/core/interrupt.h>

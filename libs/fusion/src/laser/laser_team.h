@@ -3,7 +3,7 @@
 // first, and every merge is judged by the whole maps as the joint graph bends them.
 
 #include "constraint_search.h"
-#include "grid_alignments.h"
+#include "grid/grid_alignments.h"
 #include "prior_evidence.h"
 #include "team_audit.h"
 #include "whole_map_proposals.h"

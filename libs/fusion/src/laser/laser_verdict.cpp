@@ -2,7 +2,7 @@
 
 #include "laser_team.h"
 
-#include "../verdict.h"
+#include "decision/verdict.h"
 
 #include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/alignment.h>

@@ -1,6 +1,6 @@
 #include "submap_graph.h"
 
-#include "../grid_stiffness.h"
+#include "grid/grid_stiffness.h"
 
 #include <mapweave/maps/map_noise.h>
 

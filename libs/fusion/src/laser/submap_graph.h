@@ -2,7 +2,7 @@
 // The pose graph of several robots' submaps: each robot's own trajectory and loop closures, and matches between submaps
 // of any two robots or of one. What a robot's own map says is a measurement here like any other: the team can bend it.
 
-#include "../prepared_map.h"
+#include "decision/prepared_map.h"
 
 #include <mapweave/graph/relative_covariance.h>
 

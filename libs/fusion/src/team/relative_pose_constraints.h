@@ -1,8 +1,8 @@
 #pragma once
 // Relative-pose constraints between nodes of two maps, from witnesses.
 
-#include "prepared_map.h"
-#include "visual_witness.h"
+#include "decision/prepared_map.h"
+#include "visual/visual_witness.h"
 
 namespace mapweave::fusion {
 

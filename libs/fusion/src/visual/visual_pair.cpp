@@ -1,6 +1,6 @@
-#include "commitment.h"
+#include "decision/commitment.h"
+#include "decision/verdict.h"
 #include "repetition.h"
-#include "verdict.h"
 
 #include <mapweave/core/interrupt.h>
 

@@ -2,7 +2,7 @@
 // Stage 4 of fuse(): where the maps of one team lie, and where all their nodes do. Teams with a laser among them are
 // solved in the plane, teams of cameras alone in space.
 
-#include "pair_judging.h"
+#include "decision/pair_judging.h"
 
 #include <algorithm>
 #include <optional>

@@ -1,7 +1,7 @@
 #include "team_in_space.h"
-#include "verdict.h"
-#include "visual_team.h"
-#include "warm_start.h"
+#include "decision/verdict.h"
+#include "visual/visual_team.h"
+#include "visual/warm_start.h"
 
 namespace mapweave::fusion {
 

@@ -1,7 +1,7 @@
 #include "team_in_plane.h"
+#include "decision/verdict.h"
 #include "joint_transforms.h"
 #include "relative_pose_constraints.h"
-#include "verdict.h"
 
 #include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/rig/scale.h>

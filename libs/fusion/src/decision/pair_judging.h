@@ -1,11 +1,11 @@
 #pragma once
 // Stages 1 and 2 of fuse(): maps made ready, and each two of them judged by all senses that both have.
 
-#include "incremental_candidates.h"
 #include "laser/laser_team.h"
 #include "prepared_map.h"
-#include "repetition.h"
 #include "same_recording.h"
+#include "visual/incremental_candidates.h"
+#include "visual/repetition.h"
 
 #include <deque>
 #include <optional>

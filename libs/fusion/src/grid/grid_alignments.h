@@ -3,7 +3,7 @@
 // applied before anything else looks at them; what holds two of them together becomes matches of submaps and
 // constraints of tiles.
 
-#include "submap_graph.h"
+#include "laser/submap_graph.h"
 
 #include <mapweave/core/worker_pool.h>
 #include <mapweave/fusion/grid_pair.h>
