@@ -44,7 +44,10 @@ ExitCode export_map(Arguments arguments) {
       written.push_back((below / file).string());
   }
   auto& output = configuration.output;
-  output.png = files.png, output.pgm = files.pgm, output.pcd = files.pcd, output.tum = files.tum,
+  output.png = files.png;
+  output.pgm = files.pgm;
+  output.pcd = files.pcd;
+  output.tum = files.tum;
   output.g2o = files.g2o;
   write_file(folder.staging() / "config.yaml", to_yaml(configuration));
   std::vector<runtime::InputFile> read;

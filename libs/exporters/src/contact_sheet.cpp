@@ -66,8 +66,12 @@ SheetFrame shrunk(SheetFrame frame, int width_px) {
   const cv::Mat small = resized(frame, width_px);
   const float zoom = static_cast<float>(width_px) / static_cast<float>(frame.width);
   for (SheetTrack& track : frame.tracks)
-    for (auto& [u, v] : track.pixels) u *= zoom, v *= zoom;
-  frame.width = small.cols, frame.height = small.rows;
+    for (auto& [u, v] : track.pixels) {
+      u *= zoom;
+      v *= zoom;
+    }
+  frame.width = small.cols;
+  frame.height = small.rows;
   frame.grey.assign(small.datastart, small.dataend);
   frame.grey.shrink_to_fit();
   return frame;

@@ -17,8 +17,10 @@ constexpr double kFarthest_m = 1e7;
 
 std::size_t DepthCloud::VoxelHash::operator()(const Voxel& voxel) const {
   std::uint64_t hash = 0;
-  for (const std::int32_t number : voxel)
-    hash = (hash ^ static_cast<std::uint32_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
+  for (const std::int32_t number : voxel) {
+    hash = (hash ^ static_cast<std::uint32_t>(number)) * 0x9e3779b97f4a7c15u;
+    hash ^= hash >> 29;
+  }
   return static_cast<std::size_t>(hash);
 }
 
@@ -53,7 +55,10 @@ void DepthCloud::add(const std::vector<ColouredPoint>& points_in_map) {
 }
 
 void DepthCloud::halve(Gathered& gathered) {
-  for (std::size_t axis = 0; axis < 3; ++axis) gathered.place[axis] /= 2, gathered.colour[axis] /= 2;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    gathered.place[axis] /= 2;
+    gathered.colour[axis] /= 2;
+  }
   gathered.count /= 2;
 }
 

@@ -61,7 +61,10 @@ std::vector<LegendEntry> legend_of(const std::vector<RobotTrajectory>& robot_tra
   int line = 0;
   const auto add = [&](const std::string& text, const RobotTrajectory* trajectory, double before_text) {
     const double width = before_text * capital_px + Sheet::width_of(text, capital_px);
-    if (left > capital_px && left + width > width_px - capital_px) left = capital_px, ++line;
+    if (left > capital_px && left + width > width_px - capital_px) {
+      left = capital_px;
+      ++line;
+    }
     entries.push_back({text, trajectory, left, width, line});
     left += width + kLegendGap * capital_px;
   };

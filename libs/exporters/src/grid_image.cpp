@@ -43,8 +43,10 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
       known_in_row(static_cast<std::size_t>(grid.rows));
   for (std::int32_t row = 0; row < grid.rows; ++row)
     for (std::int32_t column = 0; column < grid.columns; ++column)
-      if (grid.at(column, row) != OccupancyGrid::kUnknown)
-        ++known_in_column[static_cast<std::size_t>(column)], ++known_in_row[static_cast<std::size_t>(row)];
+      if (grid.at(column, row) != OccupancyGrid::kUnknown) {
+        ++known_in_column[static_cast<std::size_t>(column)];
+        ++known_in_row[static_cast<std::size_t>(row)];
+      }
   auto [left, right] = without_outliers(known_in_column);
   auto [low, high] = without_outliers(known_in_row);
   // A robot that went astray may widen the picture by half the map, no more.
@@ -56,8 +58,10 @@ Window window_of(const OccupancyGrid& grid, const std::vector<SessionTrajectory>
     for (const auto& pose : trajectory.poses) {
       const std::int64_t column = cell_of(pose.map_from_robot.t.x(), grid.origin_x_m, grid.columns),
                          row = cell_of(pose.map_from_robot.t.y(), grid.origin_y_m, grid.rows);
-      left = std::min(left, column), right = std::max(right, column);
-      low = std::min(low, row), high = std::max(high, row);
+      left = std::min(left, column);
+      right = std::max(right, column);
+      low = std::min(low, row);
+      high = std::max(high, row);
     }
   const std::int64_t rim = 2 + std::max(right - left, high - low) / 50;
   return {left - rim, low - rim, right - left + 1 + 2 * rim, high - low + 1 + 2 * rim};

@@ -65,8 +65,10 @@ class Layer {
 struct Bounds {
   double left = 1e300, low = 1e300, right = -1e300, high = -1e300;
   void take(const cv::Point2d& p) {
-    left = std::min(left, p.x), right = std::max(right, p.x);
-    low = std::min(low, p.y), high = std::max(high, p.y);
+    left = std::min(left, p.x);
+    right = std::max(right, p.x);
+    low = std::min(low, p.y);
+    high = std::max(high, p.y);
   }
   double side() const { return std::max({1.0, right - left, high - low}) * 1.06; }
 };

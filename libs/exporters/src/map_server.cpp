@@ -166,8 +166,10 @@ OccupancyGrid resampled(const OccupancyGrid& grid, const Pose2& map_from_grid, c
   for (const auto& [x, y] :
        {std::pair(0.0, 0.0), std::pair(width_m, 0.0), std::pair(0.0, height_m), std::pair(width_m, height_m)}) {
     const Pose2 corner = compose(map_from_grid, Pose2(x, y, 0.0));
-    low_x = std::min(low_x, corner.x), high_x = std::max(high_x, corner.x);
-    low_y = std::min(low_y, corner.y), high_y = std::max(high_y, corner.y);
+    low_x = std::min(low_x, corner.x);
+    high_x = std::max(high_x, corner.x);
+    low_y = std::min(low_y, corner.y);
+    high_y = std::max(high_y, corner.y);
   }
   OccupancyGrid result;
   result.resolution_m = grid.resolution_m;

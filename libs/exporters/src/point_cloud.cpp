@@ -18,8 +18,10 @@ using Voxel = std::array<std::int64_t, 3>;  // its number along x, y, z
 struct VoxelHash {
   std::size_t operator()(const Voxel& voxel) const {
     std::uint64_t hash = 0;
-    for (const std::int64_t number : voxel)
-      hash = (hash ^ static_cast<std::uint64_t>(number)) * 0x9e3779b97f4a7c15u, hash ^= hash >> 29;
+    for (const std::int64_t number : voxel) {
+      hash = (hash ^ static_cast<std::uint64_t>(number)) * 0x9e3779b97f4a7c15u;
+      hash ^= hash >> 29;
+    }
     return static_cast<std::size_t>(hash);
   }
 };

@@ -30,8 +30,10 @@ Extent extent_of(std::vector<double> points, const std::vector<double>& robots) 
   } else {
     extent = {robots.front(), robots.front()};
   }
-  for (const double robot : robots)
-    extent.low = std::min(extent.low, robot), extent.high = std::max(extent.high, robot);
+  for (const double robot : robots) {
+    extent.low = std::min(extent.low, robot);
+    extent.high = std::max(extent.high, robot);
+  }
   const double rim = 0.02 * extent.length() + std::max(0.0, 0.5 * (kLeastSide_m - extent.length()));
   return {extent.low - rim, extent.high + rim};
 }
@@ -62,8 +64,10 @@ void draw_grid(const OccupancyGrid& grid, MapRaster& raster) {
       const auto [left, right] = cells(raster.left_m + column * pixel_m, grid.origin_x_m, grid.columns);
       bool wall = false, known = false;
       for (std::int32_t r = low; r <= high && !wall; ++r)
-        for (std::int32_t c = left; c <= right && !wall; ++c)
-          wall = grid.at(c, r) > 0, known = known || grid.at(c, r) != OccupancyGrid::kUnknown;
+        for (std::int32_t c = left; c <= right && !wall; ++c) {
+          wall = grid.at(c, r) > 0;
+          known = known || grid.at(c, r) != OccupancyGrid::kUnknown;
+        }
       if (wall || !known) raster.pixels.at<cv::Vec3b>(row, column) = wall ? kWallInk : kUnseen;
     }
   }
@@ -78,7 +82,8 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
   for (const SessionTrajectory& trajectory : trajectories)
     for (const StampedPose& pose : trajectory.poses) {
       MAPWEAVE_EXPECT(is_finite(pose.map_from_robot), "a robot's pose is finite");
-      robot_x.push_back(pose.map_from_robot.t.x()), robot_y.push_back(pose.map_from_robot.t.y());
+      robot_x.push_back(pose.map_from_robot.t.x());
+      robot_y.push_back(pose.map_from_robot.t.y());
       highest = std::max(highest, pose.map_from_robot.t.z());
     }
   std::vector<const ColouredPoint*> shown;
@@ -91,14 +96,17 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
                    [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
 
   std::vector<double> x, y;
-  for (const ColouredPoint* point : shown)
-    x.push_back(static_cast<double>(point->point.x())), y.push_back(static_cast<double>(point->point.y()));
+  for (const ColouredPoint* point : shown) {
+    x.push_back(static_cast<double>(point->point.x()));
+    y.push_back(static_cast<double>(point->point.y()));
+  }
   const bool on_grid = grid != nullptr && !grid->empty();
   if (on_grid) add_known(*grid, x, y);
   const Extent across = extent_of(std::move(x), robot_x), along = extent_of(std::move(y), robot_y);
   MapRaster raster;
   raster.pixels_per_m = options.common_side_px / std::max(across.length(), along.length());
-  raster.left_m = across.low, raster.low_m = along.low;
+  raster.left_m = across.low;
+  raster.low_m = along.low;
   const int columns = std::max(1, static_cast<int>(std::lround(across.length() * raster.pixels_per_m))),
             rows = std::max(1, static_cast<int>(std::lround(along.length() * raster.pixels_per_m)));
   raster.pixels = cv::Mat(rows, columns, CV_8UC3, kPaper);

@@ -34,7 +34,8 @@ void LaserLoopCloser::add(const Submap& submap, const Map& map) {
   for (const auto& member : submap.submap_from_node) {
     const Pose2 here = planar(member.second);
     if (last != nullptr) kept.length_m += std::hypot(here.x - last->x, here.y - last->y);
-    storage = here, last = &storage;
+    storage = here;
+    last = &storage;
   }
   kept.length_m *= 0.5;  // the next starts half-way
   const std::size_t number = submaps_.size();
@@ -131,7 +132,8 @@ bool LaserLoopCloser::search(std::size_t a, std::size_t b, const Uncertainty& un
       judgement.probability < options_.loops.min_probability)
     return false;
   Loop loop;
-  loop.a = a, loop.b = b;
+  loop.a = a;
+  loop.b = b;
   loop.a_from_b = planar(judgement.hypotheses.front().a_from_b.pose);
   loop.information = planar(judgement.hypotheses.front().covariance).inverse();
   loop.sure = window.radius_m <= options_.loops.confirm_radius_m;

@@ -50,7 +50,10 @@ bool is_locked(const fs::path& path) {
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) return false;
   struct flock lock {};
-  lock.l_type = F_RDLCK, lock.l_whence = SEEK_SET, lock.l_start = kSharedLock, lock.l_len = kSharedLocks;
+  lock.l_type = F_RDLCK;
+  lock.l_whence = SEEK_SET;
+  lock.l_start = kSharedLock;
+  lock.l_len = kSharedLocks;
   const bool locked = ::fcntl(file, F_OFD_GETLK, &lock) == 0 && lock.l_type != F_UNLCK;
   ::close(file);
   return locked;

@@ -46,7 +46,10 @@ class Transaction {
       } catch (const Error&) {  // SQLite has rolled back itself
       }
   }
-  void commit() { database_.run("COMMIT"), open_ = false; }
+  void commit() {
+    database_.run("COMMIT");
+    open_ = false;
+  }
 
  private:
   Database& database_;
@@ -108,7 +111,8 @@ struct UpdateJournal::State {
     if (database.number("SELECT count(*) FROM sqlite_schema") == 0 && database.number("PRAGMA application_id") == 0) {
       database.run("PRAGMA application_id = " + std::to_string(kApplicationId) +
                    "; PRAGMA user_version = " + std::to_string(kSchema));
-      database.run(kTable), database.run(kVetoTable);
+      database.run(kTable);
+      database.run(kVetoTable);
     } else if (database.number("PRAGMA application_id") == kApplicationId && !has_vetoes()) {
       database.run(std::string(kVetoTable) + "; PRAGMA user_version = " + std::to_string(kSchema));
     }

@@ -50,7 +50,9 @@ void take_picture_point(Point& point, std::string_view bytes) {
     return static_cast<std::uint16_t>(static_cast<std::uint8_t>(bytes[at]) | static_cast<std::uint8_t>(bytes[at + 1])
                                                                                  << 8);
   };
-  point.u = number(0), point.v = number(2), point.inverse_depth = number(4);
+  point.u = number(0);
+  point.v = number(2);
+  point.inverse_depth = number(4);
   point.level = static_cast<std::uint8_t>(bytes[6]);
 }
 

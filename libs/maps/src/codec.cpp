@@ -97,8 +97,10 @@ std::uint32_t version_of(const MapUpdate& update) {
   for (const Node& node : update.nodes)
     if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
       has_sweeps = has_sweeps || scan->geometry->has_sweep();
-    else if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get()))
-      has_keyframes = true, has_dense = has_dense || can_be_dense(keyframe->points);
+    else if (const auto* keyframe = std::get_if<KeyframeFeatures>(node.payload.get())) {
+      has_keyframes = true;
+      has_dense = has_dense || can_be_dense(keyframe->points);
+    }
   const bool has_landmarks =
       !update.landmarks.empty() || !update.changed_landmarks.empty() || !update.removed_landmarks.empty();
   if (has_sweeps) return 5;

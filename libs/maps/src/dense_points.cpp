@@ -37,10 +37,12 @@ class BitReader {
     while (count_ < width) {
       held_ |= std::uint64_t{next_ < bytes_.size() ? static_cast<std::uint8_t>(bytes_[next_]) : std::uint8_t{0}}
                << count_;
-      ++next_, count_ += 8;
+      ++next_;
+      count_ += 8;
     }
     const auto value = static_cast<std::uint32_t>(held_ & ((std::uint64_t{1} << width) - 1));
-    held_ >>= width, count_ -= width;
+    held_ >>= width;
+    count_ -= width;
     return value;
   }
   bool is_finished() const { return next_ == bytes_.size() && count_ < 8 && held_ == 0; }
@@ -130,7 +132,8 @@ std::optional<std::vector<KeyframePoint>> from_dense(std::string_view bytes, std
   BitReader reader(bytes);
   std::array<Column, 5> columns;
   for (Column& column : columns) {
-    column.shift = static_cast<int>(reader.take(kShiftBits)), column.width = static_cast<int>(reader.take(kWidthBits));
+    column.shift = static_cast<int>(reader.take(kShiftBits));
+    column.width = static_cast<int>(reader.take(kWidthBits));
     if (column.width > kWhole) return std::nullopt;
   }
   const auto& [u, v, depth, level, angle] = columns;
@@ -148,7 +151,10 @@ std::optional<std::vector<KeyframePoint>> from_dense(std::string_view bytes, std
     now += high < kLongestRun ? (high << v.width) + reader.take(v.width) : reader.take(kWhole);
     if (now > std::uint32_t{0xffff} >> v.shift) return std::nullopt;
     point.v = static_cast<std::uint16_t>(now << v.shift);
-    take(point.u, u), take(point.inverse_depth, depth), take(point.level, level), take(point.angle, angle);
+    take(point.u, u);
+    take(point.inverse_depth, depth);
+    take(point.level, level);
+    take(point.angle, angle);
     if (!fits) return std::nullopt;
   }
   if (!reader.is_finished()) return std::nullopt;

@@ -21,7 +21,10 @@ std::uint32_t packed_direction(const Eigen::Vector3d& direction) {
   if (direction.isZero(0.0)) return 0;
   const Eigen::Vector3d p = direction / direction.lpNorm<1>();
   double u = p.x(), v = p.y();
-  if (p.z() < 0.0) u = (1.0 - std::abs(p.y())) * sign(p.x()), v = (1.0 - std::abs(p.x())) * sign(p.y());
+  if (p.z() < 0.0) {
+    u = (1.0 - std::abs(p.y())) * sign(p.x());
+    v = (1.0 - std::abs(p.x())) * sign(p.y());
+  }
   const auto bits = [](double x) { return static_cast<std::uint32_t>(std::lround(x * kHalf + kHalf)) + 1; };
   return bits(u) << 8 | bits(v);
 }
@@ -72,9 +75,14 @@ std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
 SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks,
                          const std::vector<MovedNode>& corrected = {}) {
   SessionTable sessions;
-  for (const DescribedLandmark& landmark : landmarks)
-    expect_sound(landmark.id.session), sessions.add(landmark.id.session);
-  for (const MovedNode& moved : corrected) expect_sound(moved), sessions.add(moved.id.session);
+  for (const DescribedLandmark& landmark : landmarks) {
+    expect_sound(landmark.id.session);
+    sessions.add(landmark.id.session);
+  }
+  for (const MovedNode& moved : corrected) {
+    expect_sound(moved);
+    sessions.add(moved.id.session);
+  }
   sessions.sort();
   return sessions;
 }
@@ -135,12 +143,13 @@ DescribedLandmark FormReader::shared_landmark(const form::LentLandmark& form) co
             " are expected");
   DescribedLandmark landmark;
   landmark.id = landmark_id(form.id());
-  for (int axis = 0; axis < 3; ++axis)
-    landmark.point_in_map(axis) = kLandmarkUnit_m * form.point(axis),
+  for (int axis = 0; axis < 3; ++axis) {
+    landmark.point_in_map(axis) = kLandmarkUnit_m * form.point(axis);
     landmark.feature_from_point(axis) = kLandmarkUnit_m * form.feature(axis);
+  }
   landmark.descriptor = unpacked_descriptors(form.descriptor()).front();
   landmark.direction = unpacked_direction(form.look() >> 16);
-  landmark.nearest_m = unpacked_distance(form.look() >> 8 & 0xff),
+  landmark.nearest_m = unpacked_distance(form.look() >> 8 & 0xff);
   landmark.farthest_m = unpacked_distance(form.look() & 0xff);
   landmark.sigma_m = kLeastSigma_m * std::pow(kGrowth, std::min<std::uint32_t>(form.sigma(), 255));
   return landmark;
@@ -155,7 +164,8 @@ std::string encode(const Hello& hello) {
 }
 
 std::string encode(const ClientView& view) {
-  expect_sound_name(view.map), expect_sound(view.map_from_robot);
+  expect_sound_name(view.map);
+  expect_sound(view.map_from_robot);
   form::Exchange form;
   auto& content = *form.mutable_view();
   content.set_map(view.map.str());
@@ -178,7 +188,8 @@ std::string encode(const PlaceRequest& request) {
 }
 
 std::string encode(const PlaceAnswer& answer) {
-  expect_sound_name(answer.map), expect_sound(answer.map_from_robot);
+  expect_sound_name(answer.map);
+  expect_sound(answer.map_from_robot);
   const SessionTable sessions = sessions_of(answer.landmarks);
   form::Exchange form;
   auto& content = *form.mutable_place_answer();
@@ -224,7 +235,9 @@ std::string encode(const Sensed& sensed) {
     auto& end = *content.mutable_end();
     if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) {
       end.set_code(1 + static_cast<std::uint32_t>(trouble->code()));
-      end.set_problem(trouble->problem()), end.set_where(trouble->where()), end.set_remedy(trouble->remedy());
+      end.set_problem(trouble->problem());
+      end.set_where(trouble->where());
+      end.set_remedy(trouble->remedy());
     }
   }
   return written(form);
@@ -242,9 +255,10 @@ std::string encode(const MapReport& report) {
   auto& content = *form.mutable_map_report();
   content.set_robot(report.robot.str());
   content.set_scans(report.scans);
-  content.set_left(summary.left), content.set_bottom(summary.bottom);
-  content.set_columns(static_cast<std::uint32_t>(summary.columns)),
-      content.set_rows(static_cast<std::uint32_t>(summary.rows));
+  content.set_left(summary.left);
+  content.set_bottom(summary.bottom);
+  content.set_columns(static_cast<std::uint32_t>(summary.columns));
+  content.set_rows(static_cast<std::uint32_t>(summary.rows));
   std::string cells((summary.cells.size() + 3) / 4, '\0');
   for (std::size_t i = 0; i < summary.cells.size(); ++i)
     cells[i / 4] = static_cast<char>(static_cast<unsigned char>(cells[i / 4]) | static_cast<unsigned>(summary.cells[i])
@@ -252,7 +266,8 @@ std::string encode(const MapReport& report) {
   content.set_cells(std::move(cells));
   for (const MapSummary::Look& look : summary.looks) {
     auto& line = *content.add_looks();
-    line.set_x_cm(look.x_cm), line.set_y_cm(look.y_cm);
+    line.set_x_cm(look.x_cm);
+    line.set_y_cm(look.y_cm);
     line.set_walls(std::string(look.walls.begin(), look.walls.end()));
   }
   content.set_is_in_team_frame(summary.is_in_team_frame);
@@ -317,7 +332,8 @@ Sensed decode_sensed(std::string_view bytes, const std::string& where) {
       RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};
   switch (content.body_case()) {
     case form::Sensed::kScan:
-      reader.take_geometry(content.geometry()), sensed.body = reader.scan(content.scan());
+      reader.take_geometry(content.geometry());
+      sensed.body = reader.scan(content.scan());
       break;
     case form::Sensed::kOdometry: sensed.body = reader.pose(content.odometry()); break;
     case form::Sensed::kInertialYawRad:
@@ -353,8 +369,9 @@ MapReport decode_map_report(std::string_view bytes, const std::string& where) {
     reader.corrupt("more viewpoints than a summary has");
   MapReport report{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.scans(), {}};
   MapSummary& summary = report.summary;
-  summary.left = content.left(), summary.bottom = content.bottom();
-  summary.columns = static_cast<std::int32_t>(content.columns()),
+  summary.left = content.left();
+  summary.bottom = content.bottom();
+  summary.columns = static_cast<std::int32_t>(content.columns());
   summary.rows = static_cast<std::int32_t>(content.rows());
   summary.cells.reserve(cells);
   for (std::size_t i = 0; i < cells; ++i) {

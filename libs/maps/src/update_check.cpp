@@ -30,10 +30,15 @@ void expect_ascending(const MapUpdate& update) {
   };
   const auto itself = [](const auto& id) -> const auto& { return id; };
   const auto its_id = [](const auto& value) -> const auto& { return value.id; };
-  rise(update.nodes, its_id), rise(update.moved, its_id), rise(update.submaps, its_id),
-      rise(update.constraints, its_id);
-  rise(update.landmarks, its_id), rise(update.changed_landmarks, its_id);
-  rise(update.removed_nodes, itself), rise(update.removed_submaps, itself), rise(update.removed_constraints, itself);
+  rise(update.nodes, its_id);
+  rise(update.moved, its_id);
+  rise(update.submaps, its_id);
+  rise(update.constraints, its_id);
+  rise(update.landmarks, its_id);
+  rise(update.changed_landmarks, its_id);
+  rise(update.removed_nodes, itself);
+  rise(update.removed_submaps, itself);
+  rise(update.removed_constraints, itself);
   rise(update.removed_landmarks, itself);
 }
 

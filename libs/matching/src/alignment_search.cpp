@@ -33,7 +33,8 @@ struct CameraInSide {
   Vector3d translation;
   explicit CameraInSide(const CameraPlace& place) : pinhole(place.pinhole) {
     const Pose3 camera_from_side = inverse(place.side_from_camera);
-    rotation = camera_from_side.q.toRotationMatrix(), translation = camera_from_side.t;
+    rotation = camera_from_side.q.toRotationMatrix();
+    translation = camera_from_side.t;
   }
 };
 
@@ -155,7 +156,8 @@ Search::Sampling Search::sampling() const {
     if (pair.point_in_b && pair.camera_a == 0) of_b.from.push_back(i);
   }
   if (problem_.freedom == Freedom::similarity) return both;
-  of_a.solver = Solver::rays_of_b, of_b.solver = Solver::rays_of_a;
+  of_a.solver = Solver::rays_of_b;
+  of_b.solver = Solver::rays_of_a;
   // Rays do not suffer from the depths of the sampled side.
   const Sampling& rays = of_a.from.size() >= of_b.from.size() ? of_a : of_b;
   return rays.from.size() > kSampleSize ? rays : both;
@@ -209,11 +211,15 @@ std::optional<AlignmentFit> Search::by_sampling() const {
       if (support.score <= best.score) continue;
       // Three noisy points make a crude pose: improved by those that agree with it (Chum, Matas, Kittler: Locally
       // optimized RANSAC, 2003).
-      best = std::move(support), best_pose = pose;
+      best = std::move(support);
+      best_pose = pose;
       if (best.inliers.size() >= 2 * kSampleSize) {
         const Sim3 better = descended(pose, best.inliers, 3);
         Support improved = support_of(better);
-        if (improved.score > best.score) best = std::move(improved), best_pose = better;
+        if (improved.score > best.score) {
+          best = std::move(improved);
+          best_pose = better;
+        }
       }
       const double share = static_cast<double>(best.inliers.size()) / static_cast<double>(problem_.pairs.size());
       const double clean = std::pow(share, static_cast<double>(kSampleSize));
@@ -238,7 +244,10 @@ Search::Normal Search::normal_at(const Sim3& a_from_b, const std::vector<std::ui
   const auto take = [&](double square, const Vector2d& error, const Eigen::Matrix<double, 2, 7>& slope) {
     normal.cost += robust_cost(square);
     if (!std::isfinite(square)) return;
-    if (square < kGate) normal.square += square, ++normal.sightings;
+    if (square < kGate) {
+      normal.square += square;
+      ++normal.sightings;
+    }
     const Eigen::Matrix<double, 2, 7> weighted = robust_weight(square) * slope;
     normal.information.noalias() += weighted.transpose().lazyProduct(slope);
     normal.gradient.noalias() += weighted.transpose().lazyProduct(error);
@@ -251,14 +260,16 @@ Search::Normal Search::normal_at(const Sim3& a_from_b, const std::vector<std::ui
     by_motion.leftCols<3>().setIdentity();
     if (pair.point_in_b) {
       const Vector3d& p = *pair.point_in_b;
-      by_motion.middleCols<3>(3) = -cross_matrix(p), by_motion.col(6) = p;
+      by_motion.middleCols<3>(3) = -cross_matrix(p);
+      by_motion.col(6) = p;
       const double square = sighting_error(cameras_a_[pair.camera_a], transformed(p, a_from_b), pair.pixel_a,
                                            pair.sigma_a_px, &error, &by_point);
       take(square, error, by_point * turn * by_motion);
     }
     if (pair.point_in_a) {
       const Vector3d p = transformed(*pair.point_in_a, b_from_a);
-      by_motion.middleCols<3>(3) = -cross_matrix(p), by_motion.col(6) = p;
+      by_motion.middleCols<3>(3) = -cross_matrix(p);
+      by_motion.col(6) = p;
       const double square =
           sighting_error(cameras_b_[pair.camera_b], p, pair.pixel_b, pair.sigma_b_px, &error, &by_point);
       take(square, error, -by_point * by_motion);
@@ -300,10 +311,12 @@ Sim3 Search::descended(Sim3 a_from_b, const std::vector<std::uint32_t>& chosen, 
       const Sim3 next = moved(a_from_b, motion);
       cost = cost_at(next, chosen);
       better = cost < normal.cost;
-      if (better)
-        a_from_b = next, damping = std::max(1e-9, damping * 0.1);
-      else
+      if (better) {
+        a_from_b = next;
+        damping = std::max(1e-9, damping * 0.1);
+      } else {
         damping = std::max(1e-4, damping * 30.0);
+      }
     }
     if (!better || normal.cost - cost < kSettled * normal.cost) break;
   }

@@ -18,10 +18,14 @@ MAPWEAVE_POPCOUNT_CLONES std::uint32_t descend(const OrbDescriptor& query, const
     int least = 257;
     for (std::uint32_t child = first; child < first + count; ++child) {
       const int distance = hamming(query, descriptors[child]);
-      if (distance < least) least = distance, at = child;
+      if (distance < least) {
+        least = distance;
+        at = child;
+      }
     }
     if (level <= direct_level) passed = at;
-    first = nodes[at].first_child, count = nodes[at].children;
+    first = nodes[at].first_child;
+    count = nodes[at].children;
   }
   return at;
 }
@@ -48,7 +52,8 @@ BinaryVocabulary plant(int branching, int levels, const std::vector<PlainNode>& 
   for (std::size_t i = 0; i < plain.size(); ++i) child[next[plain[i].parent]++] = static_cast<std::uint32_t>(i);
 
   auto tree = std::make_shared<BinaryVocabulary::Tree>();
-  tree->branching = branching, tree->levels = levels;
+  tree->branching = branching;
+  tree->levels = levels;
   tree->nodes.reserve(plain.size());
   tree->descriptors.reserve(plain.size());
   std::vector<std::uint32_t> plain_of;  // of nodes, and the queue of those whose children are to come
@@ -126,12 +131,15 @@ DescribedPicture BinaryVocabulary::describe_picture(const std::vector<OrbDescrip
 int common_share(const BagOfWords& a, const BagOfWords& b) {
   int common = 0;
   for (auto i = a.begin(), j = b.begin(); i != a.end() && j != b.end();) {
-    if (i->word == j->word)
-      common += std::min(i->share, j->share), ++i, ++j;
-    else if (i->word < j->word)
+    if (i->word == j->word) {
+      common += std::min(i->share, j->share);
       ++i;
-    else
       ++j;
+    } else if (i->word < j->word) {
+      ++i;
+    } else {
+      ++j;
+    }
   }
   return common;
 }

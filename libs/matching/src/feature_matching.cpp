@@ -100,7 +100,10 @@ std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesVie
   for (std::size_t start = 0; start < kBins; ++start) {
     std::size_t sum = 0;
     for (std::size_t i = 0; i < width; ++i) sum += count[(start + i) % kBins];
-    if (sum > best) best = sum, first = start;
+    if (sum > best) {
+      best = sum;
+      first = start;
+    }
   }
   matches.erase(
       std::remove_if(matches.begin(), matches.end(),

@@ -24,7 +24,10 @@ using Channels = std::array<cv::Mat, kChannels>;
 struct Extent {
   double x0 = 1e30, y0 = 1e30, x1 = -1e30, y1 = -1e30;
   void add(double x, double y) {
-    x0 = std::min(x0, x), y0 = std::min(y0, y), x1 = std::max(x1, x), y1 = std::max(y1, y);
+    x0 = std::min(x0, x);
+    y0 = std::min(y0, y);
+    x1 = std::max(x1, x);
+    y1 = std::max(y1, y);
   }
   double width() const { return x1 - x0; }
   double height() const { return y1 - y0; }

@@ -62,7 +62,9 @@ OneDirection look(const SubmapModel& to, const SubmapModel& from, const Pose2& t
       ++result.inliers;
       const double nx = rotate_normals ? c * wall.normal_x - s * wall.normal_y : wall.normal_x;
       const double ny = rotate_normals ? s * wall.normal_x + c * wall.normal_y : wall.normal_y;
-      result.normals(0, 0) += nx * nx, result.normals(0, 1) += nx * ny, result.normals(1, 1) += ny * ny;
+      result.normals(0, 0) += nx * nx;
+      result.normals(0, 1) += nx * ny;
+      result.normals(1, 1) += ny * ny;
       continue;
     }
     if (here == Sight::unknown) continue;
@@ -216,8 +218,10 @@ namespace {
 Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const WideWindow& window,
                               const JudgeOptions& options) {
   Judgement judgement;
-  judgement.a = a.id, judgement.b = b.id;
-  judgement.content_a = a.content, judgement.content_b = b.content;
+  judgement.a = a.id;
+  judgement.b = b.id;
+  judgement.content_a = a.content;
+  judgement.content_b = b.content;
   judgement.doubt = Reason::little_overlap;
 
   SearchOptions search;

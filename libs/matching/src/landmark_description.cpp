@@ -24,7 +24,8 @@ LandmarkDescriber::LandmarkDescriber(const Map& map, const DescriptionOptions& o
   for (const auto& [id, node] : map.nodes) {
     numbers_.add(id);
     Known& known = nodes_.emplace_back();
-    known.node = &node, known.keyframe = keyframe_of(node);
+    known.node = &node;
+    known.keyframe = keyframe_of(node);
     if (known.keyframe == nullptr) continue;
     known.map_from_camera = compose(node.map_from_node, known.keyframe->geometry->robot_from_camera);
     known.camera_from_map = inverse(known.map_from_camera);
@@ -36,8 +37,10 @@ void LandmarkDescriber::sort_by_row(Known& known) const {
   const auto& points = known.keyframe->points;
   std::size_t rows = 1;
   int level = 0;
-  for (const KeyframePoint& point : points)
-    rows = std::max(rows, row_of(point.v) + 1), level = std::max<int>(level, point.level);
+  for (const KeyframePoint& point : points) {
+    rows = std::max(rows, row_of(point.v) + 1);
+    level = std::max<int>(level, point.level);
+  }
   const double reach_px = options_.reach_px * std::pow(std::max(1.0, known.keyframe->geometry->level_scale), level);
   for (int l = 0; l <= level; ++l) known.per_px2.push_back(std::pow(known.keyframe->geometry->level_scale, -2.0 * l));
   known.far = static_cast<int>(std::min(std::ceil(reach_px / kPixelUnit_px), 65536.0));
@@ -68,7 +71,10 @@ LandmarkDescriber::Look LandmarkDescriber::look(const Known& known, const Landma
     const double du = kPixelUnit_px * (point.u - u), dv = kPixelUnit_px * (point.v - v);
     const double apart = (du * du + dv * dv) * known.per_px2[point.level];
     if (!(apart < best || (look.has_feature && apart <= best && i < feature))) continue;
-    best = apart, feature = i, look.has_feature = true, look.descriptor = known.keyframe->descriptors[i];
+    best = apart;
+    feature = i;
+    look.has_feature = true;
+    look.descriptor = known.keyframe->descriptors[i];
     look.feature_from_point =
         known.map_from_camera.q * (depth_m * Eigen::Vector3d(du / camera.fx, dv / camera.fy, 0.0));
   }
@@ -103,7 +109,7 @@ std::optional<DescribedLandmark> LandmarkDescriber::described(const Landmark& la
     const double range = ray.norm(), depth = transformed(result.point_in_map, known->camera_from_map).z();
     if (!(depth > 0.0)) continue;
     result.direction += ray / range;
-    result.nearest_m = looks.empty() ? range : std::min(result.nearest_m, range),
+    result.nearest_m = looks.empty() ? range : std::min(result.nearest_m, range);
     result.farthest_m = std::max(result.farthest_m, range);
     sum_sigma += options_.sigma_px * (1 << std::min<int>(sighting->level, 8)) * depth / known->keyframe->geometry->fx;
     looks.push_back(look(*known, *sighting, depth));
@@ -115,10 +121,14 @@ std::optional<DescribedLandmark> LandmarkDescriber::described(const Landmark& la
     int sum = 0;
     for (const Look& other : looks)
       if (other.has_feature) sum += hamming(look.descriptor, other.descriptor);
-    if (best == nullptr || sum < least) best = &look, least = sum;
+    if (best == nullptr || sum < least) {
+      best = &look;
+      least = sum;
+    }
   }
   if (best == nullptr) return std::nullopt;
-  result.descriptor = best->descriptor, result.feature_from_point = best->feature_from_point;
+  result.descriptor = best->descriptor;
+  result.feature_from_point = best->feature_from_point;
   if (result.direction.norm() > 1e-6)
     result.direction.normalize();
   else

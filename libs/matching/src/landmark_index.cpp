@@ -17,7 +17,9 @@ bool is_within(const Eigen::Vector3d& point, double most) {
 
 std::size_t mixed(std::size_t hash, std::uint64_t value) {
   std::uint64_t h = hash ^ (value + 0x9E3779B97F4A7C15ULL + (hash << 6) + (hash >> 2));
-  h ^= h >> 32, h *= 0xD6E8FEB86659FD93ULL, h ^= h >> 32;
+  h ^= h >> 32;
+  h *= 0xD6E8FEB86659FD93ULL;
+  h ^= h >> 32;
   return static_cast<std::size_t>(h);
 }
 
@@ -77,7 +79,9 @@ DescribedLandmark transformed(const DescribedLandmark& landmark, const Sim3& oth
   result.point_in_map = scale * (pose.q * landmark.point_in_map) + pose.t;
   result.feature_from_point = scale * (pose.q * landmark.feature_from_point);
   result.direction = pose.q * landmark.direction;
-  result.nearest_m *= scale, result.farthest_m *= scale, result.sigma_m *= scale;
+  result.nearest_m *= scale;
+  result.farthest_m *= scale;
+  result.sigma_m *= scale;
   return result;
 }
 
@@ -85,7 +89,8 @@ DescribedLandmark transformed(const DescribedLandmark& landmark, const Sim3& oth
 class LandmarkIndex::View {
  public:
   View(const Frustum& frustum, const RetrievalOptions& options) : frustum_(frustum), options_(options) {
-    map_from_camera_ = frustum.map_from_camera.q.toRotationMatrix(), camera_from_map_ = map_from_camera_.transpose();
+    map_from_camera_ = frustum.map_from_camera.q.toRotationMatrix();
+    camera_from_map_ = map_from_camera_.transpose();
     least_cosine_ = std::cos(std::min(options.most_turn_rad, M_PI));
     const Pinhole& pinhole = frustum.pinhole;
     std::array<Eigen::Vector3d, 8> vertices;
@@ -94,7 +99,7 @@ class LandmarkIndex::View {
                                   i & 2 ? pinhole.height - 1.0 + options.margin_px : -options.margin_px);
       vertices[i] = frustum.map_from_camera.t +
                     map_from_camera_ * (pinhole.ray(pixel) * (i & 4 ? frustum.far_m : frustum.near_m));
-      low_ = i == 0 ? vertices[i] : low_.cwiseMin(vertices[i]).eval(),
+      low_ = i == 0 ? vertices[i] : low_.cwiseMin(vertices[i]).eval();
       high_ = i == 0 ? vertices[i] : high_.cwiseMax(vertices[i]).eval();
     }
     std::vector<Eigen::Vector2d> flat;
@@ -208,7 +213,8 @@ void LandmarkIndex::take_out(std::uint32_t slot) {
   const std::uint32_t place = place_in_cell_[slot];
   points[place] = points.back(), members[place] = members.back();
   place_in_cell_[members[place].slot] = place;
-  points.pop_back(), members.pop_back();
+  points.pop_back();
+  members.pop_back();
   if (members.empty()) cells_.erase(cell);
 }
 
@@ -223,7 +229,8 @@ void LandmarkIndex::set(const DescribedLandmark& landmark) {
     free_slots_.pop_back();
   } else {
     known->second = static_cast<std::uint32_t>(landmarks_.size());
-    landmarks_.emplace_back(), place_in_cell_.emplace_back();
+    landmarks_.emplace_back();
+    place_in_cell_.emplace_back();
   }
   const std::uint32_t slot = known->second;
   const auto [session, is_first] =

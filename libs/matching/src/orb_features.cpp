@@ -27,7 +27,8 @@ OrbFeatures orb_features(const PictureView& picture, const OrbFeatureOptions& op
     return std::tie(a.octave, a.pt.y, a.pt.x, a.angle, i) < std::tie(b.octave, b.pt.y, b.pt.x, b.angle, j);
   });
   OrbFeatures features;
-  features.points.reserve(order.size()), features.descriptors.reserve(order.size());
+  features.points.reserve(order.size());
+  features.descriptors.reserve(order.size());
   for (const int i : order) {
     const cv::KeyPoint& point = points[static_cast<std::size_t>(i)];
     features.points.push_back({point.pt.x, point.pt.y, point.angle, static_cast<std::uint8_t>(point.octave)});

@@ -99,7 +99,10 @@ std::vector<Constraint> rematch(const Map& map, const RematchOptions& options, W
       double best = 1e300;
       for (std::size_t k = 0; k < members.size(); ++k) {
         const double dx = (members[k].*frame).x - pose.x, dy = (members[k].*frame).y - pose.y;
-        if (dx * dx + dy * dy < best) best = dx * dx + dy * dy, nearest = k;
+        if (dx * dx + dy * dy < best) {
+          best = dx * dx + dy * dy;
+          nearest = k;
+        }
       }
       return nearest;
     };

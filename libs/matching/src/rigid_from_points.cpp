@@ -59,9 +59,12 @@ bool polish(Vector3d& along, const Vector3d& cosine, const Vector3d& side) {
   };
   for (int i = 0; i < 5; ++i) {
     Matrix3d slope = Matrix3d::Zero();
-    slope(0, 0) = 2.0 * (along(0) - cosine(0) * along(1)), slope(0, 1) = 2.0 * (along(1) - cosine(0) * along(0));
-    slope(1, 0) = 2.0 * (along(0) - cosine(1) * along(2)), slope(1, 2) = 2.0 * (along(2) - cosine(1) * along(0));
-    slope(2, 1) = 2.0 * (along(1) - cosine(2) * along(2)), slope(2, 2) = 2.0 * (along(2) - cosine(2) * along(1));
+    slope(0, 0) = 2.0 * (along(0) - cosine(0) * along(1));
+    slope(0, 1) = 2.0 * (along(1) - cosine(0) * along(0));
+    slope(1, 0) = 2.0 * (along(0) - cosine(1) * along(2));
+    slope(1, 2) = 2.0 * (along(2) - cosine(1) * along(0));
+    slope(2, 1) = 2.0 * (along(1) - cosine(2) * along(2));
+    slope(2, 2) = 2.0 * (along(2) - cosine(2) * along(1));
     const Vector3d moved = along - slope.partialPivLu().solve(error(along));
     if (!moved.allFinite() || error(moved).squaredNorm() >= error(along).squaredNorm()) break;
     along = moved;
@@ -80,7 +83,8 @@ std::optional<Sim3> align_points(const std::vector<PointPair>& pairs, Freedom fr
     mean_a += pair.weight * pair.in_a;
     mean_b += pair.weight * pair.in_b;
   }
-  mean_a /= total, mean_b /= total;
+  mean_a /= total;
+  mean_b /= total;
   Matrix3d m = Matrix3d::Zero();  // sum of b a^T
   double square_a = 0.0, square_b = 0.0;
   for (const PointPair& pair : pairs) {
@@ -119,9 +123,12 @@ std::vector<Pose3> poses_from_three_points(const std::array<Vector3d, 3>& rays, 
 
   // With l the distances along the rays: l^T M_ij l = side_ij. Two combinations have 0 on the right.
   Matrix3d m01 = Matrix3d::Zero(), m02 = Matrix3d::Zero(), m12 = Matrix3d::Zero();
-  m01(0, 0) = m01(1, 1) = 1.0, m01(0, 1) = m01(1, 0) = -cosine(0);
-  m02(0, 0) = m02(2, 2) = 1.0, m02(0, 2) = m02(2, 0) = -cosine(1);
-  m12(1, 1) = m12(2, 2) = 1.0, m12(1, 2) = m12(2, 1) = -cosine(2);
+  m01(0, 0) = m01(1, 1) = 1.0;
+  m01(0, 1) = m01(1, 0) = -cosine(0);
+  m02(0, 0) = m02(2, 2) = 1.0;
+  m02(0, 2) = m02(2, 0) = -cosine(1);
+  m12(1, 1) = m12(2, 2) = 1.0;
+  m12(1, 2) = m12(2, 1) = -cosine(2);
   const double size = side.maxCoeff();
   const Matrix3d d1 = (m01 * side(2) - m12 * side(0)) / size, d2 = (m02 * side(2) - m12 * side(1)) / size;
   // A combination of the two that is no full conic: two planes through the origin.

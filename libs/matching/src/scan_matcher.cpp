@@ -100,7 +100,11 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
         const int dx = i - half;
         const double value = sum[i] - cost_m * (dx * dx + dy * dy) - cost_yaw * turn * turn;
         if (value > best_value) {
-          best_value = value, best_turn = turn, best_x = dx, best_y = dy, best_sum = sum[i];
+          best_value = value;
+          best_turn = turn;
+          best_x = dx;
+          best_y = dy;
+          best_sum = sum[i];
         }
       }
     }
@@ -149,7 +153,9 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
       gradient(1) += weight * (j01 * r0 + j11 * r1);
       gradient(2) += weight * (j02 * r0 + j12 * r1);
     }
-    hessian(1, 0) = hessian(0, 1), hessian(2, 0) = hessian(0, 2), hessian(2, 1) = hessian(1, 2);
+    hessian(1, 0) = hessian(0, 1);
+    hessian(2, 0) = hessian(0, 2);
+    hessian(2, 1) = hessian(1, 2);
     Eigen::Matrix3d system = hessian;
     system.diagonal() += Eigen::Vector3d(1.0, 1.0, 0.1);
     if (prior != nullptr) {
@@ -160,12 +166,16 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
       const double far = 1.0 + (off_x * off_x + off_y * off_y) * im0 / prior->gate,
                    turned = 1.0 + off_yaw * off_yaw * iy0 / prior->gate;
       const double im = im0 / (far * far), iy = iy0 / (turned * turned);
-      system(0, 0) += im, system(1, 1) += im, system(2, 2) += iy;
+      system(0, 0) += im;
+      system(1, 1) += im;
+      system(2, 2) += iy;
       gradient += Eigen::Vector3d(im * off_x, im * off_y, iy * off_yaw);
     }
     const Eigen::Vector3d step = system.ldlt().solve(-gradient);
     if (!step.allFinite()) break;
-    x += step(0), y += step(1), phi += step(2);
+    x += step(0);
+    y += step(1);
+    phi += step(2);
     if (std::abs(step(0)) + std::abs(step(1)) < 2e-4 && std::abs(step(2)) < 2e-5) break;
   }
   match.field_from_scan = {x, y, wrap_angle(phi)};
@@ -179,7 +189,10 @@ ScanMatch refine(const WallField& field, const std::vector<WallPoint>& points, c
   match.score = sum / (255.0 * static_cast<double>(points.size()));
   // From the field's frame into the scan's: a small motion there is a rotated one here.
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  rotation(0, 0) = c, rotation(0, 1) = -s, rotation(1, 0) = s, rotation(1, 1) = c;
+  rotation(0, 0) = c;
+  rotation(0, 1) = -s;
+  rotation(1, 0) = s;
+  rotation(1, 1) = c;
   match.information = rotation.transpose() * hessian * rotation;
   return match;
 }

@@ -74,8 +74,10 @@ std::optional<Verification> verify(const SubmapModel& a, const SubmapModel& b, c
     for (auto& p : *moving) {
       const Eigen::Vector4f place = step * Eigen::Vector4f(p.x, p.y, p.z, 1.0F);
       const Eigen::Vector3f normal = step.topLeftCorner<3, 3>() * Eigen::Vector3f(p.normal_x, p.normal_y, p.normal_z);
-      p.x = place.x(), p.y = place.y();
-      p.normal_x = normal.x(), p.normal_y = normal.y();
+      p.x = place.x();
+      p.y = place.y();
+      p.normal_x = normal.x();
+      p.normal_y = normal.y();
     }
     moved = (step * moved).eval();
   }

@@ -32,10 +32,13 @@ void walk(double x0, double y0, double x1, double y1, double inverse, Visit&& vi
   int most = std::abs(last_x - x) + std::abs(last_y - y);
   while ((x != last_x || y != last_y) && most-- > 0) {
     visit(x, y);
-    if (next_x < next_y)
-      next_x += each_x, x += step_x;
-    else
-      next_y += each_y, y += step_y;
+    if (next_x < next_y) {
+      next_x += each_x;
+      x += step_x;
+    } else {
+      next_y += each_y;
+      y += step_y;
+    }
   }
 }
 
@@ -54,10 +57,20 @@ std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::
   double count = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
   for (int dy = -around; dy <= around; ++dy)
     for (int dx = -around; dx <= around; ++dx)
-      if (is_within(grid, column + dx, row + dy) && grid.at(column + dx, row + dy) > OccupancyGrid::kUnknown)
-        count += 1, x += dx, y += dy, xx += dx * dx, xy += dx * dy, yy += dy * dy;
+      if (is_within(grid, column + dx, row + dy) && grid.at(column + dx, row + dy) > OccupancyGrid::kUnknown) {
+        count += 1;
+        x += dx;
+        y += dy;
+        xx += dx * dx;
+        xy += dx * dy;
+        yy += dy * dy;
+      }
   std::vector<std::pair<double, double>> faces;
-  x /= count, y /= count, xx = xx / count - x * x, xy = xy / count - x * y, yy = yy / count - y * y;
+  x /= count;
+  y /= count;
+  xx = xx / count - x * x;
+  xy = xy / count - x * y;
+  yy = yy / count - y * y;
   const double spread = std::sqrt((xx - yy) * (xx - yy) + 4.0 * xy * xy), along = 0.5 * (xx + yy + spread),
                across = 0.5 * (xx + yy - spread);
   if (count >= 3 && along > 4.0 * across) {
@@ -148,7 +161,9 @@ void SubmapModel::add_raster(const OccupancyGrid& grid, const Pose2& submap_from
     for (std::int32_t column = 0; column < grid.columns; ++column)
       if (grid.at(column, row) < OccupancyGrid::kUnknown) {
         const Point2f p = place(column + 0.5, row + 0.5);
-        x += p.x, y += p.y, ++count;
+        x += p.x;
+        y += p.y;
+        ++count;
       }
   if (count > 0)
     path_.push_back({x / static_cast<double>(count), y / static_cast<double>(count), 0.0});

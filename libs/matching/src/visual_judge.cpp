@@ -70,10 +70,12 @@ class Pairs {
   }
   void add(const FeatureId& of_a, const FeatureId& of_b) {
     FeaturePair pair;
-    pair.point_in_a = a_.point_of(of_a), pair.point_in_b = b_.point_of(of_b);
+    pair.point_in_a = a_.point_of(of_a);
+    pair.point_in_b = b_.point_of(of_b);
     if (!pair.point_in_a && !pair.point_in_b) return;
     if (!keys_.insert({a_.key_of(of_a), b_.key_of(of_b)}).second) return;
-    pair.camera_a = of_a.keyframe, pair.camera_b = of_b.keyframe;
+    pair.camera_a = of_a.keyframe;
+    pair.camera_b = of_b.keyframe;
     std::tie(pair.pixel_a, pair.sigma_a_px) = seen(a_, of_a);
     std::tie(pair.pixel_b, pair.sigma_b_px) = seen(b_, of_b);
     problem.pairs.push_back(pair);
@@ -113,8 +115,10 @@ class Judge {
     VisualJudgement result;
     Judgement& judgement = result.judgement;
     judgement.id = visual_judgement_id(a_.place.content, b_.place.content, options_);
-    judgement.a = a_.place.id, judgement.b = b_.place.id;
-    judgement.content_a = a_.place.content, judgement.content_b = b_.place.content;
+    judgement.a = a_.place.id;
+    judgement.b = b_.place.id;
+    judgement.content_a = a_.place.content;
+    judgement.content_b = b_.place.content;
     judgement.doubt = Reason::little_overlap;
     auto best = aligned(0);
     if ((!best || doubt_of(evidence_of(*best), static_cast<int>(best->matches.size())) != Reason::none) &&

@@ -61,7 +61,11 @@ class Clustering {
         while (drawn >= squares[i]) drawn -= squares[i++];
         Squares lowered = squares;
         const std::uint64_t left = lower(lowered, members, all_[members[i]]);
-        if (left < best_total) best_total = left, best = all_[members[i]], best_squares = std::move(lowered);
+        if (left < best_total) {
+          best_total = left;
+          best = all_[members[i]];
+          best_squares = std::move(lowered);
+        }
       }
       centres.push_back(best);
       squares = std::move(best_squares);

@@ -50,14 +50,17 @@ LocalNormal local_normal(float n, float x, float y, float xx, float xy, float yy
   const float large = std::max(half_trace + root, 0.0F), small = std::max(half_trace - root, 0.0F);
   float ax = cxy, ay = large - cxx;  // along the wall
   if (std::abs(ax) + std::abs(ay) < 1e-9F) {
-    ax = cxx >= cyy ? 1.0F : 0.0F, ay = 1.0F - ax;
+    ax = cxx >= cyy ? 1.0F : 0.0F;
+    ay = 1.0F - ax;
   }
   const float length = std::sqrt(ax * ax + ay * ay);
-  ax /= length, ay /= length;
+  ax /= length;
+  ay /= length;
   LocalNormal normal;
   normal.mean_x = mx;
   normal.mean_y = my;
-  normal.normal_x = -ay, normal.normal_y = ax;
+  normal.normal_x = -ay;
+  normal.normal_y = ax;
   normal.flatness = large > 0 ? (large - small) / (large + small + kNoise_m * kNoise_m) : 0.0F;
   // A flat distribution says nothing along the wall: where a point lies along it depends on where the rays fell.
   const float across = 1.0F / std::sqrt(small + kNoise_m * kNoise_m);
@@ -99,8 +102,10 @@ void WallField::add(const std::vector<WallPoint>& points_in_field) {
   static const Kernel kernel = make_kernel();
   float low_x = points_in_field[0].x, high_x = low_x, low_y = points_in_field[0].y, high_y = low_y;
   for (const auto& p : points_in_field) {
-    low_x = std::min(low_x, p.x), high_x = std::max(high_x, p.x);
-    low_y = std::min(low_y, p.y), high_y = std::max(high_y, p.y);
+    low_x = std::min(low_x, p.x);
+    high_x = std::max(high_x, p.x);
+    low_y = std::min(low_y, p.y);
+    high_y = std::max(high_y, p.y);
   }
   reserve(low_x, low_y, high_x, high_y);
   for (const auto& p : points_in_field) {
@@ -187,8 +192,10 @@ void WallField::update(int cell_x, int cell_y, Sides& sides) {
     const float a = quadrants[kQuadrants[side][0]].n, b = quadrants[kQuadrants[side][1]].n, lean = (a - b) / (a + b);
     const Direction facing{side == 0 ? 1.0F : side == 2 ? -1.0F : lean, side == 1 ? 1.0F : side == 3 ? -1.0F : lean};
     const Direction here = turned(normal.normal_x, normal.normal_y);
-    if (facing.u * here.u + facing.v * here.v < 0)
-      normal.normal_x = -normal.normal_x, normal.normal_y = -normal.normal_y;
+    if (facing.u * here.u + facing.v * here.v < 0) {
+      normal.normal_x = -normal.normal_x;
+      normal.normal_y = -normal.normal_y;
+    }
   }
 }
 

@@ -46,7 +46,11 @@ std::vector<WallPoint> wall_points(const PackedScan& scan, double min_range_m, d
       ++right;
     float nx = ends[left].y - ends[right].y, ny = ends[right].x - ends[left].x;
     float length = std::sqrt(nx * nx + ny * ny);
-    if (length < 1e-4F) nx = view_x, ny = view_y, length = range;
+    if (length < 1e-4F) {
+      nx = view_x;
+      ny = view_y;
+      length = range;
+    }
     if (length < 1e-6F) continue;  // the laser itself
     if (nx * view_x + ny * view_y < 0) length = -length;
     points.push_back({p.x, p.y, nx / length, ny / length});

@@ -121,13 +121,17 @@ class Walker {
     const auto rays = number<std::uint32_t>();
     array(rays, 4 + 1, "rays");
     skip(4 + 8 + 4);  // range deviation, stamp, beam width
-    if (version >= 5) text(), skip(8);
+    if (version >= 5) {
+      text();
+      skip(8);
+    }
     if (version >= 7 && number<std::uint8_t>() != 0) array(rays, 4, "intensities");
     return true;
   }
   bool odometry(int version, std::size_t depth) {
     if (!nested(depth)) return false;
-    text(), skip(8);
+    text();
+    skip(8);
     if (version == 1) skip(1 + 8 + 1 + 8);
     if (version == 2) {
       if (number<std::uint8_t>() != 0) skip(8);
@@ -256,24 +260,35 @@ class Walker {
         if (!nested(depth)) return false;
       }
     }
-    skip(4 + 8), text();
-    if (version >= 3) skip(1), text(), skip(1), text();
+    skip(4 + 8);
+    text();
+    if (version >= 3) {
+      skip(1);
+      text();
+      skip(1);
+      text();
+    }
     skip((version >= 5 ? 1 : 0) + (version >= 6 ? 1 : 0));
     if (version >= 7 && flag()) return false;  // labels of pixels
     if (version < 10) return true;
-    for (auto layers = number<std::uint8_t>(); layers > 0; --layers) text(), cells();
+    for (auto layers = number<std::uint8_t>(); layers > 0; --layers) {
+      text();
+      cells();
+    }
     return true;
   }
   bool imu(int version, std::size_t depth) {
     if (!nested(depth)) return false;
     const std::size_t fields = mrpt::obs::COUNT_IMU_DATA_FIELDS;
     if (version == 4) return skip(fields + 8 + 8 * fields) && text();
-    bytes_counted(), skip(8);
+    bytes_counted();
+    skip(8);
     array(number<std::uint32_t>(), version == 0 ? 4 : 8, "measurements");
     return text();
   }
   bool satellites(std::size_t depth) {
-    skip(2 * 8), text();
+    skip(2 * 8);
+    text();
     nested(depth);
     return false;  // then come messages of many kinds
   }

@@ -18,9 +18,16 @@ class Sketch {
  public:
   void add(const Point& from, const Point& to) {
     constexpr double kFarthest_m = 100.0;
-    if (std::hypot(to.x - from.x, to.y - from.y) < kFarthest_m) rays_.push_back({from, to}), reach(from), reach(to);
+    if (std::hypot(to.x - from.x, to.y - from.y) < kFarthest_m) {
+      rays_.push_back({from, to});
+      reach(from);
+      reach(to);
+    }
   }
-  void see(const Point& where, bool is_wall) { seen_.push_back({where, is_wall}), reach(where); }
+  void see(const Point& where, bool is_wall) {
+    seen_.push_back({where, is_wall});
+    reach(where);
+  }
 
   MapSummary summary(const std::vector<Point>& path) const {
     MapSummary result;
@@ -31,8 +38,10 @@ class Sketch {
     if (!(columns * rows <= static_cast<double>(MapSummary::kMostCells)) ||
         !(std::max({-low_.x, -low_.y, high_.x, high_.y}) < kFarthest_m))
       return result;
-    result.left = cell_of(low_.x), result.bottom = cell_of(low_.y);
-    result.columns = static_cast<std::int32_t>(columns), result.rows = static_cast<std::int32_t>(rows);
+    result.left = cell_of(low_.x);
+    result.bottom = cell_of(low_.y);
+    result.columns = static_cast<std::int32_t>(columns);
+    result.rows = static_cast<std::int32_t>(rows);
     std::vector<Count> counts(static_cast<std::size_t>(columns * rows));
     const auto at = [&](double x, double y) -> Count& {
       return counts[static_cast<std::size_t>(std::int64_t{cell_of(y) - result.bottom} * result.columns + cell_of(x) -
@@ -155,15 +164,20 @@ MapSummary summary_of_route(const std::vector<Waypoint>& route, double range_m) 
   if (route.empty()) return summary;
   double low_x = route[0].x_m, high_x = low_x, low_y = route[0].y_m, high_y = low_y;
   for (const Waypoint& point : route) {
-    low_x = std::min(low_x, point.x_m), high_x = std::max(high_x, point.x_m);
-    low_y = std::min(low_y, point.y_m), high_y = std::max(high_y, point.y_m);
+    low_x = std::min(low_x, point.x_m);
+    high_x = std::max(high_x, point.x_m);
+    low_y = std::min(low_y, point.y_m);
+    high_y = std::max(high_y, point.y_m);
   }
   constexpr double kCell_m = MapSummary::kCell_m, kFarthest_m = 1e6;
   if (!(std::max({-low_x, -low_y, high_x, high_y, range_m}) < kFarthest_m)) return summary;
   const std::int32_t left = cell_of(low_x - range_m), bottom = cell_of(low_y - range_m);
   const std::int32_t columns = cell_of(high_x + range_m) - left + 1, rows = cell_of(high_y + range_m) - bottom + 1;
   if (std::int64_t{columns} * rows > MapSummary::kMostCells) return summary;
-  summary.left = left, summary.bottom = bottom, summary.columns = columns, summary.rows = rows;
+  summary.left = left;
+  summary.bottom = bottom;
+  summary.columns = columns;
+  summary.rows = rows;
   summary.cells.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), Cell::unknown);
   for (std::size_t i = 0; i < route.size(); ++i) {  // around each leg
     const Waypoint &from = route[i == 0 ? 0 : i - 1], &to = route[i];

@@ -104,8 +104,10 @@ void refine(const MapSummary& a, const std::vector<CellPoint>& walls_of_b, Guess
       for (int step = 0; step < 27; ++step) {
         const Pose2 pose{around.x + (step % 3 - 1) * step_m, around.y + (step / 3 % 3 - 1) * step_m,
                          wrap_angle(around.phi + (step / 9 - 1) * step_rad)};
-        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score)
-          guess = {score, pose}, is_better = true;
+        if (const int score = agreement(a, walls_of_b, pose).score(); score > guess.score) {
+          guess = {score, pose};
+          is_better = true;
+        }
       }
     }
 }
@@ -240,7 +242,10 @@ std::vector<OverlapEstimator::Overlap> OverlapEstimator::overlaps() {
   }
   degrees_ = std::move(degrees);
   for (auto& [robot, entry] : maps_)
-    if (entry.is_stale) entry.is_stale = false, entry.compared = entry.summary;
+    if (entry.is_stale) {
+      entry.is_stale = false;
+      entry.compared = entry.summary;
+    }
   return shared;
 }
 

@@ -214,7 +214,8 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
     const Evidence e = matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes),
                                        *cache_.get(*other.submaps[j], other.map->nodes),
                                        between(one.map_from_submap[nearest.second], there));
-    conflict += e.conflict * e.overlap_m2, overlap_m2 += e.overlap_m2;
+    conflict += e.conflict * e.overlap_m2;
+    overlap_m2 += e.overlap_m2;
   }
   return overlap_m2 > options_.judge.min_overlap_m2 ? conflict / overlap_m2 : 0.0;
 }

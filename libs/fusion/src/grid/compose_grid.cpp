@@ -27,7 +27,10 @@ struct DrawnScan {
 struct Extent {
   double low_x = 1e300, low_y = 1e300, high_x = -1e300, high_y = -1e300;
   void add(double x, double y) {
-    low_x = std::min(low_x, x), low_y = std::min(low_y, y), high_x = std::max(high_x, x), high_y = std::max(high_y, y);
+    low_x = std::min(low_x, x);
+    low_y = std::min(low_y, y);
+    high_x = std::max(high_x, x);
+    high_y = std::max(high_y, y);
   }
 };
 
@@ -77,7 +80,8 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     for (const auto& p : points_in_robot(*scan, 0.0, options.max_range_m)) {
       const Ray ray{static_cast<float>(pose.x + c * p.x - s * p.y), static_cast<float>(pose.y + s * p.x + c * p.y)};
       extent.add(ray.x, ray.y);
-      drawn.low_y = std::min(drawn.low_y, ray.y), drawn.high_y = std::max(drawn.high_y, ray.y);
+      drawn.low_y = std::min(drawn.low_y, ray.y);
+      drawn.high_y = std::max(drawn.high_y, ray.y);
       rays.push_back(ray);
     }
     drawn.count = rays.size() - drawn.first;
@@ -159,7 +163,8 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
           if (static_cast<int>(y0) != static_cast<int>(y1)) {
             const double bottom = std::clamp(static_cast<double>(row), std::min(y0, y1), std::max(y0, y1));
             const double top = std::clamp(static_cast<double>(row + 1), std::min(y0, y1), std::max(y0, y1));
-            left = x0 + (bottom - y0) * slope, right = x0 + (top - y0) * slope;
+            left = x0 + (bottom - y0) * slope;
+            right = x0 + (top - y0) * slope;
           }
           if (left > right) std::swap(left, right);
           const int first = std::clamp(static_cast<int>(left), 0, grid.columns - 1),

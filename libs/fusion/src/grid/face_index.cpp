@@ -14,8 +14,10 @@ FaceIndex::FaceIndex(const std::vector<matching::WallPoint>& faces) {
   if (faces.empty()) return;
   float x0 = faces[0].x, y0 = faces[0].y, x1 = x0, y1 = y0;
   for (const auto& face : faces) {
-    x0 = std::min(x0, face.x), x1 = std::max(x1, face.x);
-    y0 = std::min(y0, face.y), y1 = std::max(y1, face.y);
+    x0 = std::min(x0, face.x);
+    x1 = std::max(x1, face.x);
+    y0 = std::min(y0, face.y);
+    y1 = std::max(y1, face.y);
   }
   x0_m_ = x0;
   y0_m_ = y0;

@@ -253,10 +253,12 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
           ++result.contradicting;
       }
       if (!answer.holds) continue;
-      if (is_wide)
+      if (is_wide) {
         waiting.push_back(answer.hypotheses.front());
-      else
-        matches.push_back(answer.hypotheses.front()), any = true;
+      } else {
+        matches.push_back(answer.hypotheses.front());
+        any = true;
+      }
     }
     if (is_final) look_beside(waiting, already_waiting, in_scope);
     // A match of a wide window is believed once another one beside it says the same, and says it well.
@@ -274,10 +276,12 @@ ConstraintSearchResult ConstraintSearch::run(const std::vector<std::size_t>& mem
           std::any_of(waiting.begin(), waiting.end(), agrees) || std::any_of(matches.begin(), matches.end(), agrees);
     }
     for (std::size_t a = 0; a < waiting.size(); ++a) {
-      if (confirmed[a])
-        matches.push_back(waiting[a]), any = true;
-      else
+      if (confirmed[a]) {
+        matches.push_back(waiting[a]);
+        any = true;
+      } else {
         still_waiting.push_back(waiting[a]);
+      }
     }
     waiting = std::move(still_waiting);
     if (any) settle();

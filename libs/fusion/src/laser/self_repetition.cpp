@@ -91,9 +91,11 @@ class Part {
     for (const WallPoint& wall : guest_walls) {
       if (host.at(wall.x, wall.y) == Seen::not_at_all) continue;
       walls_.push_back(wall);
-      middle_x_ += wall.x, middle_y_ += wall.y;
+      middle_x_ += wall.x;
+      middle_y_ += wall.y;
       const double angle = 4.0 * std::atan2(wall.normal_y, wall.normal_x);
-      cosine += std::cos(angle), sine += std::sin(angle);
+      cosine += std::cos(angle);
+      sine += std::sin(angle);
       box_.add(wall.x, wall.y, 0.0);
     }
     middle_x_ /= static_cast<double>(std::max<std::size_t>(1, walls_.size()));
@@ -133,7 +135,8 @@ class Part {
               there.doubt() > doubt)
             continue;
           Motion near = place;
-          near.shift_x += i * kCell_m, near.shift_y += j * kCell_m;
+          near.shift_x += i * kCell_m;
+          near.shift_y += j * kCell_m;
           there.contradicted_m +=
               missing_m(near, doubt * there.coinciding_m / kContradictionWeight - there.contradicted_m);
           if (there.doubt() > doubt) continue;

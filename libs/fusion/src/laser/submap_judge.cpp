@@ -94,7 +94,8 @@ SubmapAnswer SubmapJudge::answer_of(const SubmapQuestion& question, const Judgem
   for (std::size_t k = 0; k < judgement.hypotheses.size(); ++k) {
     const Alignment alignment = swapped ? inverse(judgement.hypotheses[k]) : judgement.hypotheses[k];
     SubmapMatch match;
-    match.from = question.from, match.to = question.to;
+    match.from = question.from;
+    match.to = question.to;
     match.from_from_to = planar(alignment.a_from_b.pose);
     // The judge's covariance is of a small motion of b in its own axes, as the graph's.
     match.information = planar(alignment.covariance).inverse();

@@ -221,7 +221,9 @@ void gather(const std::vector<WallPoint>& walls, std::vector<Contradiction>& int
     while (!stack.empty()) {
       const auto here = stack.back();
       stack.pop_back();
-      y += 0.2 * here.first, x += 0.2 * here.second, ++count;
+      y += 0.2 * here.first;
+      x += 0.2 * here.second;
+      ++count;
       for (int j = -1; j <= 1; ++j)
         for (int i = -1; i <= 1; ++i) {
           const auto next = open.find({here.first + j, here.second + i});

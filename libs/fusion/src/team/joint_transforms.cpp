@@ -30,7 +30,9 @@ class Program : public Ipopt::TNLP {
 
   bool get_nlp_info(Index& n, Index& m, Index& jacobian, Index& hessian, IndexStyleEnum& style) override {
     n = static_cast<Index>(values_.size());
-    m = 0, jacobian = 0, hessian = static_cast<Index>(kCurves * joins_.size());
+    m = 0;
+    jacobian = 0;
+    hessian = static_cast<Index>(kCurves * joins_.size());
     style = C_STYLE;
     return true;
   }
@@ -121,8 +123,12 @@ class Program : public Ipopt::TNLP {
       curve += 2.0 * term.weight * moved.transpose() * moved;
       const double bend = 2.0 * term.weight * kYawWeight_m2 * std::sin(turn),
                    bends = 2.0 * term.weight * kYawWeight_m2 * std::cos(turn);
-      slope(2) -= bend, slope(5) += bend;
-      curve(2, 2) += bends, curve(5, 5) += bends, curve(2, 5) -= bends, curve(5, 2) -= bends;
+      slope(2) -= bend;
+      slope(5) += bend;
+      curve(2, 2) += bends;
+      curve(5, 5) += bends;
+      curve(2, 5) -= bends;
+      curve(5, 2) -= bends;
     }
     OfJoin result;
     result.value = s * s * error + join.strength * (1.0 - s) * (1.0 - s);

@@ -85,7 +85,8 @@ std::vector<VisualQuestion> ClaimedSightings::pairs(std::size_t a, std::size_t b
   for (const auto& [count, i, j] : ranked)
     if (questions.size() < kMostPairs && of_a.count(i) == 0 && of_b.count(j) == 0) {
       questions.push_back({i, j});
-      of_a.insert(i), of_b.insert(j);
+      of_a.insert(i);
+      of_b.insert(j);
     }
   return questions;
 }

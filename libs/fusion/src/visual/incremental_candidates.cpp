@@ -86,7 +86,8 @@ std::optional<VisualQuestions> IncrementalCandidates::questions(std::size_t a, s
   if (!is_any_ || !maps_[a].is_metric() || !maps_[b].is_metric() || (!is_team && (is_anew(a) || is_anew(b))))
     return std::nullopt;
   VisualQuestions result;
-  result.is_incremental = true, result.is_doubted = !is_team || is_anew(a);
+  result.is_incremental = true;
+  result.is_doubted = !is_team || is_anew(a);
   if (const auto found = questions_.find({a, b}); found != questions_.end()) result.first = found->second;
   return result;
 }

@@ -27,7 +27,8 @@ std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe
 // Adds a witness whose keyframes none before it has.
 bool is_of_its_own(const VisualWitness& w, VisualRepetition& looked_at) {
   if (looked_at.of_a.count(w.keyframe_a) != 0 || looked_at.of_b.count(w.keyframe_b) != 0) return false;
-  looked_at.of_a.insert(w.keyframe_a), looked_at.of_b.insert(w.keyframe_b);
+  looked_at.of_a.insert(w.keyframe_a);
+  looked_at.of_b.insert(w.keyframe_b);
   return true;
 }
 
@@ -53,8 +54,10 @@ VisualRepetition repetition_within(const VisualMap& a, const VisualMap& b, std::
   };
   for (const VisualWitness* w : clique) {
     if (looked_at.of_a.size() == kMostLooks || kOneIn * found.of_a.size() >= kMostLooks) break;
-    if (is_of_its_own(*w, looked_at) && (repeats(a, w->keyframe_a) || repeats(b, w->keyframe_b)))
-      found.of_a.insert(w->keyframe_a), found.of_b.insert(w->keyframe_b);
+    if (is_of_its_own(*w, looked_at) && (repeats(a, w->keyframe_a) || repeats(b, w->keyframe_b))) {
+      found.of_a.insert(w->keyframe_a);
+      found.of_b.insert(w->keyframe_b);
+    }
   }
   return kOneIn * found.of_a.size() < looked_at.of_a.size() ? VisualRepetition{} : found;
 }
@@ -66,7 +69,8 @@ VisualRepetition repetition_between(const VisualMap& a, const VisualMap& b,
   for (const VisualWitness* one : clique)
     for (const VisualWitness* other : rivals) {
       if (!beside(a, one->keyframe_a, other->keyframe_a) && !beside(b, one->keyframe_b, other->keyframe_b)) continue;
-      found.of_a.insert({one->keyframe_a, other->keyframe_a}), found.of_b.insert({one->keyframe_b, other->keyframe_b});
+      found.of_a.insert({one->keyframe_a, other->keyframe_a});
+      found.of_b.insert({one->keyframe_b, other->keyframe_b});
       found.because.push_back(other->judgement.id);
     }
   std::sort(found.because.begin(), found.because.end());

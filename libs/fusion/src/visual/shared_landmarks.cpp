@@ -54,10 +54,12 @@ MAPWEAVE_POPCOUNT_CLONES FeaturesByPlace::Nearest FeaturesByPlace::nearest_to(co
       if (du * du + dv * dv > radius_px * radius_px) continue;
       if (feature.depth_m > 0.0 && std::abs(feature.depth_m - sought.depth_m) > kSameDepth * sought.depth_m) continue;
       const int bits = matching::hamming(*sought.descriptor, keyframe_->content->descriptors[feature.number]);
-      if (bits < nearest.bits || (bits == nearest.bits && feature.number < nearest.feature))
-        second = nearest.bits, nearest = {bits, feature.number};
-      else
+      if (bits < nearest.bits || (bits == nearest.bits && feature.number < nearest.feature)) {
+        second = nearest.bits;
+        nearest = {bits, feature.number};
+      } else {
         second = std::min(second, bits);
+      }
     }
   }
   return nearest.bits > kMostDifferent || nearest.bits > kClearly * second ? Nearest{kMostDifferent + 1, 0} : nearest;

@@ -17,7 +17,9 @@ MappedKeyframe mapped(const Node& node) {
   const KeyframeFeatures& content = *keyframe_of(node);
   const CameraGeometry& geometry = *content.geometry;
   MappedKeyframe result;
-  result.id = node.id, result.map_from_node = node.map_from_node, result.content = &content;
+  result.id = node.id;
+  result.map_from_node = node.map_from_node;
+  result.content = &content;
   result.map_from_camera = compose(node.map_from_node, geometry.robot_from_camera);
   result.camera = geometry.pinhole();
   for (const KeyframePoint& point : content.points)
@@ -103,7 +105,8 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
     assign_to_features(keyframes_[i], std::move(shown[i]));
     keyframes_[i].words = words.words_of(*seen_.keyframes[i]);
   });
-  hashed_.reset(new std::once_flag[keyframes_.size()]), content_.resize(keyframes_.size());
+  hashed_.reset(new std::once_flag[keyframes_.size()]);
+  content_.resize(keyframes_.size());
   index_.emplace(matching::shipped_vocabulary().words());
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     index_->add(keyframes_[i].id, keyframes_[i].words->bag);

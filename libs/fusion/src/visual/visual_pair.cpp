@@ -34,7 +34,8 @@ std::size_t disjoint(const std::vector<const VisualWitness*>& witnesses) {
   std::size_t count = 0;
   for (const VisualWitness* w : witnesses) {
     if (of_a.count(w->keyframe_a) != 0 || of_b.count(w->keyframe_b) != 0) continue;
-    of_a.insert(w->keyframe_a), of_b.insert(w->keyframe_b);
+    of_a.insert(w->keyframe_a);
+    of_b.insert(w->keyframe_b);
     ++count;
   }
   return count;
@@ -48,7 +49,8 @@ Sim3 mean_transform(const std::vector<const VisualWitness*>& witnesses, const Vi
   const auto share = 1.0 / static_cast<double>(witnesses.size());
   for (const VisualWitness* w : witnesses) {
     const Vector3d& p = b.keyframes()[w->keyframe_b].map_from_node.t;
-    in_b += share * p, in_a += share * transformed(p, w->a_from_b);
+    in_b += share * p;
+    in_a += share * transformed(p, w->a_from_b);
     const Eigen::Vector4d q = w->a_from_b.pose.q.coeffs();
     turn += q.dot(witnesses.front()->a_from_b.pose.q.coeffs()) < 0.0 ? Eigen::Vector4d(-q) : q;
     log_scale += share * std::log(w->a_from_b.scale);
@@ -176,7 +178,8 @@ class Rounds {
     open_ = questions.first;
     while (!open_.empty() && !is_over_) round(true);
     open_new(questions_of(a_, b_, options_.visual));
-    is_over_ = false, barren_ = 0;
+    is_over_ = false;
+    barren_ = 0;
     leave_out();
     while (!open_.empty() && !is_over_) round(false);
     return std::move(witnesses_);

@@ -394,9 +394,10 @@ class Team {
                          std::uint16_t inverse_depth) {
       if (counts[same.find(landmark)] == 0) return;
       graph::BundleSighting sighting;
-      sighting.view = static_cast<std::uint32_t>(keyframe),
+      sighting.view = static_cast<std::uint32_t>(keyframe);
       sighting.point = static_cast<std::uint32_t>(same.find(landmark));
-      sighting.pixel = pixel, sighting.sigma_px = sigma_px;
+      sighting.pixel = pixel;
+      sighting.sigma_px = sigma_px;
       if (inverse_depth != 0) {
         sighting.inverse_depth = 1.0 / (scale_of(keyframes_[keyframe].member) * depth_m_of(inverse_depth));
         const CameraGeometry& camera = *keyframes_[keyframe].content->content->geometry;

@@ -77,7 +77,8 @@ std::vector<VisualQuestion> VisualJudge::known_places(const VisualMap& a, const 
   for (const auto& [probability, i, j] : ranked)
     if (questions.size() < kMost && of_a.count(i) == 0 && of_b.count(j) == 0) {
       questions.push_back({i, j});
-      of_a.insert(i), of_b.insert(j);
+      of_a.insert(i);
+      of_b.insert(j);
     }
   return questions;
 }
@@ -95,10 +96,12 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
   for (std::size_t i = 0; i < questions.size(); ++i) {
     const auto [in_a, in_b] = questions[i];
     const std::pair<SubmapId, SubmapId> ids = std::minmax(place_id(a, in_a), place_id(b, in_b));
-    if (const auto found = before_.find(ids); may_be_old && found != before_.end())
+    if (const auto found = before_.find(ids); may_be_old && found != before_.end()) {
       old[i] = found->second;
-    else
-      of_a.insert(in_a), of_b.insert(in_b);
+    } else {
+      of_a.insert(in_a);
+      of_b.insert(in_b);
+    }
   }
   const auto places_of = [&](const VisualMap& map, const std::set<std::size_t>& numbers) {
     const std::vector<std::size_t> order(numbers.begin(), numbers.end());
@@ -122,7 +125,8 @@ std::vector<VisualWitness> VisualJudge::ask(const VisualMap& a, const VisualMap&
     const auto [in_a, in_b] = questions[i];
     const bool swapped = place_id(b, in_b) < place_id(a, in_a);
     VisualWitness witness;
-    witness.keyframe_a = in_a, witness.keyframe_b = in_b;
+    witness.keyframe_a = in_a;
+    witness.keyframe_b = in_b;
     witness.judgement = old[i] != nullptr ? *old[i] : judged(questions[i], swapped);
     if (witness.judgement.hypotheses.empty()) return witness;
     const Alignment& best = witness.judgement.hypotheses.front();

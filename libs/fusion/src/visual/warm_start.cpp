@@ -112,7 +112,8 @@ std::optional<WarmStart> warm_start(const PreviousMerge& before, const std::vect
         const double moved_m = (keyframes[i].map_from_node.t - then->t).norm();
         if (moved_m > kLaidAgain_m) return std::nullopt;
         hung = i;
-        start.team_from_node.push_back(*known[i]), start.is_free.push_back(moved_m > kMoved_m);
+        start.team_from_node.push_back(*known[i]);
+        start.is_free.push_back(moved_m > kMoved_m);
       } else {
         start.team_from_node.push_back(
             compose(*known[hung], between(keyframes[hung].map_from_node, keyframes[i].map_from_node)));

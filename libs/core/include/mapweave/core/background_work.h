@@ -13,7 +13,10 @@ class BackgroundWork {
   explicit BackgroundWork(std::function<void()> work) : work_(std::move(work)) {}
   // Returns when it is done, whoever does it. Thread-safe.
   void run() {
-    std::call_once(once_, [this] { work_(), done_ = true; });
+    std::call_once(once_, [this] {
+      work_();
+      done_ = true;
+    });
   }
   bool is_done() const { return done_; }
 

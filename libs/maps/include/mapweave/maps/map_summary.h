@@ -35,7 +35,8 @@ struct MapSummary {
     return count;
   }
   Cell at(std::int64_t column, std::int64_t row) const {  // counted as left and bottom are
-    column -= left, row -= bottom;
+    column -= left;
+    row -= bottom;
     if (column < 0 || row < 0 || column >= columns || row >= rows) return Cell::unknown;
     return cells[static_cast<std::size_t>(row * columns + column)];
   }
