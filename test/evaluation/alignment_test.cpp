@@ -98,7 +98,10 @@ TEST(Alignment, se2_finds_the_best_yaw_of_all) {
     candidate.pose.q = Eigen::AngleAxisd(i * M_PI / 1800.0, Eigen::Vector3d::UnitZ());
     candidate.pose.t = reference_mean - candidate.pose.q * estimate_mean;
     const double sum = squared_distances(pairs, candidate);
-    if (sum < best) best = sum, best_yaw = i * M_PI / 1800.0;
+    if (sum < best) {
+      best = sum;
+      best_yaw = i * M_PI / 1800.0;
+    }
   }
   const Sim3 found = reference_from_estimate(pairs, AlignmentKind::se2);
   EXPECT_LE(squared_distances(pairs, found), best + 1e-12);

@@ -99,7 +99,9 @@ TEST(PcdBytes, hold_landmarks_after_walls_in_their_own_colours) {
   const Pose3 map_from_keyframe{{10.0, 5.0, 0.5},
                                 Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()))};
   auto camera = std::make_shared<CameraGeometry>();
-  camera->width = 640, camera->height = 480, camera->fx = camera->fy = 500.0;
+  camera->width = 640;
+  camera->height = 480;
+  camera->fx = camera->fy = 500.0;
   add_pose(map, node_id("alpha", 0), 1, map_from_keyframe,
            std::make_shared<const Payload>(KeyframeFeatures{camera, {}, {}}));
   for (std::uint32_t i = 0; i < 2; ++i) {

@@ -46,7 +46,11 @@ TEST(TopView, shows_landmarks_in_their_colours_the_higher_ones_above) {
 
 TEST(TopView, lays_the_grid_of_lasers_under_the_landmarks) {
   OccupancyGrid grid;
-  grid.resolution_m = 0.1, grid.origin_x_m = -1.0, grid.origin_y_m = -1.0, grid.columns = 80, grid.rows = 50;
+  grid.resolution_m = 0.1;
+  grid.origin_x_m = -1.0;
+  grid.origin_y_m = -1.0;
+  grid.columns = 80;
+  grid.rows = 50;
   grid.log_odds.assign(80 * 50, -100);
   for (int column = 0; column < 80; ++column)
     grid.log_odds[static_cast<std::size_t>(30 * 80 + column)] = 100;  // a wall at y = 2
@@ -79,7 +83,8 @@ TEST(TopView, needs_something_finite_to_show) {
 TEST(ContactSheet, puts_frames_side_by_side_with_their_tracks) {
   SheetFrame frame{64, 48, std::vector<std::uint8_t>(64 * 48, 90), "12.0 s", {}};
   ContactSheetOptions options;
-  options.picture_width_px = 128, options.columns = 2;
+  options.picture_width_px = 128;
+  options.columns = 2;
   const cv::Mat bare = decoded(contact_sheet_png({frame, frame, frame}, options));
   EXPECT_GE(bare.cols, 256);
   EXPECT_GE(bare.rows, 2 * 96);

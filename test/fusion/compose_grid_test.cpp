@@ -14,7 +14,9 @@ Map one_ray(const Pose2& map_from_robot) {
   Map map;
   map.id = MapId("ray");
   auto geometry = std::make_shared<ScanGeometry>();
-  geometry->ray_count = 2, geometry->angle_step_rad = 0.001, geometry->max_range_m = 20;
+  geometry->ray_count = 2;
+  geometry->angle_step_rad = 0.001;
+  geometry->max_range_m = 20;
   const NodeId id{{{RobotId("ray"), SensorId("laser")}, 0}, 0};
   map.nodes.set(
       id, Node{id, {}, spatial(map_from_robot), std::make_shared<const Payload>(PackedScan{geometry, {2020, 0}})});

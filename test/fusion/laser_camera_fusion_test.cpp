@@ -185,7 +185,8 @@ TEST(LaserCameraFusion, tells_houses_of_one_wallpaper_apart_by_their_walls) {
     Table<NodeId, Node> keyframes;
     for (const auto& [id, node] : maps.back().nodes)
       if (id.session.client.sensor == SensorId("camera")) keyframes.set(id, node);
-    seen.back().nodes = keyframes, seen.back().constraints = {};
+    seen.back().nodes = keyframes;
+    seen.back().constraints = {};
   }
   EXPECT_EQ(fused(seen).components.size(), 1U);
   const auto result = fused(maps);

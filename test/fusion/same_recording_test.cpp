@@ -73,8 +73,10 @@ TEST(SameRecording, is_not_two_parts_of_one_log_that_share_some_seconds) {
 
 TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) {
   auto still = apartment().robots[1];
-  for (auto& step : still.steps)
-    step.odometry_from_robot = still.steps.front().odometry_from_robot, step.ranges = still.steps.front().ranges;
+  for (auto& step : still.steps) {
+    step.odometry_from_robot = still.steps.front().odometry_from_robot;
+    step.ranges = still.steps.front().ranges;
+  }
   const auto result = fused({mapped(renamed(still, "still")), mapped(renamed(still, "stiller", 60.0))});
   EXPECT_EQ(result.components.size(), 2U);
   ASSERT_EQ(result.verdicts.size(), 1U);

@@ -15,7 +15,9 @@ const Eigen::Vector3d kOff(0.3, -0.2, 0.6);
 
 test::StarryOptions single(double scale) {
   test::StarryOptions options;
-  options.depth = false, options.scale = scale, options.camera_m = kOff;
+  options.depth = false;
+  options.scale = scale;
+  options.camera_m = kOff;
   return options;
 }
 
@@ -117,7 +119,8 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   const test::StarryBuilding building({1});
   const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = turning(-1.5, 0.3, 0.6, 0.5, 14);
   test::StarryOptions ahead = single(0.6), aside = single(0.6);
-  aside.sensor = "side", aside.camera_m = {0.3, 0.1, 0.9};
+  aside.sensor = "side";
+  aside.camera_m = {0.3, 0.1, 0.9};
   const Map map_ahead = building.keyframe_map("beta", way_b, ahead),
             map_aside = building.keyframe_map("beta", way_b, aside);
   const rig::RigMerge merge = rig::merge_rig({{"camera", map_ahead, {}}, {"side", map_aside, {}}}, {});

@@ -97,7 +97,8 @@ TEST(VisualFuse, finds_the_scale_of_a_single_camera_by_a_map_with_depth) {
   std::vector<Pose2> way_b;
   for (int i = 0; i < 14; ++i) way_b.push_back({-1.5 + 0.15 * i, 0.3, 1.0});
   test::StarryOptions single;
-  single.depth = false, single.scale = 0.4;
+  single.depth = false;
+  single.scale = 0.4;
   const auto result = fused({building.keyframe_map("alpha", way_a), building.keyframe_map("beta", way_b, single)});
   ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
   ASSERT_NE(result.components[0].scales.find(MapId("beta")), nullptr);
@@ -247,7 +248,10 @@ std::vector<LandmarkChange> told_of(const Map& a, const Map& b, const Pose3& a_f
     for (const auto& [id_a, other] : a.landmarks) {
       const double apart =
           (transformed(other.point_in_anchor(), a.nodes.find(other.anchor)->map_from_node) - point).norm();
-      if (apart < least) least = apart, nearest = &other;
+      if (apart < least) {
+        least = apart;
+        nearest = &other;
+      }
     }
     if (nearest == nullptr) continue;
     LandmarkChange& change = changes[nearest->id];
@@ -348,7 +352,8 @@ Map facing_back(const Map& map) {
     result.nodes.set(node.id, node);
   }
   for (auto [id, landmark] : map.landmarks) {
-    landmark.id.session = session(id.session), landmark.anchor.session = session(landmark.anchor.session);
+    landmark.id.session = session(id.session);
+    landmark.anchor.session = session(landmark.anchor.session);
     landmark.point_units = landmark_units(transformed(landmark.point_in_anchor(), turned));
     for (LandmarkSighting& sighting : landmark.seen) sighting.node.session = session(sighting.node.session);
     result.landmarks.set(landmark.id, landmark);

@@ -77,7 +77,9 @@ TEST(GraphMapper, gets_over_wheels_that_miss_turns) {
 
 TEST(GraphMapper, holds_on_to_odometry_along_a_bare_corridor) {
   simulation::CorridorOptions corridor;
-  corridor.doors = 0, corridor.clutter = 0, corridor.length_m = 40.0;
+  corridor.doors = 0;
+  corridor.clutter = 0;
+  corridor.length_m = 40.0;
   auto options = alone(25.0);
   options.laser.max_range_m = 8.0;
   options.odometry.slips_per_100_m = 0.0;
@@ -116,7 +118,9 @@ TEST(GraphMapper, takes_scans_that_see_nothing_and_a_log_of_nothing) {
   EXPECT_TRUE(empty.snapshot().empty());
 
   auto geometry = std::make_shared<ScanGeometry>();
-  geometry->ray_count = 90, geometry->angle_step_rad = 0.03, geometry->max_range_m = 20;
+  geometry->ray_count = 90;
+  geometry->angle_step_rad = 0.03;
+  geometry->max_range_m = 20;
   GraphMapper blind({RobotId("blind"), SensorId("laser")}, {});
   for (int i = 0; i < 50; ++i) {
     blind.add(OdometryInput{stamp_from_seconds(i), spatial(Pose2{0.2 * i, 0, 0})});

@@ -81,7 +81,8 @@ class ApplyTest : public ::testing::Test {
 
   Landmark landmark(std::uint32_t index, const std::vector<NodeId>& seen) {
     Landmark result;
-    result.id = {session_, index}, result.anchor = seen.front();
+    result.id = {session_, index};
+    result.anchor = seen.front();
     result.point_units = landmark_units({random_.uniform(-9, 9), 1.0, 2.0});
     for (const NodeId& id : seen) result.seen.push_back(random_.sighting(id));
     return result;
@@ -89,7 +90,9 @@ class ApplyTest : public ::testing::Test {
 
   MapUpdate random_update() {
     MapUpdate update;
-    update.origin.map = map_.id, update.sequence = ++sequence_, update.base = sequence_ - 1;
+    update.origin.map = map_.id;
+    update.sequence = ++sequence_;
+    update.base = sequence_ - 1;
     const std::vector<NodeId> before = keyframes();
     for (const NodeId& id : before)
       if (before.size() > 6 && chance(12)) remove(update, id);
@@ -106,7 +109,10 @@ class ApplyTest : public ::testing::Test {
       if (!std::binary_search(update.removed_nodes.begin(), update.removed_nodes.end(), id)) after.push_back(id);
     for (const NodeId& id : after) {
       if (chance(5)) update.moved.push_back({id, random_.pose()});
-      if (chance(9)) update.nodes.push_back(*map_.nodes.find(id)), update.nodes.back().map_from_node = random_.pose();
+      if (chance(9)) {
+        update.nodes.push_back(*map_.nodes.find(id));
+        update.nodes.back().map_from_node = random_.pose();
+      }
     }
     after.insert(after.end(), brought.begin(), brought.end());
     std::sort(after.begin(), after.end());
@@ -127,14 +133,16 @@ class ApplyTest : public ::testing::Test {
     constraint.information = random_.symmetric();
     update.constraints = {constraint};
     Submap submap;
-    submap.id = {session_, 100 + next_}, submap.submap_from_node = {{after[1], {}}, {after.back(), random_.pose()}};
+    submap.id = {session_, 100 + next_};
+    submap.submap_from_node = {{after[1], {}}, {after.back(), random_.pose()}};
     update.submaps = {submap};
     const auto put_in_order = [](auto& ids) {
       std::sort(ids.begin(), ids.end());
       ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
     };
-    put_in_order(update.removed_landmarks), put_in_order(update.removed_constraints),
-        put_in_order(update.removed_submaps);
+    put_in_order(update.removed_landmarks);
+    put_in_order(update.removed_constraints);
+    put_in_order(update.removed_submaps);
     std::sort(update.nodes.begin(), update.nodes.end(), [](const Node& a, const Node& b) { return a.id < b.id; });
     const auto change = [&](const LandmarkId& id) {
       LandmarkChange one{id, std::nullopt, {}};
@@ -220,7 +228,8 @@ TEST_F(ApplyTest, changes_nothing_where_an_update_does_not_fit) {
       {"known with other content",
        [&](MapUpdate& u) {
          u = difference(map_, map_);
-         u.nodes = {map_.nodes.front().second}, u.nodes[0].stamp.ns += 1;
+         u.nodes = {map_.nodes.front().second};
+         u.nodes[0].stamp.ns += 1;
        }},
       {"moves an unknown node",
        [&](MapUpdate& u) {
@@ -296,8 +305,10 @@ TEST(LandmarksByNode, tells_those_of_several_sessions_in_order_and_forgets_them)
     known.add(first, id);
   known.add(second, {beta, 2});
   EXPECT_THAT(known.at(first), ::testing::ElementsAre(LandmarkId{alpha, 4}, LandmarkId{alpha, 9}, LandmarkId{beta, 2}));
-  known.remove(first, {alpha, 9}), known.remove(first, {alpha, 5}), known.remove(first, {beta, 2}),
-      known.remove(second, {alpha, 4});
+  known.remove(first, {alpha, 9});
+  known.remove(first, {alpha, 5});
+  known.remove(first, {beta, 2});
+  known.remove(second, {alpha, 4});
   EXPECT_THAT(known.at(first), ::testing::ElementsAre(LandmarkId{alpha, 4}));
   EXPECT_THAT(known.at(second), ::testing::ElementsAre(LandmarkId{beta, 2}));
   EXPECT_TRUE(known.at({beta, 0}).empty());

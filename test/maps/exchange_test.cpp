@@ -18,7 +18,8 @@ DescribedLandmark landmark(std::mt19937_64& random, std::uint32_t index) {
   result.descriptor = {random(), random(), random(), random()};
   result.feature_from_point = {draw(0.02), draw(0.02), draw(0.02)};
   result.direction = Eigen::Vector3d(draw(1.0), draw(1.0), draw(1.0)).normalized();
-  result.nearest_m = 0.5 + std::abs(draw(2.0)), result.farthest_m = result.nearest_m + std::abs(draw(5.0));
+  result.nearest_m = 0.5 + std::abs(draw(2.0));
+  result.farthest_m = result.nearest_m + std::abs(draw(5.0));
   result.sigma_m = 0.01 + std::abs(draw(0.1));
   return result;
 }
@@ -29,11 +30,13 @@ Share share() {
   result.map = MapId("beta.camera");
   for (std::uint32_t i = 0; i < 200; ++i) result.landmarks.push_back(landmark(random, i));
   for (const auto& axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitZ()})
-    for (const double sign : {1.0, -1.0})
-      result.landmarks.push_back(landmark(random, 300)), result.landmarks.back().direction = sign * axis;
+    for (const double sign : {1.0, -1.0}) {
+      result.landmarks.push_back(landmark(random, 300));
+      result.landmarks.back().direction = sign * axis;
+    }
   result.landmarks.push_back(landmark(random, 301));
-  result.landmarks.back().direction.setZero(),
-      result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
+  result.landmarks.back().direction.setZero();
+  result.landmarks.back().farthest_m = result.landmarks.back().nearest_m = 0.0;
   result.corrected.push_back({{kBeta, 4}, {{1.0, 2.0, 0.5}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)}});
   result.scale = 1.25;
   return result;
@@ -77,7 +80,10 @@ TEST(Exchange, gives_the_other_messages_back) {
   EXPECT_EQ(view.forgotten, 9U);
 
   auto geometry = std::make_shared<CameraGeometry>();
-  geometry->width = 640, geometry->height = 480, geometry->fx = geometry->fy = 500.0, geometry->cx = 320.0,
+  geometry->width = 640;
+  geometry->height = 480;
+  geometry->fx = geometry->fy = 500.0;
+  geometry->cx = 320.0;
   geometry->cy = 240.0;
   PlaceRequest request{{42}, {geometry, {{100, 200, 300, 2, 4}}, {{1, 2, 3, 4}}}};
   const PlaceRequest asked = decode_place_request(encode(request), "test");
@@ -110,7 +116,8 @@ TEST(Exchange, refuses_what_it_is_not) {
   Share nowhere = share();
   nowhere.map = MapId();
   EXPECT_THROW(encode(nowhere), ContractViolation);
-  nowhere = share(), nowhere.corrected[0].map_from_node.t.x() = std::nan("");
+  nowhere = share();
+  nowhere.corrected[0].map_from_node.t.x() = std::nan("");
   EXPECT_THROW(encode(nowhere), ContractViolation);
 }
 
@@ -235,7 +242,10 @@ TEST(Exchange, survives_bytes_that_are_flipped) {
 
 MapReport small_report() {
   MapReport report{RobotId("alpha"), 1200, {}};
-  report.summary.left = -3, report.summary.bottom = 2, report.summary.columns = 3, report.summary.rows = 2;
+  report.summary.left = -3;
+  report.summary.bottom = 2;
+  report.summary.columns = 3;
+  report.summary.rows = 2;
   using Cell = MapSummary::Cell;
   report.summary.cells = {Cell::wall, Cell::free, Cell::unknown, Cell::free, Cell::free, Cell::wall};
   report.summary.looks.push_back({-120, 55, {1, 2, 3}});

@@ -188,8 +188,11 @@ TEST(KeyframeCodec, gives_back_any_points_that_rise) {
   for (std::uint64_t seed = 1; seed < 30; ++seed) {
     MapUpdate update = of_a_client(seed, 16 + static_cast<std::uint32_t>(seed));
     KeyframeFeatures keyframe = std::get<KeyframeFeatures>(*update.nodes[0].payload);
-    if (seed % 3 == 0)
-      keyframe.points.back().v = 16 * 479, keyframe.points.back().u = 1, keyframe.points.back().inverse_depth = 65535;
+    if (seed % 3 == 0) {
+      keyframe.points.back().v = 16 * 479;
+      keyframe.points.back().u = 1;
+      keyframe.points.back().inverse_depth = 65535;
+    }
     if (seed % 3 == 1)
       for (KeyframePoint& point : keyframe.points) point = {};
     if (seed % 5 == 0) keyframe.points.back().angle = 255;
@@ -339,8 +342,11 @@ TEST(KeyframeCodec, writes_nothing_that_could_not_be_read) {
     k.points.resize(100001);
     k.descriptors.resize(100001);
   });
-  refuses_keyframe(
-      "no width", [](KeyframeFeatures& k, CameraGeometry& c) { c.width = 0, k.points.clear(), k.descriptors.clear(); });
+  refuses_keyframe("no width", [](KeyframeFeatures& k, CameraGeometry& c) {
+    c.width = 0;
+    k.points.clear();
+    k.descriptors.clear();
+  });
   refuses_keyframe("a large picture", [](KeyframeFeatures&, CameraGeometry& c) { c.height = 4097; });
   refuses_keyframe("NaN as focal length", [&](KeyframeFeatures&, CameraGeometry& c) { c.fy = nan; });
   refuses_keyframe("a focal length of 0", [&](KeyframeFeatures&, CameraGeometry& c) { c.fx = 0; });

@@ -82,7 +82,10 @@ TEST(ContentHash, sees_any_change_of_a_keyframe_and_none_of_landmarks) {
   changed([](KeyframeFeatures& k, CameraGeometry&) { k.points[2].angle ^= 1; });
   changed([](KeyframeFeatures& k, CameraGeometry&) { k.descriptors[8][3] ^= std::uint64_t{1} << 63; });
   changed([](KeyframeFeatures& k, CameraGeometry&) { std::swap(k.descriptors[0], k.descriptors[1]); });
-  changed([](KeyframeFeatures& k, CameraGeometry&) { k.points.pop_back(), k.descriptors.pop_back(); });
+  changed([](KeyframeFeatures& k, CameraGeometry&) {
+    k.points.pop_back();
+    k.descriptors.pop_back();
+  });
   changed([](KeyframeFeatures&, CameraGeometry& c) { c.fx = std::nextafter(c.fx, 0.0); });
   changed([](KeyframeFeatures&, CameraGeometry& c) { c.baseline_m = 0.0; });
   changed([](KeyframeFeatures&, CameraGeometry& c) { c.level_scale = 2.0; });

@@ -150,7 +150,8 @@ TEST(SearchAlignment, refuses_points_in_a_line) {
     FeaturePair& pair = line.problem.pairs[i];
     pair.point_in_a = Eigen::Vector3d(-1.0, 0.5, 2.0) + 0.02 * static_cast<double>(i) * Eigen::Vector3d(1.0, 0.1, 0.5);
     pair.point_in_b = transformed(*pair.point_in_a, inverse(line.a_from_b));
-    pair.pixel_a = kCamera.project(*pair.point_in_a), pair.pixel_b = kCamera.project(*pair.point_in_b);
+    pair.pixel_a = kCamera.project(*pair.point_in_a);
+    pair.pixel_b = kCamera.project(*pair.point_in_b);
   }
   EXPECT_FALSE(search_alignment(line.problem));
   line.problem.freedom = Freedom::similarity;
@@ -194,7 +195,8 @@ TEST(SearchAlignment, asks_for_sound_problems) {
   broken.problem.pairs[0].camera_a = 1;
   EXPECT_THROW(search_alignment(broken.problem), ContractViolation);
   broken.problem.pairs[0].camera_a = 0;
-  broken.problem.pairs[0].point_in_a.reset(), broken.problem.pairs[0].point_in_b.reset();
+  broken.problem.pairs[0].point_in_a.reset();
+  broken.problem.pairs[0].point_in_b.reset();
   EXPECT_THROW(search_alignment(broken.problem), ContractViolation);
 }
 

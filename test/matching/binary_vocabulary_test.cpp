@@ -44,7 +44,9 @@ Planted planted(std::uint64_t seed) {
 
 BinaryVocabulary trained(const VocabularyPictures& pictures, int branching, int levels, std::uint64_t seed = 1) {
   VocabularyOptions options;
-  options.branching = branching, options.levels = levels, options.seed = seed;
+  options.branching = branching;
+  options.levels = levels;
+  options.seed = seed;
   return train_vocabulary(pictures, options, *make_silent_progress());
 }
 

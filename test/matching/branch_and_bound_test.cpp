@@ -17,7 +17,8 @@ struct Pair {
     options.robots = 2;
     options.shared = 1.0;
     const auto team = simulation::make_apartment({}, options);
-    map_a = test::truth_map(team.robots[0], team.laser), map_b = test::truth_map(team.robots[1], team.laser);
+    map_a = test::truth_map(team.robots[0], team.laser);
+    map_b = test::truth_map(team.robots[1], team.laser);
     for (const auto& [id, submap] : map_a.submaps) a.emplace_back(submap, map_a.nodes);
     for (const auto& [id, submap] : map_b.submaps) b.emplace_back(submap, map_b.nodes);
     a_from_b_maps =
@@ -46,7 +47,10 @@ std::size_t partner(std::size_t j) {
     const auto p = pair().b[j].centre();
     const double x = t.x + std::cos(t.phi) * p.x - std::sin(t.phi) * p.y - pair().a[i].centre().x,
                  y = t.y + std::sin(t.phi) * p.x + std::cos(t.phi) * p.y - pair().a[i].centre().y;
-    if (std::hypot(x, y) < nearest) nearest = std::hypot(x, y), best = i;
+    if (std::hypot(x, y) < nearest) {
+      nearest = std::hypot(x, y);
+      best = i;
+    }
   }
   return best;
 }

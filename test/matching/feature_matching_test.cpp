@@ -54,10 +54,13 @@ std::vector<FeatureMatch> by_brute_force(const Picture& a, const Picture& b, con
     for (std::uint32_t j = 0; j < among.nodes.size(); ++j) {
       if (by_node && of.nodes[i] != among.nodes[j]) continue;
       const int distance = hamming(of.features.descriptors[i], among.features.descriptors[j]);
-      if (distance < first)
-        second = first, first = distance, index = j;
-      else
+      if (distance < first) {
+        second = first;
+        first = distance;
+        index = j;
+      } else {
         second = std::min(second, distance);
+      }
     }
     const bool clear = first <= options.max_distance && (options.ratio >= 1.0 || first < options.ratio * second);
     return clear ? std::make_pair(index, first) : std::make_pair(std::uint32_t{999999}, first);

@@ -86,7 +86,9 @@ TEST(Judge, sees_a_wall_that_the_other_saw_through) {
 
 TEST(Judge, calls_a_bare_corridor_unobservable_or_ambiguous) {
   simulation::CorridorOptions corridor;
-  corridor.doors = 0, corridor.clutter = 0, corridor.length_m = 60.0;
+  corridor.doors = 0;
+  corridor.clutter = 0;
+  corridor.length_m = 60.0;
   simulation::TeamOptions options = everyone_everywhere();
   options.laser.max_range_m = 8.0;
   const Two two(simulation::make_corridor(corridor, options));

@@ -32,7 +32,8 @@ int main() {
         one.point_in_map[axis] = 5.0 * std::round(one.point_in_map[axis] / 5.0);
         const double yaw = uniform(-M_PI, M_PI);
         one.direction = {std::cos(yaw), std::sin(yaw), 0.0};
-        one.nearest_m = uniform(1, 4), one.farthest_m = one.nearest_m + uniform(0, 3);
+        one.nearest_m = uniform(1, 4);
+        one.farthest_m = one.nearest_m + uniform(0, 3);
         landmarks.push_back(one);
       }
       double before = now_ms();
@@ -50,7 +51,8 @@ int main() {
         before = now_ms();
         const auto found = index.retrieve(frustum, {}, ClientId{RobotId("gamma"), SensorId("front")});
         spent_ms.push_back(now_ms() - before);
-        all_ms += spent_ms.back(), answered += static_cast<double>(found.size());
+        all_ms += spent_ms.back();
+        answered += static_cast<double>(found.size());
       }
       std::sort(spent_ms.begin(), spent_ms.end());
       std::printf("%8.0f %8.1f %10.0f %10.4f %10.4f %10.1f %10.2f\n", side_m, cell_m, answered / kCameras,

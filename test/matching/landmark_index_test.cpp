@@ -15,7 +15,9 @@ const Eigen::Quaterniond kForward(0.5, -0.5, 0.5, -0.5);
 
 DescribedLandmark landmark(std::uint32_t index, const Eigen::Vector3d& point) {
   DescribedLandmark result;
-  result.id = {kAlpha, index}, result.point_in_map = point, result.updated_by = kAlpha.client;
+  result.id = {kAlpha, index};
+  result.point_in_map = point;
+  result.updated_by = kAlpha.client;
   return result;
 }
 
@@ -58,7 +60,10 @@ class RandomLandmarks : public test::RandomMaps {
     if (below(4) == 0)
       one.point_in_map.head<2>() = (2.0 * one.point_in_map.head<2>()).array().round() / 2.0;  // on corners of cells
     if (below(3) > 0) one.direction = Eigen::Vector3d(uniform(-1, 1), uniform(-1, 1), uniform(-0.3, 0.3)).normalized();
-    if (below(3) > 0) one.nearest_m = uniform(0.5, 5), one.farthest_m = one.nearest_m + uniform(0, 4);
+    if (below(3) > 0) {
+      one.nearest_m = uniform(0.5, 5);
+      one.farthest_m = one.nearest_m + uniform(0, 4);
+    }
     return one;
   }
   Frustum camera(const Eigen::Vector3d& around) {
@@ -66,7 +71,8 @@ class RandomLandmarks : public test::RandomMaps {
     Frustum frustum = looking(around + Eigen::Vector3d(uniform(-10, 10), uniform(-10, 10), uniform(-1, 2)),
                               uniform(-4, 4), kPitches[below(4)]);
     if (below(4) == 0) frustum.map_from_camera.q = (frustum.map_from_camera.q * pose().q).normalized();
-    frustum.near_m = uniform(0.05, 1.0), frustum.far_m = frustum.near_m + uniform(0.1, 12.0);
+    frustum.near_m = uniform(0.05, 1.0);
+    frustum.far_m = frustum.near_m + uniform(0.1, 12.0);
     return frustum;
   }
 };
@@ -93,13 +99,15 @@ TEST_P(LandmarkIndexAgainstBruteForce, retrieves_the_same_for_any_camera_while_l
       ASSERT_EQ(index.size(), known.size());
       const Frustum frustum = random.camera(around);
       RetrievalOptions options;
-      options.margin_px = random.uniform(0, 30), options.most_turn_rad = random.uniform(0.2, 3.0),
+      options.margin_px = random.uniform(0, 30);
+      options.most_turn_rad = random.uniform(0.2, 3.0);
       options.most = 100000;
       std::vector<std::uint32_t> expected;
       for (const auto& [number, one] : known)
         if (is_retrieved(one, frustum, options)) expected.push_back(number);
       EXPECT_EQ(indices(index.retrieve(frustum, options)), expected) << "seed " << seed << " round " << round;
-      retrieved += expected.size(), cameras_that_see += !expected.empty();
+      retrieved += expected.size();
+      cameras_that_see += !expected.empty();
     }
   }
   EXPECT_GT(cameras_that_see, 150U);
@@ -127,7 +135,8 @@ TEST(LandmarkIndex, leaves_out_what_the_asking_client_updated_last) {
   LandmarkIndex index;
   DescribedLandmark mine = landmark(1, {3, 0, 0}), other = landmark(2, {3, 0.1, 0});
   other.updated_by = kBeta.client;
-  index.set(mine), index.set(other);
+  index.set(mine);
+  index.set(other);
   const Frustum frustum = looking({0, 0, 0}, 0.0, 0.0);
   EXPECT_THAT(indices(index.retrieve(frustum)), testing::ElementsAre(1, 2));
   EXPECT_THAT(indices(index.retrieve(frustum, {}, kAlpha.client)), testing::ElementsAre(2));
@@ -164,11 +173,14 @@ TEST(LandmarkIndex, refuses_what_is_no_number_or_out_of_reach) {
     Frustum frustum = looking({0, 0, 0}, 0, 0);
     frustum.map_from_camera.t.x() = bad;
     EXPECT_THROW(index.retrieve(frustum), Error);
-    frustum = looking({0, 0, 0}, 0, 0), frustum.far_m = bad;
+    frustum = looking({0, 0, 0}, 0, 0);
+    frustum.far_m = bad;
     EXPECT_THROW(index.retrieve(frustum), Error);
-    frustum = looking({0, 0, 0}, 0, 0), frustum.map_from_camera.q.x() = bad;
+    frustum = looking({0, 0, 0}, 0, 0);
+    frustum.map_from_camera.q.x() = bad;
     EXPECT_THROW(index.retrieve(frustum), Error);
-    frustum = looking({0, 0, 0}, 0, 0), frustum.pinhole.cx = bad;
+    frustum = looking({0, 0, 0}, 0, 0);
+    frustum.pinhole.cx = bad;
     EXPECT_THROW(index.retrieve(frustum), Error);
   }
   Frustum wide = looking({0, 0, 0}, 0, 0);
@@ -177,7 +189,9 @@ TEST(LandmarkIndex, refuses_what_is_no_number_or_out_of_reach) {
   DescribedLandmark odd = landmark(1, {1, 0, 0});
   odd.direction = {0.5, 0, 0};
   EXPECT_THROW(index.set(odd), Error);
-  odd = landmark(1, {1, 0, 0}), odd.nearest_m = 2.0, odd.farthest_m = 1.0;
+  odd = landmark(1, {1, 0, 0});
+  odd.nearest_m = 2.0;
+  odd.farthest_m = 1.0;
   EXPECT_THROW(index.set(odd), Error);
   EXPECT_EQ(index.size(), 0U);
   EXPECT_FALSE(index.remove({kAlpha, 1}));

@@ -74,7 +74,10 @@ TEST(PlaceIndex, answers_as_brute_force_does_while_keyframes_come_and_go) {
 TEST(PlaceIndex, breaks_ties_by_id_whatever_the_order_of_coming) {
   const BagOfWords bag = {{3, 30000}, {9, 35000}};
   PlaceIndex rising(kWords), falling(kWords);
-  for (std::uint32_t i = 0; i < 9; ++i) rising.add(keyframe(i), bag), falling.add(keyframe(8 - i), bag);
+  for (std::uint32_t i = 0; i < 9; ++i) {
+    rising.add(keyframe(i), bag);
+    falling.add(keyframe(8 - i), bag);
+  }
   expect_same(rising.query(bag, 4), falling.query(bag, 4));
   EXPECT_EQ(rising.query(bag, 4).back().id, keyframe(3));
   EXPECT_EQ(rising.query(bag, 4).back().score, 65000);

@@ -36,7 +36,8 @@ struct Camera {
       const double r2 = x * x + y * y, radial = 1.0 + r2 * (distortion[0] + r2 * (distortion[1] + r2 * distortion[4]));
       const double dx = 2.0 * distortion[2] * x * y + distortion[3] * (r2 + 2.0 * x * x);
       const double dy = distortion[2] * (r2 + 2.0 * y * y) + 2.0 * distortion[3] * x * y;
-      x = (seen.x() - dx) / radial, y = (seen.y() - dy) / radial;
+      x = (seen.x() - dx) / radial;
+      y = (seen.y() - dy) / radial;
     }
     return pinhole.project({x, y, 1.0});
   }
@@ -101,7 +102,8 @@ void add_folder(const std::filesystem::path& folder, std::size_t number, int eve
       FeaturePoint& point = picture.features.points[i];
       const double z = depth_m(point.u_px, point.v_px);
       const Eigen::Vector2d pixel = camera.rectified({point.u_px, point.v_px});
-      point.u_px = static_cast<float>(pixel.x()), point.v_px = static_cast<float>(pixel.y());
+      point.u_px = static_cast<float>(pixel.x());
+      point.v_px = static_cast<float>(pixel.y());
       const bool known = z > 0.0 && z < kFarthest_m;
       picture.landmark_of_feature.push_back(known ? static_cast<std::int32_t>(picture.place.landmarks.size()) : -1);
       if (known) picture.place.landmarks.push_back({z * camera.pinhole.ray(pixel), picture.features.descriptors[i]});

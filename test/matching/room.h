@@ -14,8 +14,13 @@ inline std::vector<WallPoint> room(float step = 0.03F) {
       points.push_back(
           {x0 + (x1 - x0) * t / length, y0 + (y1 - y0) * t / length, (y0 - y1) / length, (x1 - x0) / length});
   };
-  line(0, 0, 6, 0), line(6, 0, 6, 2.5F), line(6, 2.5F, 3, 2.5F), line(3, 2.5F, 3, 5), line(3, 5, 0, 5),
-      line(0, 5, 0, 0), line(1, 1, 1.7F, 1.2F);
+  line(0, 0, 6, 0);
+  line(6, 0, 6, 2.5F);
+  line(6, 2.5F, 3, 2.5F);
+  line(3, 2.5F, 3, 5);
+  line(3, 5, 0, 5);
+  line(0, 5, 0, 0);
+  line(1, 1, 1.7F, 1.2F);
   return points;
 }
 

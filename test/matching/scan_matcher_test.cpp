@@ -89,15 +89,17 @@ TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
 TEST(Refine, leaves_to_the_prior_what_walls_do_not_tell) {
   WallField corridor;
   std::vector<WallPoint> walls;
-  for (int i = -400; i < 400; ++i)
-    walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1}),
-        walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
+  for (int i = -400; i < 400; ++i) {
+    walls.push_back({0.025F * static_cast<float>(i), 1.0F, 0, -1});
+    walls.push_back({0.025F * static_cast<float>(i), -1.0F, 0, 1});
+  }
   corridor.add(walls);
   corridor.settle();
   std::vector<WallPoint> points;
-  for (int i = -40; i < 40; ++i)
-    points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1}),
-        points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
+  for (int i = -40; i < 40; ++i) {
+    points.push_back({0.1F * static_cast<float>(i), 1.0F, 0, -1});
+    points.push_back({0.1F * static_cast<float>(i), -1.0F, 0, 1});
+  }
   const PriorWeight prior{0.02, 0.05};
   const ScanMatch match = refine(corridor, points, {0.1, 0.05, 0.01}, {0.02, 0.0, 0.0}, &prior);
   EXPECT_NEAR(match.field_from_scan.x, 0.02, 0.01);

@@ -119,7 +119,10 @@ TEST(Rawlog, reads_both_forms_of_a_public_log_alike) {
       ++scans;
       ASSERT_EQ(serialized(*left->observation), serialized(*right->observation));
     } else {
-      if (!a_origin) a_origin = odometry_of(*left), b_origin = odometry_of(*right);
+      if (!a_origin) {
+        a_origin = odometry_of(*left);
+        b_origin = odometry_of(*right);
+      }
       ASSERT_THAT(between(*a_origin, odometry_of(*left)), IsNear(between(*b_origin, odometry_of(*right)), 1e-3, 1e-4));
     }
   }

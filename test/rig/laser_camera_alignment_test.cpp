@@ -80,7 +80,8 @@ TEST(LaserCameraAlignment, lets_a_sure_laser_move_keyframes) {
 TEST(LaserCameraAlignment, gives_a_single_camera_the_lasers_scale) {
   const test::StarryBuilding building({1});
   test::StarryOptions single;
-  single.depth = false, single.scale = 0.25;
+  single.depth = false;
+  single.scale = 0.25;
   const Map laser = laser_map("alpha", round_trip(), 0.0);
   const LaserCameraMap result = align_cameras(laser, {building.keyframe_map("alpha", round_trip(), single)});
   const Pose3 &start = result.map.nodes.find({camera_session("alpha"), 0})->map_from_node,

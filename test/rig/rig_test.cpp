@@ -96,7 +96,8 @@ TEST_F(TwoCameras, know_the_trajectory_better_than_either_alone) {
 
 TEST_F(TwoCameras, are_left_as_they_lie_where_they_agree_well_enough) {
   RigOptions options;
-  options.threshold_m = 1.0, options.threshold_rad = 1.0;
+  options.threshold_m = 1.0;
+  options.threshold_rad = 1.0;
   const RigMerge rig = merge_rig(robot().members, robot().odometry, options);
   ASSERT_EQ(rig.maps.size(), 1U);
   EXPECT_FALSE(rig.maps[0].solved);

@@ -73,7 +73,10 @@ double farthest_aside_m(const std::vector<StampedPose>& trajectory) {
 
 TEST(RobotPose, is_the_weighted_mean_of_cameras_that_agree) {
   CameraTrajectory one = camera(0.0, 10.0, none, 3.0), other = camera(0.0, 10.0, [](double) { return 0.04; });
-  for (StampedPose& pose : other.frames) pose.stamp.ns += 50'000'000, pose.map_from_robot.t.x() += 0.025;
+  for (StampedPose& pose : other.frames) {
+    pose.stamp.ns += 50'000'000;
+    pose.map_from_robot.t.x() += 0.025;
+  }
   const auto trajectory = answered({one, other});
   EXPECT_EQ(trajectory.size(), one.frames.size() + other.frames.size());
   EXPECT_NEAR(aside_m(trajectory, 5.0), 0.01, 1e-6);
@@ -214,7 +217,8 @@ TEST(RobotPose, is_nearly_what_is_known_afterwards) {
   for (const StampedPose& pose : trajectory) {
     if (const auto later = pose_at(afterwards, pose.stamp, 0.25)) {
       const double apart = (later->t - pose.map_from_robot.t).norm();
-      farthest = std::max(farthest, apart), sum += apart;
+      farthest = std::max(farthest, apart);
+      sum += apart;
     }
     from_truth = std::max(from_truth, (truth(pose.stamp.seconds() - 1000.0).t - pose.map_from_robot.t).norm());
   }

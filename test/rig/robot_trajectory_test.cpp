@@ -24,7 +24,10 @@ CameraTrajectory camera(double begin_s, double end_s, double aside_m = 0.0, doub
 TEST(RobotTrajectory, is_the_weighted_mean_at_every_stamp_of_any_camera) {
   const CameraTrajectory one = camera(0.0, 10.0, 0.00, 3.0);
   CameraTrajectory other = camera(0.0, 10.0, 0.04, 1.0);
-  for (StampedPose& pose : other.frames) pose.stamp.ns += 50'000'000, pose.map_from_robot.t.x() += 0.025;
+  for (StampedPose& pose : other.frames) {
+    pose.stamp.ns += 50'000'000;
+    pose.map_from_robot.t.x() += 0.025;
+  }
   const auto trajectory = robot_trajectory({one, other}, {});
   EXPECT_EQ(trajectory.size(), one.frames.size() + other.frames.size());
   EXPECT_NEAR(aside_m(trajectory, 5.0), 0.01, 1e-6);

@@ -144,11 +144,11 @@ int main(int argc, char** argv) {
     compare(number > 0 ? static_cast<std::uint32_t>(number) : 2000);
   else if (what == "worse")
     worse(number > 0 ? static_cast<std::uint32_t>(number) : 10);
-  else if (what == "time")
+  else if (what == "time") {
     time();
-  else
-    return std::fprintf(stderr,
-                        "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | worse [SEEDS] | time\n"),
-           2;
+  } else {
+    std::fprintf(stderr, "usage: grouping_benchmark exact [GRAPHS] | compare [MOST_ROBOTS] | worse [SEEDS] | time\n");
+    return 2;
+  }
   return 0;
 }

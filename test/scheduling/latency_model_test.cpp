@@ -17,8 +17,10 @@ using testing::HasSubstr;
 
 Problem two_edges() {
   return parse_problem(
-      R"({"robots": ["a", "b", "c"], "overlaps": [["a", "b", 0.25], ["b", "c", 0.5]], "robot_scans": {"a": 100, "b": 100, "c": 100},
-    "edges": [{"id": "e", "bandwidth_bytes_per_s": 1000}, {"id": "f", "bandwidth_bytes_per_s": 500, "speed": 2}], "links": [["a", "f", 100, 3]]})",
+      R"({"robots": ["a", "b", "c"], "overlaps": [["a", "b", 0.25], ["b", "c", 0.5]],
+    "robot_scans": {"a": 100, "b": 100, "c": 100},
+    "edges": [{"id": "e", "bandwidth_bytes_per_s": 1000}, {"id": "f", "bandwidth_bytes_per_s": 500, "speed": 2}],
+    "links": [["a", "f", 100, 3]]})",
       "p.json");
 }
 
@@ -69,7 +71,8 @@ TEST(LatencyModel, counts_scans_that_robots_share_where_they_are_fused) {
   LatencyModel model = round_numbers();
   const Latency without(problem, model);
   const double alone_s = without.computing_seconds({0, 1}, 0), all_s = without.terms({{0, 1}, {2}}).fusion_s;
-  model.edge_fusion.per_shared_scan_s = 0.01, model.cloud_fusion.per_shared_scan_s = 0.02;
+  model.edge_fusion.per_shared_scan_s = 0.01;
+  model.cloud_fusion.per_shared_scan_s = 0.02;
   const Latency latency(problem, model);
   EXPECT_DOUBLE_EQ(latency.shared_scans(), 50.0 + 100.0);
   EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 1}, 0), alone_s + 0.5);

@@ -13,7 +13,9 @@ namespace {
 
 simulation::SimulatedTeam apartment(std::int64_t seed, int robots = 2, double shared = 0.5) {
   simulation::TeamOptions options;
-  options.robots = robots, options.shared = shared, options.seed = seed;
+  options.robots = robots;
+  options.shared = shared;
+  options.seed = seed;
   return simulation::make_apartment({}, options);
 }
 

@@ -60,7 +60,10 @@ double least_of_all(const Latency& latency) {
 LatencyModel model_of_kind(std::uint64_t kind) {
   LatencyModel model;
   if (kind % 4 == 1) model.edge_fusion = {0.5, 1e-4, 5e-8};
-  if (kind % 4 == 2) model.map_bytes_per_scan = 20e3, model.edge_bytes_per_map_byte = 1.5;
+  if (kind % 4 == 2) {
+    model.map_bytes_per_scan = 20e3;
+    model.edge_bytes_per_map_byte = 1.5;
+  }
   if (kind % 4 == 3) {  // the cloud decides
     model.edge_fusion = {0.1, 1e-3, 1e-6, 1e-3};
     model.cloud_fusion = {0.3, 2e-3, 1e-5, 2e-3};

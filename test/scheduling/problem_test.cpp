@@ -32,7 +32,8 @@ std::string refusal(const std::string& json, ErrorCode code = ErrorCode::kBadInp
 TEST(Problem, is_read_whole) {
   const Problem problem =
       parse_problem(R"({"robots": ["r0", "r1", "r2"], "overlaps": [["r0", "r1", 0.31], ["r2", "r0", 0]],
-    "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6}, {"id": "e1", "bandwidth_bytes_per_s": 1e6, "speed": 0.5, "capacity": 2, "delay_s": 0.1}],
+    "edges": [{"id": "e0", "bandwidth_bytes_per_s": 2.5e6},
+              {"id": "e1", "bandwidth_bytes_per_s": 1e6, "speed": 0.5, "capacity": 2, "delay_s": 0.1}],
     "cloud": {"speed": 4, "edges_judge": false}, "robot_scans": {"r1": 1200}, "links": [["r2", "e1", 1e6, 0.02]]})",
                     "p.json");
   EXPECT_THAT(problem.robots, ElementsAre(RobotId("r0"), RobotId("r1"), RobotId("r2")));

@@ -105,8 +105,14 @@ TEST(CameraRecording, falsifies_depths_as_the_options_say) {
     const double z = clean.depth[i] * kDepthUnit, error = noisy.depth[i] * kDepthUnit - z;
     const bool is_near = z<1.5, is_far = z> 4.5;
     sum += error / (0.002 + 0.001 * z * z);
-    if (is_near) near_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2), ++near_count;
-    if (is_far) far_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2), ++far_count;
+    if (is_near) {
+      near_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2);
+      ++near_count;
+    }
+    if (is_far) {
+      far_squares += error * error / std::pow(0.002 + 0.001 * z * z, 2);
+      ++far_count;
+    }
   }
   ASSERT_GT(near_count, 300);
   ASSERT_GT(far_count, 300);

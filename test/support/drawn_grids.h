@@ -43,7 +43,10 @@ inline OccupancyGrid drawn_grid(const simulation::FloorPlan& plan, const DrawnGr
       for (double x = box.low_x; x <= box.high_x; x += step) visit(in_grid(options, {x, y}));
   };
   each(seen, [&](simulation::Point2 p) {
-    x0 = std::min(x0, p.x), y0 = std::min(y0, p.y), x1 = std::max(x1, p.x), y1 = std::max(y1, p.y);
+    x0 = std::min(x0, p.x);
+    y0 = std::min(y0, p.y);
+    x1 = std::max(x1, p.x);
+    y1 = std::max(y1, p.y);
   });
   OccupancyGrid grid;
   grid.resolution_m = options.resolution_m;

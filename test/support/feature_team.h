@@ -21,9 +21,10 @@ inline simulation::WorldOptions camera_world(simulation::PlanKind kind, std::int
   simulation::WorldOptions options;
   options.seed = seed;
   options.buildings.resize(1);
-  options.buildings[0].kind = kind, options.buildings[0].seed = seed;
+  options.buildings[0].kind = kind;
+  options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd,
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
   options.cameras[0].frames_per_second = frames_per_second;
   options.robots.resize(robots);
   for (std::size_t i = 0; i < robots; ++i) options.robots[i].id = kNames[i];
@@ -35,7 +36,9 @@ inline simulation::WorldOptions apartment(std::size_t robots, double length_m, s
   simulation::WorldOptions options = camera_world(simulation::PlanKind::apartment, seed, robots);
   for (std::size_t i = 0; i < robots; ++i) {
     auto& robot = options.robots[i];
-    robot.first_room = static_cast<int>(i % 5), robot.last_room = robot.first_room + 2, robot.length_m = length_m;
+    robot.first_room = static_cast<int>(i % 5);
+    robot.last_room = robot.first_room + 2;
+    robot.length_m = length_m;
     if (i >= 5) robot.order = simulation::TourOrder::back;
   }
   return options;
@@ -96,7 +99,10 @@ class FeatureTeam {
   Robot& add(visual::ClientPlace place, const Pinhole& camera, std::size_t count,
              std::function<Shot(std::size_t)> shoot, const visual::ClientOptions& options = {}) {
     Robot& robot = robots.emplace_back();
-    robot.place = std::move(place), robot.camera = camera, robot.options = options, robot.count = count,
+    robot.place = std::move(place);
+    robot.camera = camera;
+    robot.options = options;
+    robot.count = count;
     robot.shoot = std::move(shoot);
     robot.agent.emplace(robot.place);
     robot.client.emplace(robot.camera, 0.0, robot.options, matching::shipped_vocabulary());

@@ -15,7 +15,10 @@ namespace mapweave::test {
 // How many it wrote.
 inline std::size_t killed(const std::function<void(int out)>& work, std::size_t after_bytes, unsigned microseconds) {
   int pipes[2];
-  if (pipe(pipes) != 0) return ADD_FAILURE() << "no pipe", 0;
+  if (pipe(pipes) != 0) {
+    ADD_FAILURE() << "no pipe";
+    return 0;
+  }
   const pid_t child = fork();
   if (child == 0) {
     close(pipes[0]);

@@ -16,7 +16,9 @@ inline double painted(double u, double v, unsigned wall) {
     std::uint64_t h = static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15ULL ^
                       static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4FULL ^
                       (wall * 31ULL + octave) * 0x165667B19E3779F9ULL;
-    h ^= h >> 29, h *= 0xBF58476D1CE4E5B9ULL, h ^= h >> 32;
+    h ^= h >> 29;
+    h *= 0xBF58476D1CE4E5B9ULL;
+    h ^= h >> 32;
     return static_cast<double>(h & 0xFFFF) / 65535.0;
   };
   double value = 0, weight = 0, scale = 2.2, share = 1.0;
@@ -26,7 +28,8 @@ inline double painted(double u, double v, unsigned wall) {
     const long ix = static_cast<long>(floor_x), iy = static_cast<long>(floor_y);
     const double upper = lattice(ix, iy, octave) * (1 - sx) + lattice(ix + 1, iy, octave) * sx;
     const double lower = lattice(ix, iy + 1, octave) * (1 - sx) + lattice(ix + 1, iy + 1, octave) * sx;
-    value += share * (upper * (1 - sy) + lower * sy), weight += share;
+    value += share * (upper * (1 - sy) + lower * sy);
+    weight += share;
   }
   return value / weight;
 }
@@ -42,7 +45,10 @@ struct PaintedRoom {
     for (int i = 0; i < 3; ++i) {
       if (ray[i] == 0.0) continue;
       const double t = ((ray[i] > 0 ? half[i] : -half[i]) - from[i]) / ray[i];
-      if (t < nearest) nearest = t, axis = i;
+      if (t < nearest) {
+        nearest = t;
+        axis = i;
+      }
     }
     const Eigen::Vector3d p = from + nearest * ray;
     const unsigned wall = static_cast<unsigned>(2 * axis + (ray[axis] > 0 ? 1 : 0));

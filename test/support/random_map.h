@@ -112,9 +112,11 @@ class RandomMaps {
 
   std::shared_ptr<const CameraGeometry> camera() {
     CameraGeometry camera;
-    camera.width = 640, camera.height = 480;
+    camera.width = 640;
+    camera.height = 480;
     camera.fx = camera.fy = uniform(400, 600);
-    camera.cx = uniform(300, 340), camera.cy = uniform(220, 260);
+    camera.cx = uniform(300, 340);
+    camera.cy = uniform(220, 260);
     camera.baseline_m = 0.075;
     camera.robot_from_camera = pose();
     return std::make_shared<const CameraGeometry>(camera);
@@ -135,7 +137,8 @@ class RandomMaps {
   LandmarkSighting sighting(const NodeId& node) {
     LandmarkSighting sighting;
     sighting.node = node;
-    sighting.u = static_cast<std::uint16_t>(below(16 * 640)), sighting.v = static_cast<std::uint16_t>(below(16 * 480));
+    sighting.u = static_cast<std::uint16_t>(below(16 * 640));
+    sighting.v = static_cast<std::uint16_t>(below(16 * 480));
     sighting.inverse_depth = static_cast<std::uint16_t>(below(3) == 0 ? 0 : below(65536));
     sighting.level = static_cast<std::uint8_t>(below(8));
     return sighting;

@@ -13,8 +13,12 @@ inline tiers::ServerOptions sharing(tiers::Sharing share) {
 
 inline simulation::WorldOptions two_in_an_apartment() {
   auto options = camera_world(simulation::PlanKind::apartment, 7, 2);
-  options.robots[0].first_room = 0, options.robots[0].last_room = 3, options.robots[0].length_m = 25.0;
-  options.robots[1].first_room = 1, options.robots[1].last_room = 4, options.robots[1].length_m = 25.0;
+  options.robots[0].first_room = 0;
+  options.robots[0].last_room = 3;
+  options.robots[0].length_m = 25.0;
+  options.robots[1].first_room = 1;
+  options.robots[1].last_room = 4;
+  options.robots[1].length_m = 25.0;
   return options;
 }
 

@@ -30,12 +30,18 @@ inline simulation::WorldOptions world_of_two_cameras(double length_m) {
   options.cameras.resize(2);
   for (std::size_t i = 0; i < 2; ++i) {
     simulation::CameraOptions& camera = options.cameras[i];
-    camera.id = i == 0 ? "ahead" : "back", camera.kind = simulation::SimulatedCameraKind::rgbd,
+    camera.id = i == 0 ? "ahead" : "back";
+    camera.kind = simulation::SimulatedCameraKind::rgbd;
     camera.frames_per_second = 12.0;
-    if (i == 1) camera.yaw_deg = 180.0, camera.x_m = -0.15;
+    if (i == 1) {
+      camera.yaw_deg = 180.0;
+      camera.x_m = -0.15;
+    }
   }
   options.robots.resize(1);
-  options.robots[0].id = "alpha", options.robots[0].last_room = 3, options.robots[0].length_m = length_m;
+  options.robots[0].id = "alpha";
+  options.robots[0].last_room = 3;
+  options.robots[0].length_m = length_m;
   return options;
 }
 
@@ -84,8 +90,10 @@ inline DrivenRobot drive(double length_m, const Blindness& blindness = {}, doubl
       const simulation::SimulatedFeatureFrame seen = recording.frame(i);
       visual::FeatureFrame frame = test::frame_of(seen);
       const double seconds = seconds_between(world.first_stamp(0), seen.stamp);
-      if (name == blindness.camera && seconds >= blindness.begin_s && seconds < blindness.end_s)
-        frame.features = {}, frame.inverse_depths.clear();
+      if (name == blindness.camera && seconds >= blindness.begin_s && seconds < blindness.end_s) {
+        frame.features = {};
+        frame.inverse_depths.clear();
+      }
       client.add(frame);
     }
     finish(client, name, robot_from_camera, robot.members);

@@ -79,7 +79,8 @@ class StarryBuilding {
         const double inverse_depth = 1.0 / p.z() + options.inverse_depth_noise * uniform(-1, 1);
         KeyframePoint point{pixel_units(u), pixel_units(v),
                             options.depth ? inverse_depth_units(1.0 / inverse_depth) : std::uint16_t{0}, 0, 0};
-        features.points.push_back(point), features.descriptors.push_back(descriptor);
+        features.points.push_back(point);
+        features.descriptors.push_back(descriptor);
         auto [landmark, is_new] = seen.try_emplace(i);
         if (is_new) {
           landmark->second.id = {session, static_cast<std::uint32_t>(seen.size() - 1)};
