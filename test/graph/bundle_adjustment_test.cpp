@@ -30,7 +30,10 @@ struct Ring {
         BundleSighting seen{v, p, {}, 0.5, 0.0, 0.0, true};
         seen.pixel = {500 * in_camera.x() / in_camera.z() + 320 + noise_px * uniform(-1, 1),
                       500 * in_camera.y() / in_camera.z() + 240 + noise_px * uniform(-1, 1)};
-        if (depth) seen.inverse_depth = 1.0 / in_camera.z(), seen.inverse_depth_sigma = 0.005;
+        if (depth) {
+          seen.inverse_depth = 1.0 / in_camera.z();
+          seen.inverse_depth_sigma = 0.005;
+        }
         truth.sightings.push_back(seen);
       }
     drifted = truth;

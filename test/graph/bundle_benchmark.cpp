@@ -49,14 +49,18 @@ int main(int argc, char** argv) {
       const Eigen::Vector2d pixel(520.0 * p.x() / p.z() + 320.0, 520.0 * p.y() / p.z() + 240.0);
       if (!(pixel.x() > 0 && pixel.x() < 640 && pixel.y() > 0 && pixel.y() < 480)) continue;
       graph::BundleSighting sighting;
-      sighting.view = static_cast<std::uint32_t>(view), sighting.point = static_cast<std::uint32_t>(made);
-      sighting.pixel = pixel + 2.0 * Eigen::Vector2d(normal(random), normal(random)), sighting.sigma_px = 2.0;
-      sighting.inverse_depth = 1.0 / p.z() + 0.004 * normal(random), sighting.inverse_depth_sigma = 0.004;
+      sighting.view = static_cast<std::uint32_t>(view);
+      sighting.point = static_cast<std::uint32_t>(made);
+      sighting.pixel = pixel + 2.0 * Eigen::Vector2d(normal(random), normal(random));
+      sighting.sigma_px = 2.0;
+      sighting.inverse_depth = 1.0 / p.z() + 0.004 * normal(random);
+      sighting.inverse_depth_sigma = 0.004;
       sightings.push_back(sighting);
     }
     if (sightings.size() < 2) continue;
     bundle.points.push_back(point + 0.05 * Eigen::Vector3d(normal(random), normal(random), normal(random)));
-    seen += static_cast<int>(sightings.size()), ++made;
+    seen += static_cast<int>(sightings.size());
+    ++made;
     bundle.sightings.insert(bundle.sightings.end(), sightings.begin(), sightings.end());
   }
   const auto error = [&] {

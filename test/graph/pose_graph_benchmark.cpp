@@ -26,11 +26,12 @@ int main(int argc, char** argv) {
   std::vector<graph::SpatialEdge> edges;
   const auto constraint = [&](int from, int to, double metres, double radians) {
     graph::SpatialEdge edge;
-    edge.from = static_cast<std::uint32_t>(from), edge.to = static_cast<std::uint32_t>(to);
+    edge.from = static_cast<std::uint32_t>(from);
+    edge.to = static_cast<std::uint32_t>(to);
     edge.from_from_to = compose(between(truth[static_cast<std::size_t>(from)], truth[static_cast<std::size_t>(to)]),
                                 motion(metres, radians));
-    edge.information.topLeftCorner<3, 3>() *= 1.0 / (metres * metres),
-        edge.information.bottomRightCorner<3, 3>() *= 1.0 / (radians * radians);
+    edge.information.topLeftCorner<3, 3>() *= 1.0 / (metres * metres);
+    edge.information.bottomRightCorner<3, 3>() *= 1.0 / (radians * radians);
     edges.push_back(edge);
   };
   for (int i = 0; i < keyframes; ++i) {

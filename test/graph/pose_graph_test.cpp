@@ -34,7 +34,8 @@ Square make_square(unsigned seed, int per_side = 10) {
   square.dead_reckoning.push_back({0, 0, 0});
   for (std::size_t i = 1; i < square.truth.size(); ++i) {
     Pose2 step = between(square.truth[i - 1], square.truth[i]);
-    step.x += 0.03 + noise(0.02), step.phi += 0.01 + noise(0.01);
+    step.x += 0.03 + noise(0.02);
+    step.phi += 0.01 + noise(0.01);
     square.edges.push_back(
         {static_cast<std::uint32_t>(i - 1), static_cast<std::uint32_t>(i), step, information(0.05, 0.02), false});
     square.dead_reckoning.push_back(compose(square.dead_reckoning.back(), step));

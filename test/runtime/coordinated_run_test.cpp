@@ -145,7 +145,8 @@ TEST_F(CoordinatedRun, hears_of_a_robot_when_it_comes) {
 }
 
 TEST_F(CoordinatedRun, joins_at_an_edge_and_tells_a_robot) {
-  configuration.cloud.at = "north", configuration.cloud.push_to = {"beta"};
+  configuration.cloud.at = "north";
+  configuration.cloud.push_to = {"beta"};
   const Report report = run("pushed");
   const auto& first = report.team.components.front();
   const bool is_first = std::find(first.begin(), first.end(), MapId("beta")) != first.end();

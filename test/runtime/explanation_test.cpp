@@ -187,11 +187,10 @@ TEST(Explanation, refuses_what_is_not_there_or_damaged) {
   EXPECT_THAT(trouble(out, "robot0", "robot0", ErrorCode::kUsage), HasSubstr("two maps"));
   EXPECT_THAT(trouble(merged().folder.path(), "robot0", "robot1", ErrorCode::kMissing), HasSubstr("merges.json"));
   const test::TemporaryFolder damaged;
-  for (
-      const char* text :
-      {"", "[", "{}", "[3]", R"([{"a": "x", "b": "y"}])", R"([{"a": 1, "b": 2}])",
-       R"([{"a": "../x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted"}])",
-       R"([{"a": "x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted", "hypotheses": [{"b_from_a": {"yaw": "left"}}]}])"}) {
+  for (const char* text : {"", "[", "{}", "[3]", R"([{"a": "x", "b": "y"}])", R"([{"a": 1, "b": 2}])",
+                           R"([{"a": "../x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted"}])",
+                           R"([{"a": "x", "b": "y", "reason": "none", "accepted": true, "decision": "accepted",
+         "hypotheses": [{"b_from_a": {"yaw": "left"}}]}])"}) {
     write_file(damaged / "merges.json", text);
     try {
       explained(damaged.path(), std::string(text).find("../x") == std::string::npos ? "x" : "../x", "y");

@@ -13,7 +13,8 @@ using Robot = test::FeatureTeam::Robot;
 
 test::FeatureTeam alone(double length_m) {
   auto options = test::two_in_an_apartment();
-  options.robots.resize(1), options.robots[0].length_m = length_m;
+  options.robots.resize(1);
+  options.robots[0].length_m = length_m;
   return test::FeatureTeam(options, tiers::ServerOptions{});
 }
 

@@ -94,8 +94,10 @@ void await_merge(const LiveMapServer& server) {
 
 std::string sealed_in_lockstep() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    server.greet(hello_of(one.from));
+    server.receive(one.from, one.bytes);
+  }
   return test::sealed(server);
 }
 
@@ -116,9 +118,11 @@ TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
 
 TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garbage) {
   LiveServerOptions options;
-  options.handlers = 1, options.queue_kb = 512;
+  options.handlers = 1;
+  options.queue_kb = 512;
   tiers::ServerOptions sharing;
-  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
+  sharing.share = tiers::Sharing::view;
+  sharing.fuse_after = 5;
   LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   std::atomic<bool> ends{false};
   std::atomic<int> put_off{0};
@@ -128,7 +132,10 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
       const auto link = server.connect();
       if (greets) link->send({Kind::hello, encode(hello_of(stranger(robot)))});
       while (!ends)
-        if (link->send(message) == Sent::later) ++put_off, std::this_thread::sleep_for(1ms);
+        if (link->send(message) == Sent::later) {
+          ++put_off;
+          std::this_thread::sleep_for(1ms);
+        }
     });
   };
   std::mt19937 random(3);
@@ -162,13 +169,16 @@ ClientView view_of(const Map& map, std::uint32_t number) {
 
 TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what_waits_to_be_received) {
   tiers::ServerOptions sharing;
-  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
+  sharing.share = tiers::Sharing::view;
+  sharing.fuse_after = 5;
   LiveServerOptions options;
   options.answers_kb = 64;
   LiveMapServer server(TierId("edge"), sharing, {}, options, std::nullopt);
   tiers::VisualServer lockstep(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    lockstep.greet(hello_of(one.from)), lockstep.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    lockstep.greet(hello_of(one.from));
+    lockstep.receive(one.from, one.bytes);
+  }
   tell_all(server);
   await_merge(server);
   const ServerCounts joined = server.counts();
@@ -240,7 +250,8 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   ASSERT_GT(received_updates().size(), 8U);
   std::mt19937 random(5);
   tiers::ServerOptions sharing;
-  sharing.share = tiers::Sharing::full, sharing.fuse_after = 5;
+  sharing.share = tiers::Sharing::full;
+  sharing.fuse_after = 5;
   for (int kill = 0; kill < 20; ++kill) {
     const auto serve = [&](int out) {
       LiveMapServer server(TierId("edge"), sharing, {}, options, path);

@@ -22,8 +22,11 @@ std::map<SessionId, std::vector<std::string>> told(double turned_rad) {
   auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
   options.cameras.resize(2, options.cameras.front());
   options.cameras[0].id = kAhead.str();
-  options.cameras[1].id = kBack.str(), options.cameras[1].yaw_deg = 180.0, options.cameras[1].x_m = -0.15;
-  options.robots[0].last_room = 3, options.robots[0].length_m = 10.0;
+  options.cameras[1].id = kBack.str();
+  options.cameras[1].yaw_deg = 180.0;
+  options.cameras[1].x_m = -0.15;
+  options.robots[0].last_room = 3;
+  options.robots[0].length_m = 10.0;
   test::FeatureTeam team(options, tiers::ServerOptions{});
   auto& back = team.robots[1];
   back.place.robot_from_camera.q =
@@ -72,7 +75,10 @@ void tell(LiveMapServer& server, const SessionId& session, const std::vector<std
   for (const std::string& bytes : updates) {
     send(*link, {Kind::update, bytes});
     const MapUpdate update = decode_map_update(bytes, "test");
-    for (const Node& node : update.nodes) send(*link, {Kind::view, encode(view_at(node, update.origin.map))}), ++views;
+    for (const Node& node : update.nodes) {
+      send(*link, {Kind::view, encode(view_at(node, update.origin.map))});
+      ++views;
+    }
     for (const ServerMessage& message : link->take(apart))
       EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
   }
@@ -131,7 +137,8 @@ TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
 
 TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   tiers::ServerOptions sharing;
-  sharing.share = tiers::Sharing::view, sharing.fuse_after = 5;
+  sharing.share = tiers::Sharing::view;
+  sharing.fuse_after = 5;
   LiveServerOptions narrow;
   narrow.answers_kb = 1;
   LiveMapServer server(TierId("edge"), sharing, {}, narrow, std::nullopt);
@@ -158,7 +165,8 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
 
 TEST(LiveRobot, is_told_once_why_its_cameras_are_not_tied) {
   tiers::ServerOptions eager;
-  eager.fuse_after = 5, eager.fuse_share = 0.0;
+  eager.fuse_after = 5;
+  eager.fuse_share = 0.0;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
   testing::internal::CaptureStderr();
   const auto all = told(0.35);

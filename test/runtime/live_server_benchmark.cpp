@@ -62,15 +62,17 @@ class Building {
     simulation::WorldOptions options;
     options.seed = 7;
     options.buildings.resize(1);
-    options.buildings[0].kind = simulation::PlanKind::apartment, options.buildings[0].seed = 7;
+    options.buildings[0].kind = simulation::PlanKind::apartment;
+    options.buildings[0].seed = 7;
     options.cameras.resize(1);
-    options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd,
+    options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
     options.cameras[0].frames_per_second = kFramesPerSecond;
     options.robots.resize(robots);
     for (std::size_t i = 0; i < robots; ++i) {
       auto& robot = options.robots[i];
       robot.id = "robot-" + std::to_string(100 + i);
-      robot.first_room = static_cast<int>(i % 4), robot.last_room = robot.first_room + 3;
+      robot.first_room = static_cast<int>(i % 4);
+      robot.last_room = robot.first_room + 3;
       robot.order = i % 8 < 4 ? simulation::TourOrder::along : simulation::TourOrder::back;
       robot.length_m = kMetresPerSecond * seconds;
     }
@@ -144,7 +146,8 @@ std::vector<Told> read(const std::string& path) {
   int kind = 0;
   std::size_t bytes = 0;
   for (Told one; file >> one.after_s >> one.client >> kind >> bytes && file.get() == '\n';) {
-    one.message.kind = static_cast<ClientMessage::Kind>(kind), one.message.bytes.resize(bytes);
+    one.message.kind = static_cast<ClientMessage::Kind>(kind);
+    one.message.bytes.resize(bytes);
     file.read(one.message.bytes.data(), static_cast<std::streamsize>(bytes));
     all.push_back(one);
   }
@@ -156,7 +159,8 @@ double process_cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS
 
 tiers::ServerOptions sharing(tiers::Sharing share) {
   tiers::ServerOptions options;
-  options.share = share, options.share_rate_hz = kShareRate_hz;
+  options.share = share;
+  options.share_rate_hz = kShareRate_hz;
   return options;
 }
 
@@ -259,7 +263,8 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
       const ClientView view = decode_client_view(one.message.bytes, "a client");
       const double before_s = runtime::thread_cpu_seconds();
       server.share(*session, view);
-      retrieval_s += runtime::thread_cpu_seconds() - before_s, ++views;
+      retrieval_s += runtime::thread_cpu_seconds() - before_s;
+      ++views;
     }
     const Stamp now{static_cast<std::int64_t>(1e9 * one.after_s)};
     server.advance(now, pool);
@@ -268,7 +273,9 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
       const double before_s = runtime::thread_cpu_seconds();
       work->run();
       const double spent_s = runtime::thread_cpu_seconds() - before_s;
-      ++merges, merging_s += spent_s, longest_s = std::max(longest_s, spent_s);
+      ++merges;
+      merging_s += spent_s;
+      longest_s = std::max(longest_s, spent_s);
       server.advance(now, pool, false);
       for (const fusion::StageTime& stage : server.merged().stages) stages_s[stage.name] += stage.seconds;
     }
@@ -291,8 +298,10 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
   std::vector<Eigen::Vector3d> live, at_the_end;
   if (!joined.components.empty() && !sealed.components.empty())
     for (const auto& [id, node] : joined.components.front().map.nodes)
-      if (const Node* other = sealed.components.front().map.nodes.find(id))
-        live.push_back(node.map_from_node.t), at_the_end.push_back(other->map_from_node.t);
+      if (const Node* other = sealed.components.front().map.nodes.find(id)) {
+        live.push_back(node.map_from_node.t);
+        at_the_end.push_back(other->map_from_node.t);
+      }
   double square = 0.0, most_m = 0.0;
   if (live.size() > 2) {
     const auto columns = [](const std::vector<Eigen::Vector3d>& points) {
@@ -301,7 +310,8 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
     const Eigen::Matrix4d aligned = Eigen::umeyama(columns(live), columns(at_the_end), false);
     for (std::size_t i = 0; i < live.size(); ++i) {
       const double apart_m = ((aligned * live[i].homogeneous()).head<3>() - at_the_end[i]).norm();
-      square += apart_m * apart_m, most_m = std::max(most_m, apart_m);
+      square += apart_m * apart_m;
+      most_m = std::max(most_m, apart_m);
     }
   }
   row["sealed_components"] = sealed.components.size();

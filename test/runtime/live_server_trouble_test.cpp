@@ -82,8 +82,11 @@ TEST(LiveServerTrouble, confirms_nothing_while_the_disk_is_full_and_all_once_the
     EXPECT_EQ(stored_of(*link, 300ms), 0U) << "what is not safe is not confirmed";
   }
   std::uint64_t stored = 0;
-  EXPECT_TRUE(comes_true([&] { return stored = std::max(stored, stored_of(*link, 10ms)), stored == last; }))
-      << stored << " of " << last;
+  EXPECT_TRUE(comes_true([&] {
+    stored = std::max(stored, stored_of(*link, 10ms));
+    return stored == last;
+  })) << stored
+      << " of " << last;
   EXPECT_TRUE(comes_true([&] { return server.counts().trouble.empty(); }));
   const std::string sealed = test::sealed(server.finish());
   LiveMapServer again(TierId("edge"), {}, {}, {}, path);
@@ -122,12 +125,15 @@ TEST(LiveServerTrouble, throws_where_it_cannot_have_its_threads) {
 
 TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_next_time) {
   tiers::ServerOptions eager;
-  eager.fuse_after = 2, eager.fuse_share = 0.0;
+  eager.fuse_after = 2;
+  eager.fuse_share = 0.0;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
   std::map<SessionId, std::shared_ptr<LiveMapServer::Link>> links;
   for (const ReceivedUpdate& one : received_updates())
-    if (auto& link = links[one.from]; link == nullptr)
-      link = server.connect(), link->send({Kind::hello, encode(hello_of(one.from))});
+    if (auto& link = links[one.from]; link == nullptr) {
+      link = server.connect();
+      link->send({Kind::hello, encode(hello_of(one.from))});
+    }
   request_interrupt();  // merges throw
   const std::size_t half = received_updates().size() / 2;
   for (std::size_t i = 0; i < half; ++i)

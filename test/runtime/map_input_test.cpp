@@ -25,8 +25,10 @@ std::vector<mapdb::JournalEntry> entries() {
 
 std::vector<Map> maps_of_the_server() {
   tiers::VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    server.greet(test::hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    server.greet(test::hello_of(one.from));
+    server.receive(one.from, one.bytes);
+  }
   return server.maps();
 }
 

@@ -123,7 +123,8 @@ TEST(Report, tells_which_merge_put_maps_into_one) {
 
 TEST(Report, says_that_no_common_place_was_found_rather_than_numbers_of_nothing) {
   Report report = report_of(Decision::refused, 2);
-  report.team.verdicts[0].reason = Reason::little_overlap, report.team.verdicts[0].probability = 0.0;
+  report.team.verdicts[0].reason = Reason::little_overlap;
+  report.team.verdicts[0].probability = 0.0;
   const std::string words = in_words(report, "maps/office");
   EXPECT_THAT(words, HasSubstr("kept apart: no place that both show was found"));
   EXPECT_THAT(words, testing::Not(HasSubstr("overlap 0 %")));

@@ -55,10 +55,12 @@ TEST_F(PlanTest, sorts_robots_and_finds_their_logs_beside_the_configuration) {
 TEST_F(PlanTest, refuses_wires_of_nobody_and_traces_that_are_not_there) {
   configuration.robots = {{"alpha", "a.rawlog", "north"}, {"beta", "b.rawlog", "south"}};
   LinkEntry link;
-  link.from = "alpa", link.to = "north";
+  link.from = "alpa";
+  link.to = "north";
   configuration.network.links = {link};
   EXPECT_THAT(complaint(), HasSubstr("did you mean 'alpha'?"));
-  configuration.network.links[0].from = "alpha", configuration.network.links[0].to = "beta";
+  configuration.network.links[0].from = "alpha";
+  configuration.network.links[0].to = "beta";
   EXPECT_THAT(complaint(), HasSubstr("a wire of 'beta'"));
   configuration.network.links[0].to = "cloud";
   EXPECT_EQ(complaint(), "none");
@@ -166,19 +168,24 @@ TEST_F(PlanTest, refuses_edges_that_cannot_be) {
   EXPECT_THAT(complaint(), HasSubstr("takes 2 robots, and 3 use it"));
   configuration.coordinator.method = Coordination::standard;
   EXPECT_THAT(complaint(), HasSubstr("hold 2 of 3 robots"));
-  configuration.edges[0].capacity = 0, configuration.edges[0].from_s = 5.0, configuration.edges[0].until_s = 4.0;
+  configuration.edges[0].capacity = 0;
+  configuration.edges[0].from_s = 5.0;
+  configuration.edges[0].until_s = 4.0;
   EXPECT_THAT(complaint(), HasSubstr("goes before it comes"));
   configuration.edges[0].until_s = 0.0;
   configuration.cloud.at = "cloud";
   EXPECT_THAT(complaint(), HasSubstr("an edge 'cloud', which there is not"));
-  configuration.cloud.at = "north", configuration.cloud.push_to = {"alpha", "delta"};
+  configuration.cloud.at = "north";
+  configuration.cloud.push_to = {"alpha", "delta"};
   EXPECT_THAT(complaint(), HasSubstr("a robot 'delta'"));
   configuration.cloud.push_to = {"alpha"};
   EXPECT_EQ(complaint(), "none");
   configuration.edges.push_back({"south"});
-  configuration.edges[0].from_s = 0.0, configuration.edges[0].until_s = 4.0;
+  configuration.edges[0].from_s = 0.0;
+  configuration.edges[0].until_s = 4.0;
   EXPECT_THAT(complaint(), testing::AllOf(HasSubstr("cloud.at names edge 'north'"), HasSubstr("until_s")));
-  configuration.cloud.at = "south", configuration.coordinator.at = "north";
+  configuration.cloud.at = "south";
+  configuration.coordinator.at = "north";
   EXPECT_THAT(complaint(),
               testing::AllOf(HasSubstr("coordinator.at names edge 'north'"), HasSubstr("edge that stays")));
   configuration.coordinator.at = "south";

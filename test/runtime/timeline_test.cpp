@@ -15,19 +15,24 @@ Work two_robots() {
 
 NetworkOptions wires() {
   NetworkOptions network;
-  network.robot_edge.bytes_per_s = 1e6, network.robot_cloud.bytes_per_s = 1e5, network.edge_cloud.bytes_per_s = 5e5;
+  network.robot_edge.bytes_per_s = 1e6;
+  network.robot_cloud.bytes_per_s = 1e5;
+  network.edge_cloud.bytes_per_s = 5e5;
   return network;
 }
 
 TimelineOptions with(Mode mode, const NetworkOptions& network, const ProcessorOptions& processors = {}) {
   TimelineOptions options;
-  options.mode = mode, options.network = network, options.processors = processors;
+  options.mode = mode;
+  options.network = network;
+  options.processors = processors;
   return options;
 }
 
 TEST(Timeline, adds_what_edges_wait_for) {
   ProcessorOptions processors;
-  processors.robot = 0.5, processors.edge = 2.0;
+  processors.robot = 0.5;
+  processors.edge = 2.0;
   const Timeline line = timeline(with(Mode::offload, wires(), processors), two_robots());
   ASSERT_EQ(line.robots.size(), 2U);
   EXPECT_NEAR(line.robots[0].packed_s, 2.0, 1e-9);
@@ -59,7 +64,9 @@ TEST(Timeline, has_robots_map_where_no_edge_does) {
 TEST(Timeline, takes_the_wire_that_is_named) {
   NetworkOptions network = wires();
   LinkEntry slow;
-  slow.from = "alpha", slow.to = "north", slow.bytes_per_s = 1e5;
+  slow.from = "alpha";
+  slow.to = "north";
+  slow.bytes_per_s = 1e5;
   network.links = {slow};
   const Timeline line = timeline(with(Mode::offload, network), two_robots());
   EXPECT_NEAR(line.robots[0].arrived_s, 1.0 + 10.0, 1e-6);
@@ -83,7 +90,9 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
 
 TEST(Timeline, lends_maps_once_all_are_there_to_edges_that_have_fused_their_own) {
   Work work = two_robots();
-  work.edges[0].sent_bytes = 500'000, work.edges[0].judging_s = 2.0, work.edges[0].judged_bytes = 50'000;
+  work.edges[0].sent_bytes = 500'000;
+  work.edges[0].judging_s = 2.0;
+  work.edges[0].judged_bytes = 50'000;
   work.planning_s = 1.5;
   const double all_there_s = 2.0 + 2.0 + 20.0 + 0.8, sent_s = all_there_s + 1.5 + 1.0;
   Timeline line = timeline(with(Mode::offload, wires()), work);

@@ -57,14 +57,16 @@ std::string bytes_of(const std::vector<Map>& maps) {
 
 TEST(CameraAgent, tells_what_waited_long_in_parts_that_together_say_the_same) {
   Drive drive(20), whole(20);
-  drive.go(1), whole.go(1);
+  drive.go(1);
+  whole.go(1);
   VisualServer server(TierId("edge"), {}, {});
   drive.meet(server);
   std::map<MapId, Map> expected;
   std::size_t parts = 0, removed = 0;
   std::uint64_t last = 0;
   while (whole.next < whole.robot.count) {
-    drive.go(100), whole.go(100);
+    drive.go(100);
+    whole.go(100);
     for (const MapUpdate& update : whole.client.take_updates(whole.robot.place, visual::PublishedDetail::light)) {
       Map& map = expected[update.origin.map];
       map = updated(std::move(map), update);
@@ -88,37 +90,52 @@ TEST(CameraAgent, tells_all_again_where_a_server_lacks_what_another_confirmed) {
   Drive drive;
   drive.go(1);
   VisualServer first(TierId("edge"), {}, {}), younger(TierId("edge"), {}, {});
-  drive.meet(first), younger.greet(drive.hello());
+  drive.meet(first);
+  younger.greet(drive.hello());
   drive.go(60);
   for (const std::string& update : drive.tell(first)) younger.receive(drive.hello().session, update);
   const auto began = younger.maps().at(0).nodes.size();
-  drive.go(60), drive.tell(first), drive.go(60);
+  drive.go(60);
+  drive.tell(first);
+  drive.go(60);
   drive.meet(first);
   std::size_t told_before = 0;
   for (const std::string& update : drive.tell(first)) told_before += decode_map_update(update, "test").base == 0;
   EXPECT_EQ(told_before, 0U) << "the same server hears what is new alone";
 
   VisualServer empty(TierId("edge"), {}, {});
-  drive.meet(empty), drive.tell(empty);
-  drive.meet(younger), drive.tell(younger);
+  drive.meet(empty);
+  drive.tell(empty);
+  drive.meet(younger);
+  drive.tell(younger);
   EXPECT_EQ(drive.agent.waiting_bytes(), 0U);
   EXPECT_GT(empty.maps().at(0).nodes.size(), began);
   EXPECT_EQ(bytes_of(empty.maps()), bytes_of(younger.maps()));
-  drive.go(60), drive.tell(younger);
+  drive.go(60);
+  drive.tell(younger);
   ASSERT_EQ(younger.maps().size(), 1U);
   EXPECT_EQ(younger.maps()[0].nodes.size(), drive.client.keyframes().size());
   // What another server would take for its own from the journal.
   VisualServer again(TierId("edge"), {}, {});
-  for (const auto& [from, update] : younger.snapshot()) again.greet(hello_of(from)), again.receive(from, update);
+  for (const auto& [from, update] : younger.snapshot()) {
+    again.greet(hello_of(from));
+    again.receive(from, update);
+  }
   EXPECT_EQ(bytes_of(again.maps()), bytes_of(younger.maps()));
 }
 
 TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of_the_same_run) {
   Drive before, drive;
   VisualServer server(TierId("edge"), {}, {});
-  before.go(120), before.meet(server);
-  while (before.next < 180) before.tell(server), before.go(10);
-  drive.go(150), drive.meet(server), drive.tell(server);
+  before.go(120);
+  before.meet(server);
+  while (before.next < 180) {
+    before.tell(server);
+    before.go(10);
+  }
+  drive.go(150);
+  drive.meet(server);
+  drive.tell(server);
   EXPECT_EQ(drive.agent.waiting_bytes(), 0U);
   ASSERT_EQ(server.maps().size(), 1U);
   EXPECT_EQ(server.maps()[0].nodes.size(), drive.client.keyframes().size());
@@ -164,7 +181,8 @@ Received received_over(double bytes_per_s) {
   uplink.most_bytes_per_s = bytes_per_s;
   Drive drive(400, uplink);
   VisualServer server(TierId("edge"), {}, {});
-  drive.go(1), drive.meet(server);
+  drive.go(1);
+  drive.meet(server);
   Received received;
   std::size_t nodes = 0;
   bool was_behind = false;
@@ -175,18 +193,21 @@ Received received_over(double bytes_per_s) {
     for (const std::string& update : drive.agent.updates(drive.client, now)) {
       for (const Node& node : decode_map_update(update, "test").nodes) {
         const std::size_t features = keyframe_of(node)->points.size();
-        received.features += static_cast<double>(features), ++nodes;
+        received.features += static_cast<double>(features);
+        ++nodes;
         if (was_behind) received.most_features_behind = std::max(received.most_features_behind, features);
       }
       drive.agent.stored(server.receive(drive.hello().session, update).receipt);
     }
     received.views += drive.agent.view(drive.client).has_value();
     was_behind = lacking(drive, server) > 0;
-    ++received.rounds, received.behind += was_behind;
+    ++received.rounds;
+    received.behind += was_behind;
   }
   received.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
   received.features /= static_cast<double>(nodes);
-  drive.agent.lift_limit(), drive.tell(server);
+  drive.agent.lift_limit();
+  drive.tell(server);
   for (const Map& map : server.maps()) received.keyframes += map.nodes.size();
   received.kept = drive.client.keyframes().size();
   received.lacking = lacking(drive, server);

@@ -70,8 +70,10 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   CloudMerger alone(TierId("cloud"), {});
   const auto tell = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
     const Map map = test::make_map(robot, scans, 100.0, first_range_m);  // no copies of one recording
-    for (const std::string& bytes : edge.step({RobotId(robot), map, std::nullopt}, pool, *progress).for_cloud)
-      cloud.receive(bytes, "test"), alone.receive(bytes, "test");
+    for (const std::string& bytes : edge.step({RobotId(robot), map, std::nullopt}, pool, *progress).for_cloud) {
+      cloud.receive(bytes, "test");
+      alone.receive(bytes, "test");
+    }
   };
   tell(north, "alpha", 6, 2.0);
   tell(north, "gamma", 4, 2.12);

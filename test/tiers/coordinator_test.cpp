@@ -22,7 +22,8 @@ Coordinator two_corridors(double hysteresis = 0.1) {
   CoordinatorOptions options;
   options.hysteresis = hysteresis;
   Coordinator coordinator(options);
-  coordinator.receive(edge("north")), coordinator.receive(edge("south"));
+  coordinator.receive(edge("north"));
+  coordinator.receive(edge("south"));
   coordinator.receive(RobotComes{RobotId("a"), corridor(0, 20), {}});
   coordinator.receive(RobotComes{RobotId("c"), corridor(100, 120), {}});
   coordinator.receive(RobotComes{RobotId("b"), corridor(4, 24), {}});
@@ -119,7 +120,8 @@ TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
 TEST(Coordinator, maps_on_board_where_there_is_no_edge_and_comes_back) {
   Coordinator coordinator = two_corridors();
   coordinator.decide(0.0);
-  coordinator.receive(EdgeGoes{TierId("north")}), coordinator.receive(EdgeGoes{TierId("south")});
+  coordinator.receive(EdgeGoes{TierId("north")});
+  coordinator.receive(EdgeGoes{TierId("south")});
   const auto alone = coordinator.decide(1.0);
   ASSERT_TRUE(alone);
   for (const auto& [robot, edge] : alone->edge_of) EXPECT_TRUE(edge.empty()) << robot.str();

@@ -14,9 +14,12 @@ using test::sharing;
 simulation::WorldOptions two_cameras(double yaw_deg, double length_m) {
   auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
   options.cameras.push_back(options.cameras.front());
-  options.cameras[0].id = "ahead", options.cameras[1].id = "other";
-  options.cameras[1].yaw_deg = yaw_deg, options.cameras[1].x_m = -0.15;
-  options.robots[0].last_room = 3, options.robots[0].length_m = length_m;
+  options.cameras[0].id = "ahead";
+  options.cameras[1].id = "other";
+  options.cameras[1].yaw_deg = yaw_deg;
+  options.cameras[1].x_m = -0.15;
+  options.robots[0].last_room = 3;
+  options.robots[0].length_m = length_m;
   return options;
 }
 
@@ -37,7 +40,10 @@ fusion::FusionResult sealed_again(const VisualServer& told, const rig::RigOption
   VisualServer server(TierId("edge"), {}, {}, rig);
   VisualServer::Snapshot snapshot = told.snapshot();
   if (reversed) std::reverse(snapshot.begin(), snapshot.end());
-  for (const auto& [from, update] : snapshot) server.greet(hello_of(from)), server.receive(from, update);
+  for (const auto& [from, update] : snapshot) {
+    server.greet(hello_of(from));
+    server.receive(from, update);
+  }
   WorkerPool pool(threads);
   return server.seal(pool, *make_silent_progress());
 }
@@ -53,7 +59,10 @@ void blind(FeatureTeam::Robot& camera, double begin_s, double end_s) {
   camera.shoot = [see = camera.shoot, begin_s, end_s](std::size_t number) {
     FeatureTeam::Shot shot = see(number);
     const double now_s = static_cast<double>(number) / 12.0;
-    if (now_s >= begin_s && now_s < end_s) shot.frame.features = {}, shot.frame.inverse_depths.clear();
+    if (now_s >= begin_s && now_s < end_s) {
+      shot.frame.features = {};
+      shot.frame.inverse_depths.clear();
+    }
     return shot;
   };
 }
@@ -165,7 +174,8 @@ TEST(RigServer, gives_a_single_camera_the_scale_of_its_rig) {
 TEST(RigServer, keeps_cameras_apart_that_are_not_mounted_as_they_say) {
   auto options = two_cameras(180.0, 15.0);
   options.robots.push_back(options.robots.front());
-  options.robots[1].id = "beta", options.robots[1].first_room = 1;
+  options.robots[1].id = "beta";
+  options.robots[1].first_room = 1;
   FeatureTeam team(options, sharing(Sharing::none));
   auto& turned = team.robots[1];
   turned.place.robot_from_camera.q =
@@ -224,7 +234,8 @@ TEST(RigServer, uses_where_a_rig_camera_said_it_was_around_that_time) {
   std::map<SensorId, SessionId> sessions;
   for (const auto& [from, update] : back_to_back().server.snapshot()) {
     sessions[from.client.sensor] = from;
-    server.greet(hello_of(from)), server.receive(from, update);
+    server.greet(hello_of(from));
+    server.receive(from, update);
   }
   const SessionId ahead = sessions.at(SensorId("ahead")), other = sessions.at(SensorId("other"));
   const auto maps = server.maps();
@@ -248,7 +259,8 @@ TEST(RigServer, uses_where_a_rig_camera_said_it_was_around_that_time) {
       const double since_s = seconds_between(seen[i]->stamp, lost.stamp),
                    until_s = seconds_between(lost.stamp, seen[i + 1]->stamp);
       const auto say = [&](const Node& node) { server.share(ahead, {maps[0].id, node.stamp, node.map_from_node, 0}); };
-      say(*seen[i - 1]), say(*seen[i]);
+      say(*seen[i - 1]);
+      say(*seen[i]);
       const auto expect_there = [&](const std::optional<PlaceAnswer>& answer, double most_m) {
         if (!answer) return false;  // it has nothing to see there
         EXPECT_EQ(answer->map, maps[1].id);

@@ -20,9 +20,14 @@ FeatureTeam& three_cameras() {
     auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
     options.cameras.resize(3, options.cameras.front());
     options.cameras[0].id = kAhead.str();
-    options.cameras[1].id = kBack.str(), options.cameras[1].yaw_deg = 180.0, options.cameras[1].x_m = -0.15;
-    options.cameras[2].id = kAside.str(), options.cameras[2].yaw_deg = 60.0, options.cameras[2].y_m = 0.15;
-    options.robots[0].last_room = 3, options.robots[0].length_m = 12.0;
+    options.cameras[1].id = kBack.str();
+    options.cameras[1].yaw_deg = 180.0;
+    options.cameras[1].x_m = -0.15;
+    options.cameras[2].id = kAside.str();
+    options.cameras[2].yaw_deg = 60.0;
+    options.cameras[2].y_m = 0.15;
+    options.robots[0].last_room = 3;
+    options.robots[0].length_m = 12.0;
     auto* result = new FeatureTeam(options, sharing(Sharing::none));
     result->run();
     return result;
@@ -69,7 +74,8 @@ struct Replay {
       MapUpdate update = decode_map_update(bytes, "test");
       if (changed && !changed(update)) continue;
       sessions[from.client.sensor] = from;
-      server.greet(hello_of(from)), server.receive(from, encode(update));
+      server.greet(hello_of(from));
+      server.receive(from, encode(update));
     }
   }
   void join() {
@@ -98,7 +104,8 @@ struct Received {
       const auto answer = replay.server.robot(kAlpha);
       if (!answer) continue;
       late += answer->stamp != one.view.stamp;
-      answers.push_back(*answer), seconds.push_back(one.seconds);
+      answers.push_back(*answer);
+      seconds.push_back(one.seconds);
     }
     // The team's frame is that of the camera that began first, or one that began with it.
     const Pose3 world_from_team = world_from_robot.begin()->second;

@@ -51,8 +51,10 @@ TEST(StoredServer, ends_with_the_same_map_however_often_it_is_killed) {
   const test::TemporaryFolder folder;
   const auto path = folder.path() / "edge.mwj";
   VisualServer whole(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    whole.greet(hello_of(one.from));
+    whole.receive(one.from, one.bytes);
+  }
   std::mt19937 random(11);
   std::size_t acknowledged = 0;
   for (int kill = 0; kill < 20; ++kill) {
@@ -72,7 +74,8 @@ TEST(StoredServer, ends_with_the_same_map_however_often_it_is_killed) {
   int nobody[2];
   ASSERT_EQ(pipe(nobody), 0);
   serve(path, nobody[1]);
-  close(nobody[0]), close(nobody[1]);
+  close(nobody[0]);
+  close(nobody[1]);
   mapdb::UpdateJournal journal(path);
   VisualServer server(TierId("edge"), {}, {});
   restore(server, journal);

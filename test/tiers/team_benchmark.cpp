@@ -52,7 +52,10 @@ Judged judged(const fusion::FusionResult& result, const Truth& truth) {
     const double error_m = FeatureTeam::laid(pairs);
     judged.falsely_joined += component.members.size() > 1 && error_m > kFalse_m;
     judged.maps += component.members.size();
-    if (pairs.size() > most) most = pairs.size(), judged.team_m = error_m;
+    if (pairs.size() > most) {
+      most = pairs.size();
+      judged.team_m = error_m;
+    }
   }
   judged.components = result.components.size();
   return judged;
@@ -83,7 +86,8 @@ struct ToldParts {
       const std::string bytes_of = encode(update);
       decode_map_update(bytes_of, "client");
       seconds += processor_s() - before_s;
-      count += things, bytes += bytes_of.size() - head;
+      count += things;
+      bytes += bytes_of.size() - head;
     }
     nlohmann::json json() const { return {{"count", count}, {"bytes", bytes}, {"seconds", seconds}}; }
   };
@@ -92,16 +96,20 @@ struct ToldParts {
   void add(const std::string& bytes) {
     const MapUpdate told = decode_map_update(bytes, "client");
     MapUpdate nothing;
-    nothing.origin = told.origin, nothing.sequence = told.sequence;
+    nothing.origin = told.origin;
+    nothing.sequence = told.sequence;
     const std::size_t head = encode(nothing).size();
     MapUpdate part = nothing;
     part.nodes = told.nodes;
     keyframes.add(told.nodes.size(), part, head);
-    part = nothing, part.landmarks = told.landmarks;
+    part = nothing;
+    part.landmarks = told.landmarks;
     landmarks.add(told.landmarks.size(), part, head);
-    part = nothing, part.moved = told.moved;
+    part = nothing;
+    part.moved = told.moved;
     moved_keyframes.add(told.moved.size(), part, head);
-    part = nothing, part.changed_landmarks = told.changed_landmarks;
+    part = nothing;
+    part.changed_landmarks = told.changed_landmarks;
     changed_landmarks.add(told.changed_landmarks.size(), part, head);
   }
   nlohmann::json json() const {
@@ -125,7 +133,9 @@ nlohmann::json report(const char* name, FeatureTeam& team, double began_s, doubl
     const double seconds = static_cast<double>(robot.next) / 12.0 * static_cast<double>(team.robots.size());
     up += 1e-3 * static_cast<double>(robot.agent->sent_bytes()) / seconds;
     down += 1e-3 * static_cast<double>(robot.agent->received_bytes()) / seconds;
-    lost += robot.lost, placed += robot.placed, frames += static_cast<int>(robot.next);
+    lost += robot.lost;
+    placed += robot.placed;
+    frames += static_cast<int>(robot.next);
   }
   return {{"name", name},
           {"robots", team.robots.size()},
@@ -165,14 +175,17 @@ nlohmann::json apartment(int robots) {
 nlohmann::json single_camera() {
   const double began_s = processor_s();
   auto options = test::camera_world(simulation::PlanKind::apartment, 7, 2);
-  options.robots[0].last_room = 2, options.robots[0].length_m = 40.0;
+  options.robots[0].last_room = 2;
+  options.robots[0].length_m = 40.0;
   options.robots[1] = options.robots[0];
-  options.robots[1].id = "beta", options.robots[1].length_m = 30.0;
+  options.robots[1].id = "beta";
+  options.robots[1].length_m = 30.0;
   tiers::ServerOptions sharing;
   sharing.share = tiers::Sharing::view;
   FeatureTeam team(options, sharing, {}, 2);
   auto& beta = team.robots[1];
-  beta.has_depth = false, beta.options.session.await_place = true;
+  beta.has_depth = false;
+  beta.options.session.await_place = true;
   beta.client.emplace(beta.camera, 0.0, beta.options, matching::shipped_vocabulary());
   beta.agent.emplace(beta.place);
   beta.begin = 12 * 75;  // alpha has been around
@@ -193,7 +206,9 @@ nlohmann::json another_day() {
   for (const int day : {0, 1}) {
     auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
     options.buildings[0].furniture.session = day;
-    options.robots[0].last_room = 3, options.robots[0].length_m = 40.0, options.robots[0].start_s = 86400.0 * day;
+    options.robots[0].last_room = 3;
+    options.robots[0].length_m = 40.0;
+    options.robots[0].start_s = 86400.0 * day;
     FeatureTeam team(options, tiers::ServerOptions{});
     team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
       server.greet({*robot.client->run(robot.place), matching::shipped_vocabulary().hash()});
@@ -223,8 +238,12 @@ nlohmann::json repeated_rooms(int seeds, int first) {
   std::size_t falsely_joined = 0, rightly_joined = 0;
   for (int seed = first; seed < first + seeds; ++seed) {
     auto options = test::camera_world(simulation::PlanKind::repeated_rooms, seed, 2);
-    options.robots[0].first_room = 0, options.robots[0].last_room = 1, options.robots[0].length_m = 20.0;
-    options.robots[1].first_room = 3, options.robots[1].last_room = 4, options.robots[1].length_m = 20.0;
+    options.robots[0].first_room = 0;
+    options.robots[0].last_room = 1;
+    options.robots[0].length_m = 20.0;
+    options.robots[1].first_room = 3;
+    options.robots[1].last_room = 4;
+    options.robots[1].length_m = 20.0;
     FeatureTeam team(options, tiers::ServerOptions{}, {}, 2);
     team.run();
     const auto silent = make_silent_progress();
@@ -261,7 +280,10 @@ nlohmann::json run(const std::string& scenario) {
 
 int main(int argc, char** argv) {
   try {
-    for (int i = 1; i < argc; ++i) std::printf("%s\n", run(argv[i]).dump().c_str()), std::fflush(stdout);
+    for (int i = 1; i < argc; ++i) {
+      std::printf("%s\n", run(argv[i]).dump().c_str());
+      std::fflush(stdout);
+    }
   } catch (const Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;

@@ -41,7 +41,9 @@ class InboxTest : public ::testing::Test {
         state.landmarks.set(id, seen);
       }
       MapUpdate update = difference(states_.back(), state);
-      update.origin = origin_, update.base = states_.size() - 1, update.sequence = states_.size();
+      update.origin = origin_;
+      update.base = states_.size() - 1;
+      update.sequence = states_.size();
       removed_ += update.removed_nodes.size();
       updates_.push_back(std::move(update));
       states_.push_back(std::move(state));
@@ -67,7 +69,8 @@ TEST_F(InboxTest, holds_what_was_told_after_each_update) {
 TEST_F(InboxTest, changes_its_map_where_it_lies_unless_somebody_holds_it) {
   take(0);
   const Map* where = &inbox_.map();
-  take(1), take(2);
+  take(1);
+  take(2);
   EXPECT_EQ(&inbox_.map(), where);
   auto snapshot = inbox_.snapshot();
   EXPECT_EQ(snapshot.get(), where) << "nothing is copied before it must";
@@ -108,7 +111,8 @@ TEST_F(InboxTest, keeps_its_map_and_its_count_where_an_update_does_not_fit) {
     EXPECT_EQ(inbox_.receipt().stored, 20U);
   }
   MapUpdate all = difference(Map{}, states_[30]);
-  all.origin = origin_, all.sequence = 21;
+  all.origin = origin_;
+  all.sequence = 21;
   MapUpdate bad_all = all;
   bad_all.landmarks.back().anchor.index = 999;
   EXPECT_THROW(inbox_.receive(bad_all, 100, "test"), Error);
@@ -120,7 +124,8 @@ TEST_F(InboxTest, keeps_its_map_and_its_count_where_an_update_does_not_fit) {
 TEST_F(InboxTest, goes_on_from_an_update_that_says_all) {
   for (std::size_t i = 0; i < 10; ++i) take(i);
   MapUpdate all = difference(Map{}, states_[30]);
-  all.origin = origin_, all.sequence = 30;
+  all.origin = origin_;
+  all.sequence = 30;
   const auto before = inbox_.snapshot();
   inbox_.receive(all, 100, "test");
   EXPECT_EQ(bytes_of(*before), bytes_of(states_[10]));
@@ -142,7 +147,8 @@ TEST_F(InboxTest, lets_others_read_what_they_hold_while_updates_come) {
         std::size_t number = 0;
         {
           const std::lock_guard lock(mutex);
-          map = inbox_.snapshot(), number = inbox_.receipt().stored;
+          map = inbox_.snapshot();
+          number = inbox_.receipt().stored;
         }
         wrong.fetch_add(bytes_of(*map) != bytes[number], std::memory_order_relaxed);
         map.reset();

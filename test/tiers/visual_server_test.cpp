@@ -60,8 +60,10 @@ TEST(VisualServer, joins_step_by_step_about_as_it_seals) {
               apartment().error_m(server.merged().components.front()), apartment().error_m(sealed.components.front()));
   EXPECT_LT(FeatureTeam::laid(pairs), 0.03);
   VisualServer at_once(TierId("edge"), {}, {});
-  for (auto& [session, update] : server.snapshot())
-    at_once.greet(test::hello_of(session)), at_once.receive(session, update);
+  for (auto& [session, update] : server.snapshot()) {
+    at_once.greet(test::hello_of(session));
+    at_once.receive(session, update);
+  }
   EXPECT_EQ(sealed_bytes(sealed), sealed_bytes(at_once.seal(pool, *make_silent_progress())))
       << "a seal knows nothing of the steps";
 }
@@ -139,14 +141,17 @@ TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   Hello strange = hello_of(alpha);
   strange.vocabulary.bytes[0] ^= 1;
   EXPECT_THROW(server.greet(strange), Error);
-  server.greet(hello_of(alpha)), server.greet(hello_of(beta));
+  server.greet(hello_of(alpha));
+  server.greet(hello_of(beta));
   EXPECT_EQ(code_of(alpha, other->bytes), ErrorCode::kBadInput) << "another client's map";
   EXPECT_EQ(code_of(beta, "garbage"), ErrorCode::kCorrupt);
   MapUpdate update = decode_map_update(received_updates().front().bytes, "test");
   update.origin.map = visual::map_of(beta.client, 0);
   EXPECT_EQ(code_of(beta, encode(update)), ErrorCode::kBadInput) << "another client's keyframes in its own map";
   update = decode_map_update(received_updates().front().bytes, "test");
-  update.nodes = {update.nodes.front()}, update.nodes.front().payload = nullptr, update.landmarks.clear();
+  update.nodes = {update.nodes.front()};
+  update.nodes.front().payload = nullptr;
+  update.landmarks.clear();
   EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a node that is no keyframe";
   update = decode_map_update(received_updates().front().bytes, "test");
   update.nodes.front().map_from_node.t.x() = 1e300;
@@ -173,7 +178,8 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
   const SessionId alpha = received_updates().front().from;
   server.greet(hello_of(alpha));
   MapUpdate late;
-  late.sequence = 5, late.base = 4;
+  late.sequence = 5;
+  late.base = 4;
   const std::string bytes(std::size_t{1} << 20, ' ');
   int waiting = 0;
   for (int map = 0; map < 100; ++map) {
@@ -183,8 +189,10 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
   EXPECT_EQ(waiting, 63);
   server.leave(alpha);
   EXPECT_THROW(server.receive(alpha, received_updates().front().bytes), Error) << "it told nothing, and left";
-  for (const ReceivedUpdate& one : received_updates())
-    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    server.greet(hello_of(one.from));
+    server.receive(one.from, one.bytes);
+  }
   const std::string before = sealed(server);
   server.leave(alpha);
   EXPECT_EQ(sealed(server), before) << "maps stay";
@@ -193,12 +201,15 @@ TEST(VisualServer, bounds_what_waits_of_one_client_in_all_of_its_maps) {
 
 TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
   VisualServer whole(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    whole.greet(hello_of(one.from)), whole.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    whole.greet(hello_of(one.from));
+    whole.receive(one.from, one.bytes);
+  }
   VisualServer again(TierId("edge"), {}, {});
-  for (std::size_t i = 0; i < received_updates().size() / 2; ++i)
-    again.greet(hello_of(received_updates()[i].from)),
-        again.receive(received_updates()[i].from, received_updates()[i].bytes);
+  for (std::size_t i = 0; i < received_updates().size() / 2; ++i) {
+    again.greet(hello_of(received_updates()[i].from));
+    again.receive(received_updates()[i].from, received_updates()[i].bytes);
+  }
   for (const ReceivedUpdate& one : received_updates()) {  // clients say hello again and repeat what was not stored
     std::uint64_t stored = 0;
     const MapUpdate update = decode_map_update(one.bytes, "test");
@@ -211,8 +222,10 @@ TEST(VisualServer, goes_on_where_it_was_with_what_it_had_stored) {
 
 TEST(VisualServer, takes_apart_what_rested_on_a_vetoed_judgement) {
   VisualServer server(TierId("edge"), {}, {});
-  for (const ReceivedUpdate& one : received_updates())
-    server.greet(hello_of(one.from)), server.receive(one.from, one.bytes);
+  for (const ReceivedUpdate& one : received_updates()) {
+    server.greet(hello_of(one.from));
+    server.receive(one.from, one.bytes);
+  }
   WorkerPool pool(1);
   server.advance(received_updates().front().from.run == 0 ? Stamp{} : Stamp{received_updates().front().from.run}, pool);
   server.pending()->run();
@@ -237,11 +250,15 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
   std::map<Sharing, double> error_m;
   for (const Sharing share : {Sharing::none, Sharing::full}) {
     ServerOptions options = sharing(share);
-    options.correct_m = 0.03, options.retrieval.most = 1;  // shared landmarks help too: not here
+    options.correct_m = 0.03;
+    options.retrieval.most = 1;  // shared landmarks help too: not here
     FeatureTeam team(options);
     StarryCorridor good(1, true), poor(2, true);
-    const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m, double pixels,
-                           double inverse_depth, double offset) {
+    struct Noise {
+      double pixels, inverse_depth, offset;
+    };
+    const auto drive = [&](StarryCorridor& corridor, const char* name, double begin_m, double end_m,
+                           const Noise& noise) {
       visual::ClientOptions seeing;
       seeing.window.learn_depth_offset = false;
       team.add(
@@ -249,12 +266,13 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
           [=, &corridor](std::size_t i) {
             const Pose3 there = StarryCorridor::along_ring(std::min(end_m, begin_m + kStep_m * static_cast<double>(i)));
             return FeatureTeam::Shot{
-                corridor.frame(test::at(static_cast<int>(i)), there, pixels, inverse_depth, offset), there};
+                corridor.frame(test::at(static_cast<int>(i)), there, noise.pixels, noise.inverse_depth, noise.offset),
+                there};
           },
           seeing);
     };
-    drive(good, "alpha", -9.0, 9.0, 0.1, 0.0002, 0.0);
-    drive(poor, "beta", 2.0, kAround_m - 2.0, 0.7, 0.01, 0.01);
+    drive(good, "alpha", -9.0, 9.0, {0.1, 0.0002, 0.0});
+    drive(poor, "beta", 2.0, kAround_m - 2.0, {0.7, 0.01, 0.01});
     team.run();
     const auto& beta = team.robots[1];
     error_m[share] = beta.error_m();
@@ -272,10 +290,12 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
 TEST(VisualServer, tells_a_single_camera_where_it_is_at_true_scale) {
   auto options = two_in_an_apartment();
   options.robots[1] = options.robots[0];
-  options.robots[1].id = "beta", options.robots[1].length_m = 15.0;
+  options.robots[1].id = "beta";
+  options.robots[1].length_m = 15.0;
   FeatureTeam team(options, sharing(Sharing::view));
   auto& beta = team.robots[1];
-  beta.has_depth = false, beta.begin = 0;
+  beta.has_depth = false;
+  beta.begin = 0;
   beta.options.session.await_place = true;
   beta.client.emplace(beta.camera, 0.0, beta.options, matching::shipped_vocabulary());
   beta.agent.emplace(beta.place);
@@ -322,7 +342,9 @@ TEST(VisualServer, joins_a_robot_that_comes_back_another_day) {
   for (const double start_s : {0.0, 86400.0}) {
     auto options = camera_world(PlanKind::apartment, 7, 1);
     options.seed = start_s > 0.0 ? 8 : 7;  // another drive through the same building
-    options.robots[0].last_room = 2, options.robots[0].length_m = 10.0, options.robots[0].start_s = start_s;
+    options.robots[0].last_room = 2;
+    options.robots[0].length_m = 10.0;
+    options.robots[0].start_s = start_s;
     FeatureTeam team(options, sharing(Sharing::none));
     team.overheard = [&](const FeatureTeam::Robot& robot, const std::string& bytes) {
       server.greet(hello_of(*robot.client->run(robot.place)));

@@ -47,7 +47,8 @@ TEST(Link, follows_a_trace_that_begins_again) {
   test::TemporaryFolder folder;
   write_file(folder.path() / "wire.csv", "# outage in the second second\n0,1000000\n1,0\n2,500000,0.1\n3,1\n");
   LinkOptions options;
-  options.trace = (folder.path() / "wire.csv").string(), options.delay_s = 0.01;
+  options.trace = (folder.path() / "wire.csv").string();
+  options.delay_s = 0.01;
   Link link(options, 1);
   EXPECT_NEAR(link.send(0.0, 500000), 0.51, 1e-6);
   EXPECT_NEAR(link.send(0.9, 350000), 2.5 + 0.1, 1e-3) << "100 kB, a pause, 250 kB";

@@ -19,7 +19,8 @@ class BorrowedLandmarksTest : public testing::Test {
     std::mt19937_64 random(1);
     for (std::uint32_t i = 0; i < 9; ++i) {
       matching::DescribedLandmark one;
-      one.id = {kAlpha, i}, one.point_in_map = {-0.8 + 0.2 * i, 0.1 * (i % 3), 3.0};
+      one.id = {kAlpha, i};
+      one.point_in_map = {-0.8 + 0.2 * i, 0.1 * (i % 3), 3.0};
       one.descriptor = {random(), random(), random(), random()};
       landmarks.push_back(one);
       const Eigen::Vector2d pixel = map.camera.project(one.point_in_map);
@@ -29,7 +30,8 @@ class BorrowedLandmarksTest : public testing::Test {
   }
   std::vector<Match> look(const std::vector<Match>& matches = {}, double radius_px = 5.0) {
     FeatureFrame frame;
-    frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
+    frame.features = features;
+    frame.inverse_depths.assign(features.points.size(), 0.0F);
     return borrowed.look(map, 0, FrameFeatureGrid(frame, map.camera), View(), Motion(), matches, radius_px, 0.0);
   }
   void see(const std::vector<Match>& matches) {
@@ -91,8 +93,10 @@ TEST_F(BorrowedLandmarksTest, go_where_they_are_not_found_until_they_are_said_to
   see(found);
   const int liar = found[4].landmark;
   const std::uint32_t name = map.landmark(liar).borrowed->id.index;
-  for (const Match& match : found)
-    map.landmark(match.landmark).tried = 12, map.landmark(match.landmark).found = match.landmark == liar ? 2 : 11;
+  for (const Match& match : found) {
+    map.landmark(match.landmark).tried = 12;
+    map.landmark(match.landmark).found = match.landmark == liar ? 2 : 11;
+  }
   borrowed.tidy(map, 0, View());
   EXPECT_TRUE(map.landmark(liar).gone);
   EXPECT_EQ(look().size(), 8U);

@@ -60,7 +60,8 @@ struct Server {
     options.margin_px = 40.0;
     const double before = now_ms();
     auto found = index.retrieve(frustum, options);
-    spent_ms += now_ms() - before, ++asked;
+    spent_ms += now_ms() - before;
+    ++asked;
     return found;
   }
 };
@@ -187,7 +188,10 @@ void compare_in_folder(const std::filesystem::path& folder, std::size_t first) {
   const auto log = rawlog::open_log(folder);
   FramePacker packer;
   while (auto record = log->next())
-    if (auto frame = packer(*record)) frame->colour = {}, frames->push_back(std::move(*frame));
+    if (auto frame = packer(*record)) {
+      frame->colour = {};
+      frames->push_back(std::move(*frame));
+    }
   Drive drives[2];
   for (std::size_t i = 0; i < frames->size(); ++i) {
     Drive& drive = drives[i < first ? 0 : 1];
@@ -195,8 +199,9 @@ void compare_in_folder(const std::filesystem::path& folder, std::size_t first) {
     const auto near = std::min_element(truth.begin(), truth.end(), [&](const auto& a, const auto& b) {
       return std::abs(a.first - t) < std::abs(b.first - t);
     });
-    drive.stamps.push_back((*frames)[i].stamp), drive.truth.push_back(near->second),
-        drive.camera = packer.rig()->camera;
+    drive.stamps.push_back((*frames)[i].stamp);
+    drive.truth.push_back(near->second);
+    drive.camera = packer.rig()->camera;
   }
   for (int side = 0; side < 2; ++side)
     drives[side].add = [frames, begin = side == 0 ? 0 : first](VisualClient& client, std::size_t i, bool alone) {
@@ -211,7 +216,8 @@ void compare_in_building(double length_m, std::uint64_t seed) {
   simulation::WorldOptions options;
   options.seed = seed;
   options.robots.resize(2);
-  options.robots[0].id = "alpha", options.robots[1].id = "beta";
+  options.robots[0].id = "alpha";
+  options.robots[1].id = "beta";
   for (auto& robot : options.robots) robot.length_m = length_m;
   options.cameras.resize(1);
   options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
@@ -227,7 +233,8 @@ void compare_in_building(double length_m, std::uint64_t seed) {
     drive.camera = {model.width, model.height, model.fx, model.fy, model.cx, model.cy};
     for (std::size_t i = 0; i < recording->frame_count(); ++i) {
       const auto seen = recording->frame(i);
-      drive.stamps.push_back(seen.stamp), drive.truth.push_back(seen.world_from_camera);
+      drive.stamps.push_back(seen.stamp);
+      drive.truth.push_back(seen.world_from_camera);
     }
     drive.add = [recording](VisualClient& client, std::size_t i, bool alone) {
       return client.add(test::frame_of(recording->frame(i), !alone));

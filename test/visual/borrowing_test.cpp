@@ -194,8 +194,10 @@ const RoomMap& room_map() {
   static const RoomMap known = [] {
     VisualClient client(room.camera, 0.0, {});
     std::vector<Pose3> truth;
-    for (int i = -20; i < kRoomFrames + 20; ++i)
-      truth.push_back(walk(i)), client.add(room.frame(at(i + 20), truth.back()));
+    for (int i = -20; i < kRoomFrames + 20; ++i) {
+      truth.push_back(walk(i));
+      client.add(room.frame(at(i + 20), truth.back()));
+    }
     RoomMap result;
     result.server.learn(client, place_of("alpha"), truth.front());
     result.error_m = error_of(client, truth);
@@ -226,7 +228,10 @@ Walked walk_about(const Measuring& measuring, bool is_helped, std::uint64_t seed
   for (int i = 0; i < kRoomFrames; ++i) {
     truth.push_back(walk(i));
     Frame frame = is_pair ? room.pair(at(i), truth.back(), kBaseline_m) : room.frame(at(i), truth.back());
-    if (measuring.camera == Camera::alone) frame.depth = {}, frame.odometry_from_camera = truth.back();
+    if (measuring.camera == Camera::alone) {
+      frame.depth = {};
+      frame.odometry_from_camera = truth.back();
+    }
     for (std::uint16_t& depth : frame.depth.image.pixels)
       depth = static_cast<std::uint16_t>(1000.0 / (1000.0 / depth + measuring.too_near_per_m));
     for (std::uint8_t& grey : frame.grey.pixels)

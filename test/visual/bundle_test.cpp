@@ -28,14 +28,16 @@ WindowBundle known_world(bool with_flow, double depth_offset) {
       const Eigen::Vector3d seen =
           bundle.views[static_cast<std::size_t>(v)] * bundle.points[static_cast<std::size_t>(p)];
       WindowBundleObservation o;
-      o.view = v, o.point = p;
+      o.view = v;
+      o.point = p;
       o.sighting.pixel = camera.project(seen);
       if (with_flow) {
         o.sighting.row_flow =
             (o.sighting.pixel.y() / 480.0 - 0.5) * Eigen::Vector2d(uniform(-300, 300), 200.0 + 40.0 * v);
         o.sighting.pixel += kReadout * o.sighting.row_flow;
       }
-      o.sighting.inverse_depth = 1.0 / seen.z() + depth_offset, o.sighting.inverse_depth_sigma = 0.005;
+      o.sighting.inverse_depth = 1.0 / seen.z() + depth_offset;
+      o.sighting.inverse_depth_sigma = 0.005;
       bundle.observations.push_back(o);
     }
   return bundle;
@@ -83,7 +85,8 @@ TEST(WindowBundle, learns_how_long_rows_are_read) {
   WindowBundle bundle = truth;
   disturb(bundle);
   WindowBundleOptions options{40, 2.0, 4.0, {}};
-  options.prior.readout_step_s = 0.05, options.prior.readout_s = 1.0;
+  options.prior.readout_step_s = 0.05;
+  options.prior.readout_s = 1.0;
   adjust(bundle, camera, options);
   EXPECT_NEAR(bundle.calibration.readout_s, kReadout, 2e-4);
   EXPECT_NEAR(bundle.calibration.inverse_depth_offset, 0.0, 1e-20);  // was not to be learnt
@@ -94,7 +97,8 @@ TEST(WindowBundle, learns_a_constant_error_of_disparities) {
   WindowBundle bundle = truth;
   disturb(bundle);
   WindowBundleOptions options{60, 2.0, 4.0, {}};
-  options.prior.inverse_depth_step = 0.1, options.prior.inverse_depth = 1.0;
+  options.prior.inverse_depth_step = 0.1;
+  options.prior.inverse_depth = 1.0;
   adjust(bundle, camera, options);
   EXPECT_NEAR(bundle.calibration.inverse_depth_offset, 0.01, 1e-3);
 }
@@ -141,10 +145,12 @@ TEST(WindowBundle, is_the_same_sparse_as_dense) {
       truth.points.emplace_back(0.2 * i + uniform(-0.5, 1.0), uniform(-1, 1), uniform(2, 4));
       for (int v = i; v < i + 4; ++v) {
         WindowBundleObservation o;
-        o.view = v, o.point = static_cast<int>(truth.points.size()) - 1;
+        o.view = v;
+        o.point = static_cast<int>(truth.points.size()) - 1;
         const Eigen::Vector3d seen = truth.views[static_cast<std::size_t>(v)] * truth.points.back();
         o.sighting.pixel = camera.project(seen);
-        o.sighting.inverse_depth = 1.0 / seen.z(), o.sighting.inverse_depth_sigma = 0.005;
+        o.sighting.inverse_depth = 1.0 / seen.z();
+        o.sighting.inverse_depth_sigma = 0.005;
         truth.observations.push_back(o);
       }
     }

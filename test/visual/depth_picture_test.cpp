@@ -23,7 +23,7 @@ Agreement agreement(const Image<float>& depths, const Pose3& pose, double share_
           room.look(pose.t, pose.q * room.camera.ray({static_cast<double>(x), static_cast<double>(y)})).first;
       right += std::abs(static_cast<double>(depths.row(y)[x]) - truth) < share_of_depth * truth ? 1 : 0;
     }
-  result.known = known / static_cast<double>(depths.pixels.size()),
+  result.known = known / static_cast<double>(depths.pixels.size());
   result.right = known == 0 ? 0.0 : right / static_cast<double>(known);
   return result;
 }

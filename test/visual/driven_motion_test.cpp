@@ -11,7 +11,8 @@ namespace {
 Station station(double seconds, const Pose3& map_from_camera, const std::optional<Pose3>& odometry, double metres) {
   Station result;
   result.stamp = stamp_from_seconds(seconds);
-  result.driven.odometry_from_camera = odometry, result.driven.metres = metres;
+  result.driven.odometry_from_camera = odometry;
+  result.driven.metres = metres;
   result.view = view_of(map_from_camera);
   return result;
 }

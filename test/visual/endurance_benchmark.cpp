@@ -92,7 +92,10 @@ int main(int argc, char** argv) try {
   if (words.size() > 1) options.seed = std::atoll(words[1].c_str());
   options.robots.resize(is_team ? 2 : 1);
   options.robots[0].id = "alpha";
-  if (is_team) options.robots[1].id = "beta", options.robots[1].order = simulation::TourOrder::back;
+  if (is_team) {
+    options.robots[1].id = "beta";
+    options.robots[1].order = simulation::TourOrder::back;
+  }
   for (auto& robot : options.robots) robot.length_m = words.empty() ? 2200.0 : std::atof(words[0].c_str());
   options.cameras.resize(1);
   options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;

@@ -47,12 +47,15 @@ class Wire {
   explicit Wire(int file) : file_(file) {}
   void say(Kind kind, const std::string& bytes = {}) const {
     const std::uint64_t size = bytes.size();
-    put(&kind, sizeof kind), put(&size, sizeof size), put(bytes.data(), bytes.size());
+    put(&kind, sizeof kind);
+    put(&size, sizeof size);
+    put(bytes.data(), bytes.size());
   }
   Message receive() const {
     Message message;
     std::uint64_t size = 0;
-    get(&message.kind, sizeof message.kind), get(&size, sizeof size);
+    get(&message.kind, sizeof message.kind);
+    get(&size, sizeof size);
     message.bytes.resize(size);
     get(message.bytes.data(), size);
     return message;
@@ -63,14 +66,16 @@ class Wire {
     for (const char* at = static_cast<const char*>(from); size > 0;) {
       const ssize_t done = send(file_, at, size, MSG_NOSIGNAL);
       if (done <= 0) throw Error(ErrorCode::kInternal, "the other process is gone");
-      at += done, size -= static_cast<std::size_t>(done);
+      at += done;
+      size -= static_cast<std::size_t>(done);
     }
   }
   void get(void* to, std::size_t size) const {
     for (char* at = static_cast<char*>(to); size > 0;) {
       const ssize_t done = recv(file_, at, size, 0);
       if (done <= 0) throw Error(ErrorCode::kInternal, "the other process is gone");
-      at += done, size -= static_cast<std::size_t>(done);
+      at += done;
+      size -= static_cast<std::size_t>(done);
     }
   }
   int file_;
@@ -105,7 +110,8 @@ class Robot {
       const std::clock_t before = std::clock();
       const visual::TrackState state = client_.add(frame).state;
       spent_s_ += static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
-      lost_ += state == visual::TrackState::lost, ++frames_;
+      lost_ += state == visual::TrackState::lost;
+      ++frames_;
       if ((i + 1) % often_ == 0) exchange(server, frame.stamp);
       if ((i + 1) % static_cast<std::size_t>(kPrinted_s * rate_hz_) == 0)
         print(static_cast<double>(i + 1) / rate_hz_ / 60.0);
@@ -139,7 +145,8 @@ class Robot {
                 lost_, 1e-3 * static_cast<double>(agent_.waiting_bytes()),
                 1e-6 * static_cast<double>(agent_.received_bytes()));
     std::fflush(stdout);
-    spent_s_ = 0.0, frames_ = 0;
+    spent_s_ = 0.0;
+    frames_ = 0;
   }
 
   visual::ClientPlace place_;
@@ -175,7 +182,10 @@ class Server {
       server_.advance(now_, pool_);
       if (!begun_) begun_ = now_;
       const double minutes = seconds_between(*begun_, now_) / 60.0;
-      if (static_cast<int>(60.0 * minutes / kPrinted_s) > lines_) ++lines_, print(60.0 * minutes);
+      if (static_cast<int>(60.0 * minutes / kPrinted_s) > lines_) {
+        ++lines_;
+        print(60.0 * minutes);
+      }
     }
   }
 

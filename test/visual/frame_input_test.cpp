@@ -14,7 +14,8 @@ using testing::HasSubstr;
 
 mrpt::img::TCamera calibration() {
   mrpt::img::TCamera camera;
-  camera.ncols = 80, camera.nrows = 64;
+  camera.ncols = 80;
+  camera.nrows = 64;
   camera.setIntrinsicParamsFromValues(70.0, 71.0, 39.0, 31.0);
   return camera;
 }
@@ -46,7 +47,8 @@ mrpt::obs::CObservation3DRangeScan::Ptr depth_camera() {
 
 mrpt::obs::CObservationStereoImages::Ptr stereo_pair() {
   auto pair = mrpt::obs::CObservationStereoImages::Create();
-  pair->imageLeft = picture(80, 64, 10), pair->imageRight = picture(80, 64, 20);
+  pair->imageLeft = picture(80, 64, 10);
+  pair->imageRight = picture(80, 64, 20);
   pair->hasImageRight = true;
   pair->leftCamera = pair->rightCamera = calibration();
   pair->rightCameraPose = mrpt::poses::CPose3DQuat(0.1, 0.0, 0.0, mrpt::math::CQuaternionDouble(1, 0, 0, 0));

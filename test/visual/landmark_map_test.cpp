@@ -17,7 +17,8 @@ struct Story {
   Story() { map.camera = {320, 240, 260.0, 260.0, 159.5, 119.5}; }
   int keyframe(int session = 0) {
     Keyframe keyframe;
-    keyframe.session = session, keyframe.view = at(0.1 * map.keyframes_made);
+    keyframe.session = session;
+    keyframe.view = at(0.1 * map.keyframes_made);
     return map.add(std::move(keyframe));
   }
   int landmark(const std::vector<int>& keyframes) {
@@ -83,8 +84,10 @@ TEST(Culling, removes_landmarks_that_are_looked_for_in_vain) {
   const int a = story.keyframe();
   const int lost = story.landmark({a}), found = story.landmark({a});
   story.map.recent_landmarks = {{lost, 0}, {found, 0}};
-  story.map.landmark(lost).tried = 10, story.map.landmark(lost).found = 1;
-  story.map.landmark(found).tried = 10, story.map.landmark(found).found = 9;
+  story.map.landmark(lost).tried = 10;
+  story.map.landmark(lost).found = 1;
+  story.map.landmark(found).tried = 10;
+  story.map.landmark(found).found = 9;
   cull_landmarks(story.map, a, {});
   EXPECT_TRUE(story.map.landmark(lost).gone);
   EXPECT_FALSE(story.map.landmark(found).gone);

@@ -22,7 +22,8 @@ TEST(MapCorrection, joins_sessions_of_different_scale) {
     for (int i = 0; i < 3; ++i) {
       const View view = view_of({{0.3 * i, 0.1 * i, 0.2 * i}, Eigen::Quaterniond::Identity()});
       Keyframe keyframe;
-      keyframe.session = session, keyframe.view = stretched(view * own.inverse(), scale);
+      keyframe.session = session;
+      keyframe.view = stretched(view * own.inverse(), scale);
       keyframe.depths = {static_cast<float>(2.0 * scale)};
       truth.push_back(view);
       const int number = map.add(std::move(keyframe));
@@ -41,7 +42,10 @@ TEST(MapCorrection, joins_sessions_of_different_scale) {
     }
   }
   FoundLoop loop;
-  loop.newest = 5, loop.earlier = 0, loop.view = truth[5], loop.scale = 1.0 / kShorter;
+  loop.newest = 5;
+  loop.earlier = 0;
+  loop.view = truth[5];
+  loop.scale = 1.0 / kShorter;
   join_sessions(map, loop);
   EXPECT_EQ(loop.scale, 1.0);
   for (std::size_t i = 0; i < 6; ++i) {
@@ -78,12 +82,16 @@ Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
     map.add(std::move(keyframe));
     truth.push_back(centre);
     const Eigen::Vector3d step(0.3 * std::cos(turn), 0.0, 0.3 * std::sin(turn));
-    centre += step, drifted += scale * step;
+    centre += step;
+    drifted += scale * step;
   }
   FoundLoop loop;
-  loop.newest = count - 1, loop.earlier = 0, loop.scale = 1.0 / mapped_scale.back();
+  loop.newest = count - 1;
+  loop.earlier = 0;
+  loop.scale = 1.0 / mapped_scale.back();
   loop.view = view_of({truth.back(), Eigen::Quaterniond::Identity()});
-  loop.matches.resize(50), loop.serials.resize(50);
+  loop.matches.resize(50);
+  loop.serials.resize(50);
   for (Match& match : loop.matches) {
     Landmark landmark;
     landmark.gone = true;

@@ -16,8 +16,9 @@ rawlog::Record odometry(double at_s, double x, double y, double phi) {
 
 rawlog::Record turning(double at_s, double rad_per_s) {
   auto observation = mrpt::obs::CObservationIMU::Create();
-  observation->set(mrpt::obs::IMU_WX, 0.0), observation->set(mrpt::obs::IMU_WY, 0.0),
-      observation->set(mrpt::obs::IMU_WZ, rad_per_s);
+  observation->set(mrpt::obs::IMU_WX, 0.0);
+  observation->set(mrpt::obs::IMU_WY, 0.0);
+  observation->set(mrpt::obs::IMU_WZ, rad_per_s);
   return {stamp_from_seconds(at_s), observation};
 }
 

@@ -41,7 +41,8 @@ const SharingServer& server() {
 // As a server answers that knows where the camera is, about.
 PlaceAnswer answer_to(const PlaceRequest& request, const Pose3& world_from_camera, const Pose3& error = {}) {
   PlaceAnswer answer;
-  answer.stamp = request.stamp, answer.map = MapId("team");
+  answer.stamp = request.stamp;
+  answer.map = MapId("team");
   const Pose3 there = compose(world_from_camera, error);
   answer.map_from_robot = compose(compose(inverse(server().world_from_map), there), inverse(test::kRobotFromCamera));
   answer.landmarks = SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map);

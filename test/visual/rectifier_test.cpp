@@ -26,7 +26,10 @@ GreyImage raw_picture(const LensCalibration& lens, const Pose3& pose) {
 double mean_difference(const GreyImage& a, const GreyImage& b, int border) {
   double sum = 0, count = 0;
   for (int y = border; y < a.height - border; ++y)
-    for (int x = border; x < a.width - border; ++x) sum += std::abs(a.row(y)[x] - b.row(y)[x]), count += 1;
+    for (int x = border; x < a.width - border; ++x) {
+      sum += std::abs(a.row(y)[x] - b.row(y)[x]);
+      count += 1;
+    }
   return sum / count;
 }
 
@@ -48,7 +51,9 @@ TEST(Rectifier, takes_the_distortion_out) {
 TEST(Rectifier, makes_the_rows_of_a_crooked_pair_meet) {
   const LensCalibration left{room.camera, {-0.15, 0.03, 0, 0, 0}};
   LensCalibration right = left;
-  right.camera.fx = 255.0, right.camera.cx = 163.0, right.distortion.k1 = -0.12;
+  right.camera.fx = 255.0;
+  right.camera.cx = 163.0;
+  right.distortion.k1 = -0.12;
   const Pose3 left_from_right{
       {0.11, 0.012, -0.004}, Eigen::Quaterniond(Eigen::AngleAxisd(0.04, Eigen::Vector3d(0.3, -0.5, 0.8).normalized()))};
   const Rectifier rectifier(left, right, left_from_right);

@@ -19,9 +19,11 @@ simulation::WorldOptions world_of(simulation::PlanKind kind, std::int64_t seed) 
   simulation::WorldOptions options;
   options.seed = seed;
   options.buildings.resize(1);
-  options.buildings[0].kind = kind, options.buildings[0].seed = seed;
+  options.buildings[0].kind = kind;
+  options.buildings[0].seed = seed;
   options.cameras.resize(1);
-  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd, options.cameras[0].frames_per_second = 12.0;
+  options.cameras[0].kind = simulation::SimulatedCameraKind::rgbd;
+  options.cameras[0].frames_per_second = 12.0;
   options.robots.resize(1);
   options.robots[0].id = "alpha";
   return options;
@@ -29,7 +31,9 @@ simulation::WorldOptions world_of(simulation::PlanKind kind, std::int64_t seed) 
 
 simulation::KidnappingOptions carried(double after_m, double skip_m, double duration_s) {
   simulation::KidnappingOptions kidnapping;
-  kidnapping.after_m = after_m, kidnapping.skip_m = skip_m, kidnapping.duration_s = duration_s;
+  kidnapping.after_m = after_m;
+  kidnapping.skip_m = skip_m;
+  kidnapping.duration_s = duration_s;
   return kidnapping;
 }
 
@@ -66,7 +70,8 @@ Outcome drive(const simulation::WorldOptions& options, bool has_wheels) {
     for (const matching::PointPair& pair : of_session)
       worst = std::max(worst, laid ? (transformed(pair.in_b, laid->pose) - pair.in_a).norm() : 0.0);
   }
-  outcome.frames = static_cast<int>(recording.frame_count()), outcome.loops = static_cast<int>(client.loops().size());
+  outcome.frames = static_cast<int>(recording.frame_count());
+  outcome.loops = static_cast<int>(client.loops().size());
   return outcome;
 }
 

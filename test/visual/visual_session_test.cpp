@@ -23,7 +23,8 @@ Frame covered(int frame) {
 
 ClientOptions impatient() {
   ClientOptions options;
-  options.session.patience_s = 0.4, options.session.alike_m = 0.0;
+  options.session.patience_s = 0.4;
+  options.session.alike_m = 0.0;
   return options;
 }
 
