@@ -87,129 +87,184 @@ MAPWEAVE_WIDE_CLONES bool sum_up(const Padded::Column* corner, const std::int32_
   return true;
 }
 
-}  // namespace
+// The turns of a window: first ... last steps of `step_rad` from its middle.
+struct Turns {
+  int first, last;
+  double step_rad;
+};
 
-std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow& window,
-                               const SearchOptions& options) {
-  std::vector<Peak> peaks;
+// So small that the far points of b move by less than two cells.
+Turns turns_of(const SubmapModel& b, double yaw_rad) {
   const auto& points = b.query();
-  if (a.walls().empty() || points.empty()) return peaks;
-  MAPWEAVE_EXPECT(points.size() <= kMostPoints, "sums of likelihoods fit");
-  // Turns are about the middle of b's walls, so that a turn moves the far points least.
   const Point2f centre = b.centre();
   double arm = 0.0;
   for (const auto& p : points) arm += std::hypot(p.x - centre.x, p.y - centre.y) / static_cast<double>(points.size());
   arm = std::max(2.0, arm);
-  const double yaw_step = std::clamp(2.0 * kStep / arm, 0.01, 0.05);
-  const bool around = window.yaw_rad >= M_PI - 1e-9;
-  const int turns =
-      around ? static_cast<int>(std::ceil(M_PI / yaw_step)) : static_cast<int>(std::ceil(window.yaw_rad / yaw_step));
-  const int first_turn = around ? -turns + 1 : -turns;
-  const double turn_size = around ? M_PI / turns : yaw_step;
-  const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m / kStep)));
-  int top = 0;
-  while (top < kTopLevel && size_of(top + 1) <= radius) ++top;
+  const double step_rad = std::clamp(2.0 * kStep / arm, 0.01, 0.05);
+  if (yaw_rad >= M_PI - 1e-9) {
+    const int turns = static_cast<int>(std::ceil(M_PI / step_rad));
+    return {-turns + 1, turns, M_PI / turns};
+  }
+  const int turns = static_cast<int>(std::ceil(yaw_rad / step_rad));
+  return {-turns, turns, step_rad};
+}
 
-  const Pose2 middle = window.a_from_b;
-  const double middle_x = middle.x + std::cos(middle.phi) * centre.x - std::sin(middle.phi) * centre.y;
-  const double middle_y = middle.y + std::sin(middle.phi) * centre.x + std::cos(middle.phi) * centre.y;
-  const auto turned = [&](int turn) { return middle.phi + turn * turn_size; };
-  std::size_t stride = points.size() / 2 + 1;
-  while (std::gcd(stride, points.size()) != 1) ++stride;
-  // Shifts begin at multiples of their block's size, so that a point's cell at any shift is that at shift zero, shifted
-  // by whole cells of the level.
-  const int middle_cell_x = cell_of(middle_x, 1.0 / kStep), middle_cell_y = cell_of(middle_y, 1.0 / kStep);
+double farthest_from(const Point2f& centre, const std::vector<Point2f>& points) {
   double farthest = 0.0;
   for (const auto& p : points)
     farthest = std::max(farthest, std::hypot(static_cast<double>(p.x) - centre.x, static_cast<double>(p.y) - centre.y));
-  const int extent = radius + size_of(top + 1) + static_cast<int>(std::ceil(farthest / kStep)) + 2;
-  std::array<std::optional<Padded>, SubmapModel::kLevels> levels;
-  const auto level_of = [&](int level) -> const Padded& {
-    auto& padded = levels[static_cast<std::size_t>(level)];
+  return farthest;
+}
+
+// Turns are about the middle of b's walls, so that a turn moves the far points least. Shifts begin at multiples of
+// their block's size, so that a point's cell at any shift is that at shift zero, shifted by whole cells of the level.
+class PeakSearch {
+ public:
+  // All outlive it.
+  PeakSearch(const SubmapModel& a, const SubmapModel& b, const WideWindow& window, const SearchOptions& options)
+      : a_(a),
+        points_(b.query()),
+        options_(options),
+        centre_(b.centre()),
+        middle_(window.a_from_b),
+        turns_(turns_of(b, window.yaw_rad)),
+        radius_(std::max(1, static_cast<int>(std::ceil(window.radius_m / kStep)))),
+        offsets_(static_cast<std::size_t>(turns_.last - turns_.first + 1)),
+        threshold_(static_cast<std::uint32_t>(options.min_score * static_cast<double>(255 * points_.size()))) {
+    while (top_ < kTopLevel && size_of(top_ + 1) <= radius_) ++top_;
+    std::tie(middle_x_, middle_y_) = centre_of(middle_);
+    middle_cell_x_ = cell_of(middle_x_, 1.0 / kStep);
+    middle_cell_y_ = cell_of(middle_y_, 1.0 / kStep);
+    const double farthest = farthest_from(centre_, points_);
+    extent_ = radius_ + size_of(top_ + 1) + static_cast<int>(std::ceil(farthest / kStep)) + 2;
+    stride_ = points_.size() / 2 + 1;
+    while (std::gcd(stride_, points_.size()) != 1) ++stride_;
+  }
+
+  std::vector<Peak> run() {
+    open_window();
+    looked_ = 0;
+    std::vector<Peak> peaks;
+    const auto full = static_cast<double>(255 * points_.size());
+    while (!open_.empty() && peaks.size() < options_.most_peaks && looked_ < options_.budget) {
+      const Candidate candidate = open_.top();
+      open_.pop();
+      if (candidate.bound < threshold_) break;
+      if (is_covered(candidate, peaks)) continue;
+      if (candidate.level > 0) {
+        open_blocks(candidate.turn, candidate.x, candidate.y, candidate.level - 1);
+        continue;
+      }
+      peaks.push_back({pose_of(candidate), candidate.bound / full});
+      if (peaks.size() == 1)
+        threshold_ = std::max(threshold_, static_cast<std::uint32_t>(options_.rival_ratio * candidate.bound));
+    }
+    return peaks;
+  }
+
+ private:
+  double turned(int turn) const { return middle_.phi + turn * turns_.step_rad; }
+
+  Pose2 pose_of(const Candidate& candidate) const {
+    const double phi = turned(candidate.turn), c = std::cos(phi), s = std::sin(phi);
+    return {middle_x_ + candidate.x * kStep - (c * centre_.x - s * centre_.y),
+            middle_y_ + candidate.y * kStep - (s * centre_.x + c * centre_.y), wrap_angle(phi)};
+  }
+
+  // Where b's centre lies under a pose: what distances between peaks are measured at.
+  std::pair<double, double> centre_of(const Pose2& pose) const {
+    return {pose.x + std::cos(pose.phi) * centre_.x - std::sin(pose.phi) * centre_.y,
+            pose.y + std::sin(pose.phi) * centre_.x + std::cos(pose.phi) * centre_.y};
+  }
+
+  const Padded& level_of(int level) {
+    auto& padded = levels_[static_cast<std::size_t>(level)];
     if (!padded)
-      padded.emplace(a.pyramid()[static_cast<std::size_t>(level)], middle_cell_x >> (2 * level),
-                     middle_cell_y >> (2 * level), (extent >> (2 * level)) + 5);
+      padded.emplace(a_.pyramid()[static_cast<std::size_t>(level)], middle_cell_x_ >> (2 * level),
+                     middle_cell_y_ >> (2 * level), (extent_ >> (2 * level)) + 5);
     return *padded;
-  };
-  // Where b's points lie in a level at shift zero, per turn.
-  std::vector<std::array<std::vector<std::int32_t>, SubmapModel::kLevels>> offsets(
-      static_cast<std::size_t>(turns - first_turn + 1));
-  const auto offsets_of = [&](int turn, int level) -> const std::vector<std::int32_t>& {
-    auto& known = offsets[static_cast<std::size_t>(turn - first_turn)][static_cast<std::size_t>(level)];
+  }
+
+  // Where b's points lie in a level at shift zero.
+  const std::vector<std::int32_t>& offsets_of(int turn, int level) {
+    auto& known = offsets_[static_cast<std::size_t>(turn - turns_.first)][static_cast<std::size_t>(level)];
     if (!known.empty()) return known;
     const Padded& padded = level_of(level);
     const double c = std::cos(turned(turn)), s = std::sin(turned(turn));
-    known.reserve(points.size());
+    known.reserve(points_.size());
     // In an order that jumps about, so that the first few stand for all.
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      const auto& p = points[k * stride % points.size()];
-      const double dx = p.x - centre.x, dy = p.y - centre.y;
-      known.push_back(padded.offset(cell_of(middle_x + c * dx - s * dy, 1.0 / kStep) >> (2 * level),
-                                    cell_of(middle_y + s * dx + c * dy, 1.0 / kStep) >> (2 * level)) -
-                      padded.offset(middle_cell_x >> (2 * level), middle_cell_y >> (2 * level)));
+    for (std::size_t k = 0; k < points_.size(); ++k) {
+      const auto& p = points_[k * stride_ % points_.size()];
+      const double dx = p.x - centre_.x, dy = p.y - centre_.y;
+      known.push_back(padded.offset(cell_of(middle_x_ + c * dx - s * dy, 1.0 / kStep) >> (2 * level),
+                                    cell_of(middle_y_ + s * dx + c * dy, 1.0 / kStep) >> (2 * level)) -
+                      padded.offset(middle_cell_x_ >> (2 * level), middle_cell_y_ >> (2 * level)));
     }
     return known;
-  };
-  const auto full = static_cast<double>(255 * points.size());
-  auto threshold = static_cast<std::uint32_t>(options.min_score * full);
-  const auto pose_of = [&](const Candidate& candidate) {
-    const double phi = turned(candidate.turn), c = std::cos(phi), s = std::sin(phi);
-    return Pose2{middle_x + candidate.x * kStep - (c * centre.x - s * centre.y),
-                 middle_y + candidate.y * kStep - (s * centre.x + c * centre.y), wrap_angle(phi)};
-  };
-  // Where b's centre lies under a pose: what distances between peaks are measured at.
-  const auto centre_of = [&](const Pose2& pose) {
-    return std::make_pair(pose.x + std::cos(pose.phi) * centre.x - std::sin(pose.phi) * centre.y,
-                          pose.y + std::sin(pose.phi) * centre.x + std::cos(pose.phi) * centre.y);
-  };
+  }
 
-  std::priority_queue<Candidate, std::vector<Candidate>, Later> open;
-  std::size_t looked = 0;
+  // The whole window, in the largest blocks.
+  void open_window() {
+    const int size = size_of(top_), first = -((radius_ + size - 1) / size) * size;
+    for (int turn = turns_.first; turn <= turns_.last; ++turn)
+      for (int y = first; y <= radius_; y += size_of(top_ + 1))
+        for (int x = first; x <= radius_; x += size_of(top_ + 1)) open_blocks(turn, x, y, top_);
+  }
+
   // The 4 x 4 blocks from (x, y) on.
-  const auto open_blocks = [&](int turn, int x, int y, int level) {
+  void open_blocks(int turn, int x, int y, int level) {
     const Padded& padded = level_of(level);
     const int size = size_of(level);
     Sums sums;
-    looked += sums.size();
+    looked_ += sums.size();
     const auto& places = offsets_of(turn, level);
-    if (!sum_up(padded.at((middle_cell_x + x) >> (2 * level), (middle_cell_y + y) >> (2 * level)), places.data(),
-                places.size(), threshold, sums))
+    if (!sum_up(padded.at((middle_cell_x_ + x) >> (2 * level), (middle_cell_y_ + y) >> (2 * level)), places.data(),
+                places.size(), threshold_, sums))
       return;
     for (int k = 0; k < 16; ++k) {
       const int nx = x + (k / 4) * size, ny = y + (k % 4) * size;
       const std::uint32_t bound = sums[static_cast<std::size_t>(k)];
-      if (bound < threshold || nx > radius || ny > radius || nx + size <= -radius || ny + size <= -radius) continue;
-      open.push({turn, nx, ny, level, bound});
+      if (bound < threshold_ || nx > radius_ || ny > radius_ || nx + size <= -radius_ || ny + size <= -radius_)
+        continue;
+      open_.push({turn, nx, ny, level, bound});
     }
-  };
-  const int first = -((radius + size_of(top) - 1) / size_of(top)) * size_of(top);
-  for (int turn = first_turn; turn <= turns; ++turn)
-    for (int y = first; y <= radius; y += size_of(top + 1))
-      for (int x = first; x <= radius; x += size_of(top + 1)) open_blocks(turn, x, y, top);
-  looked = 0;
-  while (!open.empty() && peaks.size() < options.most_peaks && looked < options.budget) {
-    const Candidate candidate = open.top();
-    open.pop();
-    if (candidate.bound < threshold) break;
-    // Best first: what an earlier peak covers can only be worse than it.
-    const double reach = 0.5 * kStep * (size_of(candidate.level) - 1);
-    const double x = middle_x + candidate.x * kStep + reach, y = middle_y + candidate.y * kStep + reach;
-    bool covered = false;
-    for (const auto& peak : peaks) {
-      const auto [px, py] = centre_of(peak.a_from_b);
-      covered = covered || (std::hypot(x - px, y - py) + 1.5 * reach < options.peak_distance_m &&
-                            std::abs(wrap_angle(turned(candidate.turn) - peak.a_from_b.phi)) < options.peak_yaw_rad);
-    }
-    if (covered) continue;
-    if (candidate.level == 0) {
-      peaks.push_back({pose_of(candidate), candidate.bound / full});
-      if (peaks.size() == 1)
-        threshold = std::max(threshold, static_cast<std::uint32_t>(options.rival_ratio * candidate.bound));
-      continue;
-    }
-    open_blocks(candidate.turn, candidate.x, candidate.y, candidate.level - 1);
   }
-  return peaks;
+
+  // Best first: what an earlier peak covers can only be worse than it.
+  bool is_covered(const Candidate& candidate, const std::vector<Peak>& peaks) const {
+    const double reach = 0.5 * kStep * (size_of(candidate.level) - 1);
+    const double x = middle_x_ + candidate.x * kStep + reach, y = middle_y_ + candidate.y * kStep + reach;
+    return std::any_of(peaks.begin(), peaks.end(), [&](const Peak& peak) {
+      const auto [px, py] = centre_of(peak.a_from_b);
+      return std::hypot(x - px, y - py) + 1.5 * reach < options_.peak_distance_m &&
+             std::abs(wrap_angle(turned(candidate.turn) - peak.a_from_b.phi)) < options_.peak_yaw_rad;
+    });
+  }
+
+  const SubmapModel& a_;
+  const std::vector<Point2f>& points_;  // of b
+  const SearchOptions& options_;
+  Point2f centre_;  // of b's walls
+  Pose2 middle_;    // of the window
+  Turns turns_;
+  int radius_, top_ = 0, extent_ = 0;       // cells; level; cells that any point may be asked for
+  double middle_x_ = 0.0, middle_y_ = 0.0;  // where the middle puts the centre
+  int middle_cell_x_ = 0, middle_cell_y_ = 0;
+  std::size_t stride_ = 1;
+  std::array<std::optional<Padded>, SubmapModel::kLevels> levels_;
+  std::vector<std::array<std::vector<std::int32_t>, SubmapModel::kLevels>> offsets_;  // per turn
+  std::uint32_t threshold_;
+  std::priority_queue<Candidate, std::vector<Candidate>, Later> open_;
+  std::size_t looked_ = 0;
+};
+
+}  // namespace
+
+std::vector<Peak> search_peaks(const SubmapModel& a, const SubmapModel& b, const WideWindow& window,
+                               const SearchOptions& options) {
+  if (a.walls().empty() || b.query().empty()) return {};
+  MAPWEAVE_EXPECT(b.query().size() <= kMostPoints, "sums of likelihoods fit");
+  return PeakSearch(a, b, window, options).run();
 }
 
 }  // namespace mapweave::matching

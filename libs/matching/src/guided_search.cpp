@@ -22,8 +22,9 @@ KeyframeFeatureGrid::KeyframeFeatureGrid(const KeyframeView& keyframe)
 }
 
 GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side,
-                              const KeyframeView& keyframe, const KeyframeFeatureGrid& grid,
-                              const std::vector<double>& depth_of_feature, double radius_px, int max_distance) {
+                              const KeyframeFeatureGrid& grid, const std::vector<double>& depth_of_feature,
+                              double radius_px, int max_distance) {
+  const KeyframeView& keyframe = grid.keyframe();
   GuidedSearch search;
   constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;

@@ -11,6 +11,7 @@ namespace mapweave::matching {
 class KeyframeFeatureGrid {
  public:
   explicit KeyframeFeatureGrid(const KeyframeView& keyframe);
+  const KeyframeView& keyframe() const { return keyframe_; }
   // Calls take(feature) for each within the radius, rising within a cell.
   template <class Take>
   void near(const Eigen::Vector2d& pixel, double radius_px, Take&& take) const {
@@ -47,10 +48,10 @@ struct GuidedSearch {
   int seen_through = 0;      // of them, those in front of what the picture's side sees there
 };
 
-// camera_from_side: of the landmarks' side. depth_of_feature: along the keyframe's axis, 0 unknown, in the unit of
-// camera_from_side; may be empty.
+// camera_from_side: of the landmarks' side. depth_of_feature: of the grid's keyframe, along its axis, 0 unknown, in the
+// unit of camera_from_side; may be empty.
 GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const Sim3& camera_from_side,
-                              const KeyframeView& keyframe, const KeyframeFeatureGrid& grid,
-                              const std::vector<double>& depth_of_feature, double radius_px, int max_distance);
+                              const KeyframeFeatureGrid& grid, const std::vector<double>& depth_of_feature,
+                              double radius_px, int max_distance);
 
 }  // namespace mapweave::matching

@@ -29,6 +29,77 @@ MAPWEAVE_WIDE_CLONES void add_rows(const std::uint8_t* const* rows, std::size_t 
   }
 }
 
+// Of one scan at one turn: sums of the likelihoods under its points, for all shifts of a window.
+class ShiftSums {
+ public:
+  // Shifts of up to `radius` cells either way; along x as many more as fill the lanes.
+  ShiftSums(const Raster<std::uint8_t>& grid, int radius, std::size_t point_count)
+      : grid_(grid), radius_(radius), lanes_((2 * radius + 1 + kLane - 1) / kLane), side_(lanes_ * kLane) {
+    MAPWEAVE_EXPECT(side_ <= static_cast<int>(edge_.size()), "search window wider than 50 m: use branch and bound");
+    sums_.resize(static_cast<std::size_t>(side_) * static_cast<std::size_t>(2 * radius + 1));
+    corners_.reserve(point_count);
+  }
+  // cells: where the points lie without a shift.
+  void sum_up(const std::vector<std::pair<int, int>>& cells) {
+    std::fill(sums_.begin(), sums_.end(), std::uint16_t{0});
+    corners_.clear();
+    for (const auto& [cx, cy] : cells) {
+      const int x0 = cx - half();
+      const bool whole = x0 >= grid_.first_x() && x0 + side_ <= grid_.first_x() + grid_.width();
+      if (whole && cy - radius_ >= grid_.first_y() && cy + radius_ < grid_.first_y() + grid_.height())
+        corners_.push_back(grid_.row(x0, cy - radius_));
+      else
+        add_at_rim(x0, cy, whole);
+    }
+    for (int dy = 0; dy <= 2 * radius_; ++dy)
+      add_rows(corners_.data(), corners_.size(), static_cast<std::ptrdiff_t>(dy) * grid_.width(), lanes_,
+               &sums_[static_cast<std::size_t>(dy) * static_cast<std::size_t>(side_)]);
+  }
+  int side() const { return side_; }
+  int half() const { return side_ / 2; }
+  // `side` sums: of shifts by -half, ... along x and dy along y.
+  const std::uint16_t* row(int dy) const {
+    return &sums_[static_cast<std::size_t>(dy + radius_) * static_cast<std::size_t>(side_)];
+  }
+
+ private:
+  // A point whose window leaves the grid; `whole`: not along x.
+  void add_at_rim(int x0, int cy, bool whole) {
+    for (int dy = -radius_; dy <= radius_; ++dy) {
+      const int y = cy + dy;
+      if (y < grid_.first_y() || y >= grid_.first_y() + grid_.height()) continue;
+      const std::uint8_t* row;
+      if (whole) {
+        row = grid_.row(x0, y);
+      } else {
+        const int from = std::max(x0, grid_.first_x()), to = std::min(x0 + side_, grid_.first_x() + grid_.width());
+        if (from >= to) continue;
+        std::memset(edge_.data(), 0, static_cast<std::size_t>(side_));
+        std::memcpy(edge_.data() + (from - x0), grid_.row(from, y), static_cast<std::size_t>(to - from));
+        row = edge_.data();
+      }
+      add_rows(&row, 1, 0, lanes_, &sums_[static_cast<std::size_t>(dy + radius_) * static_cast<std::size_t>(side_)]);
+    }
+  }
+
+  const Raster<std::uint8_t>& grid_;
+  int radius_, lanes_, side_;  // cells; side: along x
+  std::vector<std::uint16_t> sums_;
+  std::vector<const std::uint8_t*> corners_;  // of the points' windows that lie within the grid
+  std::array<std::uint8_t, 1024> edge_{};     // a row that leaves the grid
+};
+
+void place(const std::vector<WallPoint>& points, const Pose2& field_from_scan,
+           std::vector<std::pair<int, int>>& cells) {
+  constexpr double kInverse = 1.0 / WallField::kResolution;
+  const double c = std::cos(field_from_scan.phi), s = std::sin(field_from_scan.phi);
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const double x = c * points[k].x - s * points[k].y + field_from_scan.x,
+                 y = s * points[k].x + c * points[k].y + field_from_scan.y;
+    cells[k] = {cell_of(x, kInverse), cell_of(y, kInverse)};
+  }
+}
+
 }  // namespace
 
 std::optional<Correlation> correlate(const WallField& field, const std::vector<WallPoint>& points, const Pose2& guess,
@@ -36,18 +107,10 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
   const auto& grid = field.likelihood();
   if (grid.empty() || points.empty()) return std::nullopt;
   MAPWEAVE_EXPECT(points.size() <= 256, "a 16-bit sum holds 256 points of 8 bits");
-  constexpr double kInverse = 1.0 / WallField::kResolution;
-  const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m * kInverse)));
-  const int lanes = (2 * radius + 1 + kLane - 1) / kLane;
-  const int side = lanes * kLane;  // cells along x
-  const int half = side / 2;
+  const int radius = std::max(1, static_cast<int>(std::ceil(window.radius_m * (1.0 / WallField::kResolution))));
   const int turns = std::max(1, static_cast<int>(std::ceil(window.yaw_rad / window.yaw_step_rad)));
-  std::vector<std::uint16_t> sums(static_cast<std::size_t>(side) * static_cast<std::size_t>(2 * radius + 1));
+  ShiftSums sums(grid, radius, points.size());
   std::vector<std::pair<int, int>> cells(points.size());
-  std::vector<const std::uint8_t*> corners;  // of the windows that lie within the grid
-  corners.reserve(points.size());
-  std::array<std::uint8_t, 1024> edge{};
-  MAPWEAVE_EXPECT(side <= static_cast<int>(edge.size()), "search window wider than 50 m: use branch and bound");
 
   // The prior costs score: one sigma costs 0.02 of the mean likelihood, so it decides ties and near-ties only.
   const double full = 255.0 * static_cast<double>(points.size());
@@ -59,43 +122,12 @@ std::optional<Correlation> correlate(const WallField& field, const std::vector<W
   double best_value = -1e300;
   int best_turn = 0, best_x = 0, best_y = 0;
   std::uint16_t best_sum = 0;
+  const int side = sums.side(), half = sums.half();
   for (int turn = -turns; turn <= turns; ++turn) {
-    const double phi = guess.phi + turn * window.yaw_step_rad, c = std::cos(phi), s = std::sin(phi);
-    for (std::size_t k = 0; k < points.size(); ++k) {
-      const double x = c * points[k].x - s * points[k].y + guess.x, y = s * points[k].x + c * points[k].y + guess.y;
-      cells[k] = {cell_of(x, kInverse), cell_of(y, kInverse)};
-    }
-    std::fill(sums.begin(), sums.end(), std::uint16_t{0});
-    corners.clear();
-    for (const auto& [cx, cy] : cells) {
-      const int x0 = cx - half;
-      const bool whole = x0 >= grid.first_x() && x0 + side <= grid.first_x() + grid.width();
-      if (whole && cy - radius >= grid.first_y() && cy + radius < grid.first_y() + grid.height()) {
-        corners.push_back(grid.row(x0, cy - radius));
-        continue;
-      }
-      for (int dy = -radius; dy <= radius; ++dy) {
-        const int y = cy + dy;
-        if (y < grid.first_y() || y >= grid.first_y() + grid.height()) continue;
-        const std::uint8_t* row;
-        if (whole) {
-          row = grid.row(x0, y);
-        } else {
-          const int from = std::max(x0, grid.first_x()), to = std::min(x0 + side, grid.first_x() + grid.width());
-          if (from >= to) continue;
-          std::memset(edge.data(), 0, static_cast<std::size_t>(side));
-          std::memcpy(edge.data() + (from - x0), grid.row(from, y), static_cast<std::size_t>(to - from));
-          row = edge.data();
-        }
-        std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
-        add_rows(&row, 1, 0, lanes, sum);
-      }
-    }
-    for (int dy = 0; dy <= 2 * radius; ++dy)
-      add_rows(corners.data(), corners.size(), static_cast<std::ptrdiff_t>(dy) * grid.width(), lanes,
-               &sums[static_cast<std::size_t>(dy) * static_cast<std::size_t>(side)]);
+    place(points, {guess.x, guess.y, guess.phi + turn * window.yaw_step_rad}, cells);
+    sums.sum_up(cells);
     for (int dy = -radius; dy <= radius; ++dy) {
-      const std::uint16_t* sum = &sums[static_cast<std::size_t>(dy + radius) * static_cast<std::size_t>(side)];
+      const std::uint16_t* sum = sums.row(dy);
       for (int i = 0; i < side; ++i) {
         const int dx = i - half;
         const double value = sum[i] - cost_m * (dx * dx + dy * dy) - cost_yaw * turn * turn;

@@ -107,6 +107,62 @@ struct Grown {
 
 double share(double part, double whole) { return whole > 0.0 ? part / whole : 0.0; }
 
+// Whether the two put b's landmarks at clearly different places, as seen from b.
+bool distinct(const Sim3& one, const Sim3& other, const Grown& best) {
+  constexpr double kFar = 0.1;  // of the distance
+  int apart = 0, together = 0;
+  for (const FeaturePair& pair : best.pairs) {
+    const Eigen::Vector3d point = pair.point_in_a ? transformed(*pair.point_in_a, inverse(one)) : *pair.point_in_b;
+    const Eigen::Vector3d moved = transformed(transformed(point, one), inverse(other));
+    ((moved - point).norm() > kFar * point.norm() ? apart : together) += 1;
+  }
+  return apart > together;
+}
+
+// Landmarks share the errors of the keyframes they come from, so that the spread of many matches claims too much:
+// never better than half a degree, and half a percent of the distance.
+Alignment alignment_of(const Grown& grown) {
+  constexpr double kTurn = 0.009, kShare = 0.005;  // radians; of the distance
+  Alignment alignment;
+  alignment.a_from_b = grown.fit.a_from_b;
+  alignment.covariance = grown.fit.covariance.topLeftCorner<6, 6>();
+  std::vector<double> distances;
+  const Sim3 b_from_a = inverse(alignment.a_from_b);
+  for (const FeaturePair& pair : grown.pairs)
+    distances.push_back((pair.point_in_b ? *pair.point_in_b : transformed(*pair.point_in_a, b_from_a)).norm());
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  alignment.covariance.diagonal().head<3>().array() += std::pow(kShare * *middle, 2);
+  alignment.covariance.diagonal().tail<3>().array() += kTurn * kTurn;
+  return alignment;
+}
+
+// How wide the matches lie over the picture, along the wider and the narrower direction; 1: as if spread evenly over
+// all of it.
+Eigen::Vector2d spread_over(const std::vector<Vector2d>& pixels, const Pinhole& camera) {
+  if (pixels.size() < 2) return Vector2d::Zero();
+  Vector2d mean = Vector2d::Zero();
+  for (const Vector2d& pixel : pixels) mean += pixel / static_cast<double>(pixels.size());
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
+  const Vector2d even(camera.width / std::sqrt(12.0), camera.height / std::sqrt(12.0));
+  for (const Vector2d& pixel : pixels) {
+    const Vector2d d = (pixel - mean).cwiseQuotient(even);
+    spread += d * d.transpose() / static_cast<double>(pixels.size());
+  }
+  const Vector2d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvalues();
+  return {std::min(1.0, std::sqrt(std::max(0.0, values(1)))), std::min(1.0, std::sqrt(std::max(0.0, values(0))))};
+}
+
+// Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds.
+// What moves along with the camera (a car ahead) agrees well among itself, but little else that should be in view is
+// found.
+double probability_of(const Evidence& e, int inliers) {
+  const double logit = 1.5 * std::log(std::max(1, inliers) / 40.0) + 12.0 * (e.inliers - 0.12) +
+                       3.0 * (e.observability(1) - 0.25) - 3.0 * e.conflict -
+                       4.0 * std::max(0.0, e.second_best_ratio - 0.3);
+  return 1.0 / (1.0 + std::exp(-logit));
+}
+
 class Judge {
  public:
   Judge(const PlaceView& a, const PlaceView& b, const VisualJudgeOptions& options) : a_(a), b_(b), options_(options) {}
@@ -207,11 +263,10 @@ class Judge {
   }
 
   GuidedSearch guided(const Side& from, const Side& to, const Sim3& to_from_from, double radius) const {
-    const KeyframeView& keyframe = to.place.keyframes.front();
-    const Pose3 camera_from_to = inverse(keyframe.side_from_camera);
+    const Pose3 camera_from_to = inverse(to.grid.keyframe().side_from_camera);
     Sim3 camera_from_side = to_from_from;
     camera_from_side.pose = compose(camera_from_to, to_from_from.pose);
-    return search_landmarks(from.place.landmarks, camera_from_side, keyframe, to.grid, to.depth, radius,
+    return search_landmarks(from.place.landmarks, camera_from_side, to.grid, to.depth, radius,
                             options_.guided_max_distance);
   }
 
@@ -264,52 +319,6 @@ class Judge {
     return rival;
   }
 
-  // Whether the two put b's landmarks at clearly different places, as seen from b.
-  bool distinct(const Sim3& one, const Sim3& other, const Grown& best) const {
-    constexpr double kFar = 0.1;  // of the distance
-    int apart = 0, together = 0;
-    for (const FeaturePair& pair : best.pairs) {
-      const Eigen::Vector3d point = pair.point_in_a ? transformed(*pair.point_in_a, inverse(one)) : *pair.point_in_b;
-      const Eigen::Vector3d moved = transformed(transformed(point, one), inverse(other));
-      ((moved - point).norm() > kFar * point.norm() ? apart : together) += 1;
-    }
-    return apart > together;
-  }
-
-  // Landmarks share the errors of the keyframes they come from, so that the spread of many matches claims too much:
-  // never better than half a degree, and half a percent of the distance.
-  static Alignment alignment_of(const Grown& grown) {
-    constexpr double kTurn = 0.009, kShare = 0.005;  // radians; of the distance
-    Alignment alignment;
-    alignment.a_from_b = grown.fit.a_from_b;
-    alignment.covariance = grown.fit.covariance.topLeftCorner<6, 6>();
-    std::vector<double> distances;
-    const Sim3 b_from_a = inverse(alignment.a_from_b);
-    for (const FeaturePair& pair : grown.pairs)
-      distances.push_back((pair.point_in_b ? *pair.point_in_b : transformed(*pair.point_in_a, b_from_a)).norm());
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
-    alignment.covariance.diagonal().head<3>().array() += std::pow(kShare * *middle, 2);
-    alignment.covariance.diagonal().tail<3>().array() += kTurn * kTurn;
-    return alignment;
-  }
-
-  // How wide the matches lie over the picture, along the wider and the narrower direction; 1: as if spread evenly over
-  // all of it.
-  static Eigen::Vector2d spread_over(const std::vector<Vector2d>& pixels, const Pinhole& camera) {
-    if (pixels.size() < 2) return Vector2d::Zero();
-    Vector2d mean = Vector2d::Zero();
-    for (const Vector2d& pixel : pixels) mean += pixel / static_cast<double>(pixels.size());
-    Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
-    const Vector2d even(camera.width / std::sqrt(12.0), camera.height / std::sqrt(12.0));
-    for (const Vector2d& pixel : pixels) {
-      const Vector2d d = (pixel - mean).cwiseQuotient(even);
-      spread += d * d.transpose() / static_cast<double>(pixels.size());
-    }
-    const Vector2d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(spread).eigenvalues();
-    return {std::min(1.0, std::sqrt(std::max(0.0, values(1)))), std::min(1.0, std::sqrt(std::max(0.0, values(0))))};
-  }
-
   Evidence evidence_of(const Grown& best) const {
     Evidence evidence;
     evidence.inliers = best.found;
@@ -357,16 +366,6 @@ class Judge {
     if (e.second_best_ratio > options_.max_second_best) return Reason::ambiguous;
     if (e.observability(1) < options_.min_spread) return Reason::unobservable;
     return Reason::none;
-  }
-
-  // Weights fitted by hand to pairs of real pictures with known poses: each unit of the sum is a factor e of the odds.
-  // What moves along with the camera (a car ahead) agrees well among itself, but little else that should be in view is
-  // found.
-  static double probability_of(const Evidence& e, int inliers) {
-    const double logit = 1.5 * std::log(std::max(1, inliers) / 40.0) + 12.0 * (e.inliers - 0.12) +
-                         3.0 * (e.observability(1) - 0.25) - 3.0 * e.conflict -
-                         4.0 * std::max(0.0, e.second_best_ratio - 0.3);
-    return 1.0 / (1.0 + std::exp(-logit));
   }
 
   Side a_, b_;
