@@ -171,110 +171,125 @@ std::optional<Pose2> FrontEnd::corrected_velocity(const ScanInput& input, const 
   return matters && is_finite(better) ? std::optional(better) : std::nullopt;
 }
 
-int FrontEnd::add_scan(const ScanInput& given, Map& map) {
-  ScanInput input = given;
-  const bool sweeps = input.scan.geometry->has_sweep();
-  Pose2 velocity;
-  if (sweeps) {
-    velocity = sweep_velocity(input);
-    input.scan.motion = sweep_motion(velocity);
+FrontEnd::Taken FrontEnd::take(const ScanInput& given) const {
+  Taken taken{given, {}, {}, {}};
+  PackedScan& scan = taken.input.scan;
+  if (scan.geometry->has_sweep()) {
+    taken.velocity = sweep_velocity(taken.input);
+    scan.motion = sweep_motion(taken.velocity);
   }
-  const NodeId id{session_, next_node_++};
-  Node node{id, input.stamp, {}, nullptr};
-  auto points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
-  auto few = matched_points(input.scan, points);
+  see(taken);
+  return taken;
+}
 
-  bool inserted = false;
+void FrontEnd::see(Taken& taken) const {
+  taken.points = matching::wall_points(taken.input.scan, options_.min_range_m, options_.max_range_m);
+  taken.few = matched_points(taken.input.scan, taken.points);
+}
+
+// Where the match finds that the scan was swept otherwise, it becomes content so, and is matched again.
+FrontEnd::Matched FrontEnd::match_sweep(Taken& taken, const Step& step) {
+  Matched found = match(taken.few, step);
+  if (taken.input.scan.geometry->has_sweep() && found.is_found) {
+    inertial_.compare(taken_at(*last_stamp_), taken_at(taken.input.stamp),
+                      wrap_angle(found.local_from_node.phi - local_from_last_.phi));
+    if (const auto better = corrected_velocity(taken.input, taken.velocity, step, found)) {
+      taken.input.scan.motion = sweep_motion(*better);
+      see(taken);
+      found = match(taken.few, step);
+    }
+  }
+  if (found.coarse && step.from_odometry && heading_quality_.wants_heading()) learn_heading(taken.few, *found.coarse);
+  return found;
+}
+
+Constraint FrontEnd::motion_constraint(const NodeId& id, Stamp stamp, const Step& step,
+                                       const std::optional<Pose2>& matched_motion) const {
+  // Without odometry and without a match nothing is known but that robots are slow.
+  const double seconds = std::max(0.1, seconds_between(*last_stamp_, stamp));
+  // What scans found to be wrong by far is told as wrong as that.
+  const double missed = matched_motion ? std::abs(wrap_angle(matched_motion->phi - step.motion.phi)) : 0.0;
+  const double prior_yaw = step.prior.sigma_yaw_rad;
+  const double sigma_yaw = missed > 3.0 * prior_yaw ? std::max(missed, prior_yaw) : prior_yaw;
+  const Eigen::Matrix3d known =
+      step.from_odometry ? information_of(step.prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
+  return planar_constraint({ConstraintKind::odometry, *last_node_, id, 0}, step.motion, known);
+}
+
+// From the last scan to this one. False where neither a match nor odometry says where it is.
+bool FrontEnd::follow(const NodeId& id, Taken& taken, Map& map) {
+  const Stamp stamp = taken.input.stamp;
+  const Step step = next_step(stamp);
+  const Matched found = match_sweep(taken, step);
+  const bool matched = last_is_matched_ = found.is_found;
+  const Pose2 local_from_node = matched ? found.local_from_node : step.predicted;
+  const Pose2 moved = between(local_from_last_, local_from_node);
+  if (matched) {
+    const ConstraintId name{ConstraintKind::scan_match, map.submaps.find(active_.front().id)->anchor(), id, 0};
+    map.constraints.set(name, planar_constraint(name, found.submap_from_node, found.information));
+  }
+  if (step.from_odometry || !matched) {
+    const Constraint motion = motion_constraint(id, stamp, step, matched ? std::optional(moved) : std::nullopt);
+    map.constraints.set(motion.id, motion);
+  }
+  const double seconds = seconds_between(*last_stamp_, stamp);
+  if (seconds > 1e-3) last_motion_ = scaled(moved, 1.0 / seconds);
+  travelled_m_ += std::hypot(moved.x, moved.y);
+  local_from_last_ = local_from_node;
+  return matched || step.from_odometry;
+}
+
+int FrontEnd::add_scan(const ScanInput& given, Map& map) {
+  Taken taken = take(given);
+  const Stamp stamp = taken.input.stamp;
+  const NodeId id{session_, next_node_++};
+  const bool is_placed = !last_stamp_ || follow(id, taken, map);
+  bool is_drawn = taken.few.size() >= kFewestPoints;  // nothing seen, nothing to draw
   int frozen = 0;
-  if (!last_stamp_) {
-    inserted = few.size() >= kFewestPoints;
-  } else {
-    const Step step = next_step(input.stamp);
-    const bool from_odometry = step.from_odometry;
-    const Pose2& motion = step.motion;
-    const matching::PriorWeight& prior = step.prior;
-    auto found = match(few, step);
-    if (sweeps && found.is_found) {
-      inertial_.compare(taken_at(*last_stamp_), taken_at(input.stamp),
-                        wrap_angle(found.local_from_node.phi - local_from_last_.phi));
-      if (const auto better = corrected_velocity(input, velocity, step, found)) {
-        input.scan.motion = sweep_motion(*better);
-        points = matching::wall_points(input.scan, options_.min_range_m, options_.max_range_m);
-        few = matched_points(input.scan, points);
-        found = match(few, step);
-      }
-    }
-    if (found.coarse && from_odometry && heading_quality_.wants_heading()) learn_heading(few, *found.coarse);
-    const bool matched = last_is_matched_ = found.is_found;
-    const Pose2 local_from_node = matched ? found.local_from_node : step.predicted;
-    if (matched) {
-      const ConstraintId name{ConstraintKind::scan_match, map.submaps.find(active_.front().id)->anchor(), id, 0};
-      map.constraints.set(name, planar_constraint(name, found.submap_from_node, found.information));
-    }
-    const Pose2 moved = between(local_from_last_, local_from_node);
-    if (from_odometry || !matched) {
-      // Without odometry and without a match nothing is known but that robots are slow.
-      const double seconds = std::max(0.1, seconds_between(*last_stamp_, input.stamp));
-      // What scans found to be wrong by far is told as wrong as that.
-      const double missed = matched ? std::abs(wrap_angle(moved.phi - motion.phi)) : 0.0;
-      const double sigma_yaw =
-          missed > 3.0 * prior.sigma_yaw_rad ? std::max(missed, prior.sigma_yaw_rad) : prior.sigma_yaw_rad;
-      const Eigen::Matrix3d known =
-          from_odometry ? information_of(prior.sigma_m, sigma_yaw) : information_of(0.5 * seconds, 0.5 * seconds);
-      const ConstraintId name{ConstraintKind::odometry, *last_node_, id, 0};
-      map.constraints.set(name, planar_constraint(name, motion, known));
-    }
-    const double seconds = seconds_between(*last_stamp_, input.stamp);
-    if (seconds > 1e-3) last_motion_ = scaled(moved, 1.0 / seconds);
-    travelled_m_ += std::hypot(moved.x, moved.y);
-    local_from_last_ = local_from_node;
-    const Pose2 since = between(local_from_inserted_, local_from_node);
-    if (few.size() < kFewestPoints) {
-      // Nothing seen, nothing to draw.
-    } else if (active_.empty()) {
-      inserted = true;
-    } else if (matched || from_odometry) {
-      // New ground fits nothing yet: there odometry draws.
-      inserted =
-          std::hypot(since.x, since.y) > options_.insert_distance_m || std::abs(since.phi) > options_.insert_yaw_rad;
-      lost_ = 0;
-    } else if (++lost_ >= options_.lost_scans) {
+  if (is_drawn && !active_.empty()) {
+    const Pose2 since = between(local_from_inserted_, local_from_last_);
+    // New ground fits nothing yet: there odometry draws.
+    is_drawn = is_placed && (std::hypot(since.x, since.y) > options_.insert_distance_m ||
+                             std::abs(since.phi) > options_.insert_yaw_rad);
+    lost_ = is_placed ? 0 : lost_ + 1;
+    if (!is_placed && lost_ >= options_.lost_scans) {
       // A scan that fits nowhere would only spoil the submap; where it goes on like that, a new one begins, which loops
       // may tie to the others.
       log(LogLevel::warning, "robot " + session_.client.robot.str() + ": " + std::to_string(lost_) +
                                  " scans fit nowhere and there is no odometry; a new piece of map begins at " +
-                                 std::to_string(input.stamp.seconds()) + " s, its place uncertain");
+                                 std::to_string(stamp.seconds()) + " s, its place uncertain");
       frozen += finish(map);
-      inserted = true;
+      is_drawn = true;
       lost_ = 0;
     }
   }
-  last_stamp_ = input.stamp;
-  last_odometry_ = odometry_.at(taken_at(input.stamp));
+  last_stamp_ = stamp;
+  last_odometry_ = odometry_.at(taken_at(stamp));
   last_node_ = id;
-  node.map_from_node = spatial(local_from_last_);
-  if (inserted) node.payload = std::make_shared<const Payload>(input.scan);
+  Node node{id, stamp, spatial(local_from_last_), nullptr};
+  if (is_drawn) node.payload = std::make_shared<const Payload>(taken.input.scan);
   map.nodes.set(id, node);
-  if (inserted) {
-    local_from_inserted_ = local_from_last_;
-    if (active_.empty()) start_submap(local_from_last_, map);
-    insert(node, points, map);
-    // The older is done after its length; the younger starts half-way.
-    const auto spent = [&](const Active& active) {
-      return std::max((travelled_m_ - active.started_at_m) / options_.submap_length_m,
-                      static_cast<double>(active.scans) / options_.submap_scans);
-    };
-    if (active_.size() == 1 && spent(active_.front()) >= 0.5) {
-      start_submap(local_from_last_, map);
-      insert(node, points, map);
-    }
-    if (spent(active_.front()) >= 1.0 && active_.size() == 2) {
-      freeze(active_.front(), map);
-      active_.pop_front();
-      ++frozen;
-    }
-  }
+  if (is_drawn) frozen += draw(node, taken.points, map);
   return frozen;
+}
+
+// The older submap is done after its length; the younger starts half-way.
+int FrontEnd::draw(const Node& node, const std::vector<matching::WallPoint>& points, Map& map) {
+  local_from_inserted_ = local_from_last_;
+  if (active_.empty()) start_submap(local_from_last_, map);
+  insert(node, points, map);
+  const auto spent = [&](const Active& active) {
+    return std::max((travelled_m_ - active.started_at_m) / options_.submap_length_m,
+                    static_cast<double>(active.scans) / options_.submap_scans);
+  };
+  if (active_.size() == 1 && spent(active_.front()) >= 0.5) {
+    start_submap(local_from_last_, map);
+    insert(node, points, map);
+  }
+  if (spent(active_.front()) < 1.0 || active_.size() != 2) return 0;
+  freeze(active_.front(), map);
+  active_.pop_front();
+  return 1;
 }
 
 void FrontEnd::start_submap(const Pose2& local_from_node, Map& map) {

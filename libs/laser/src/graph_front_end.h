@@ -55,16 +55,30 @@ class FrontEnd {
     Pose2 submap_from_node, local_from_node;
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   };
+  // A scan on its way into the map.
+  struct Taken {
+    ScanInput input;  // with the motion of its sweep
+    Pose2 velocity;   // that this motion was taken from at first
+    std::vector<matching::WallPoint> points, few;
+  };
   Stamp taken_at(Stamp stamp) const { return {stamp.ns - delay_ns_}; }
   std::vector<matching::WallPoint> matched_points(const PackedScan& scan,
                                                   const std::vector<matching::WallPoint>& all) const;
+  Taken take(const ScanInput& given) const;
+  void see(Taken& taken) const;  // the points, under the motion of the sweep
   Step next_step(Stamp stamp);
+  bool follow(const NodeId& id, Taken& taken, Map& map);
+  Matched match_sweep(Taken& taken, const Step& step);
   Matched match(const std::vector<matching::WallPoint>& few, const Step& step);
   void learn_heading(const std::vector<matching::WallPoint>& few, const Pose2& submap_from_scan);
   Pose2 sweep_velocity(const ScanInput& input) const;  // per second, in the robot's frame at the stamp
   std::optional<Pose2> corrected_velocity(const ScanInput& input, const Pose2& velocity, const Step& step,
                                           const Matched& found) const;
   Pose2 predict(Stamp stamp, bool& from_odometry) const;
+  // What is known of the motion from the last scan, odometry or not; `matched_motion`: what a match found.
+  Constraint motion_constraint(const NodeId& id, Stamp stamp, const Step& step,
+                               const std::optional<Pose2>& matched_motion) const;
+  int draw(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);  // submaps that it froze
   void insert(const Node& node, const std::vector<matching::WallPoint>& points, Map& map);
   void freeze(Active& active, Map& map);
   void start_submap(const Pose2& local_from_node, Map& map);
