@@ -116,8 +116,9 @@ std::vector<float> vignette(const CameraIntrinsics& camera, double vignetting) {
   return shares;
 }
 
-void expose(const RenderedView& view, const std::vector<float>& vignette, double gain, double noise,
-            const RandomStream& numbers, std::uint64_t frame, Picture& picture) {
+Picture expose(const RenderedView& view, const std::vector<float>& vignette, double gain, double noise,
+               const RandomStream& numbers, std::uint64_t frame) {
+  Picture picture;
   picture.width = view.width;
   picture.height = view.height;
   picture.channels = view.channels;
@@ -136,6 +137,7 @@ void expose(const RenderedView& view, const std::vector<float>& vignette, double
       out[i] = static_cast<std::uint8_t>(std::clamp(value, 0.0f, 255.0f) + 0.5f);
     }
   }
+  return picture;
 }
 
 void measure_depth(const RenderedView& view, const CameraModel& camera, const DepthNoiseOptions& options,

@@ -16,8 +16,8 @@ void blur(RenderedView&, const CameraModel&, const Pose3& world_from_first, cons
 // Light that falls on the corners, as a share of that in the middle: one per pixel, row by row.
 std::vector<float> vignette(const CameraIntrinsics&, double vignetting);
 
-void expose(const RenderedView&, const std::vector<float>& vignette, double gain, double noise,
-            const RandomStream& numbers, std::uint64_t frame, Picture&);
+Picture expose(const RenderedView&, const std::vector<float>& vignette, double gain, double noise,
+               const RandomStream& numbers, std::uint64_t frame);
 void measure_depth(const RenderedView&, const CameraModel&, const DepthNoiseOptions&, const RandomStream& numbers,
                    std::uint64_t frame, std::vector<std::uint16_t>& depth);
 

@@ -67,8 +67,8 @@ Pose3 CameraRecording::world_from_camera(double seconds) const {
   return compose(world_->world_from_robot(robot_, seconds), robot_from_camera_);
 }
 
-void CameraRecording::take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream& noise,
-                           std::uint64_t frame, Workspace& workspace, Picture& picture) const {
+Picture CameraRecording::take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream& noise,
+                              std::uint64_t frame, Workspace& workspace) const {
   RenderedView& view = workspace.view;
   std::vector<Surface> moving;
   const Scene& scene = world_->scene(world_->building_of(robot_));
@@ -81,7 +81,7 @@ void CameraRecording::take(double seconds, const Pose3& left_from_camera, double
   const Pose3 first = pose(seconds - half), last = pose(seconds + half), motion = between(first, last);
   if (motion.t.norm() > 1e-5 || motion.q.vec().norm() > 1e-5)
     blur(view, model_, first, pose(seconds), last, workspace.blurred);
-  expose(view, vignette_, gain, options_.image.noise, noise, frame, picture);
+  return expose(view, vignette_, gain, options_.image.noise, noise, frame);
 }
 
 CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) const {
@@ -93,10 +93,10 @@ CameraFrame CameraRecording::frame(std::size_t frame, Workspace& workspace) cons
   result.world_from_camera = world_from_camera(at);
   const bool is_covered = world_->is_carried(robot_, at);
   const double gain = is_covered ? 0.0 : std::exp(options_.image.exposure_change * wandering(stream("exposure"), at));
-  take(at, {}, gain, stream("left picture"), frame, workspace, result.left);
+  result.left = take(at, {}, gain, stream("left picture"), frame, workspace);
   if (options_.kind == SimulatedCameraKind::stereo)
-    take(at, {{options_.baseline_m, 0.0, 0.0}, Eigen::Quaterniond::Identity()}, gain, stream("right picture"), frame,
-         workspace, result.right);
+    result.right = take(at, {{options_.baseline_m, 0.0, 0.0}, Eigen::Quaterniond::Identity()}, gain,
+                        stream("right picture"), frame, workspace);
   if (options_.kind != SimulatedCameraKind::rgbd) return result;
 
   const double offset = depth_offset(options_.depth, stream("depth offset"), at);

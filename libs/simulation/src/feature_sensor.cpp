@@ -145,6 +145,136 @@ void LandmarkField::for_each_in(const Box& box, Visit&& visit) const {
   }
 }
 
+namespace {
+
+// A landmark in view.
+struct Candidate {
+  std::uint64_t luck;  // of this landmark in this frame
+  std::uint32_t landmark;
+  int octave;
+  double u, v, z;
+};
+
+// The view's shadow on the floor: the eye and the corners at the farthest distance.
+Box shadow_of(const CameraModel::Bounds& view, const Pose3& world_from_camera, double farthest_m) {
+  const Vector3d eye = world_from_camera.t;
+  Box box{eye.x(), eye.y(), eye.x(), eye.y()};
+  for (const float x : {view.low_x, view.high_x}) {
+    for (const float y : {view.low_y, view.high_y}) {
+      const Vector3d corner = transformed(Vector3d(x, y, 1.0) * farthest_m, world_from_camera);
+      box = {std::min(box.low_x, corner.x()), std::min(box.low_y, corner.y()), std::max(box.high_x, corner.x()),
+             std::max(box.high_y, corner.y())};
+    }
+  }
+  return box;
+}
+
+// Large enough to be found, and not missed by chance, which `salt` decides. The strongest ones first; how strong is up
+// to the landmark, so that the same ones are found again and again.
+std::vector<Candidate> candidates_in(const LandmarkField& field, const CameraModel& model,
+                                     const FeatureOptions& options, const Pose3& world_from_camera,
+                                     std::uint64_t salt) {
+  const Vector3d eye = world_from_camera.t;
+  const Eigen::Matrix3d camera_from_world = world_from_camera.q.conjugate().toRotationMatrix();
+  const double focal = model.intrinsics().fx, octave_log = std::log(options.octave_factor),
+               most_pixels = kLeastPixels * std::pow(options.octave_factor, options.octaves);
+  const CameraModel::Bounds& view = model.bounds();
+  const std::uint64_t missed = static_cast<std::uint64_t>(options.missed * 0x1p32);
+  std::vector<Candidate> candidates;
+  field.for_each_in(shadow_of(view, world_from_camera, options.farthest_m), [&](std::uint32_t i) {
+    const SimulatedLandmark& landmark = field.landmarks()[i];
+    const Vector3d ray = landmark.point_in_world - eye, p = camera_from_world * ray;
+    if (p.z() < 0.05 || p.z() > options.farthest_m) return;
+    const double x = p.x() / p.z(), y = p.y() / p.z();
+    if (x < view.low_x || x > view.high_x || y < view.low_y || y > view.high_y) return;
+    const double pixels = focal * landmark.size_m / p.z();
+    if (pixels < kLeastPixels || pixels >= most_pixels) return;
+    const double facing = landmark.normal.dot(ray);
+    if (facing * facing < kLeastCosine * kLeastCosine * ray.squaredNorm()) return;
+    const std::uint64_t luck = mixed(salt ^ mixed(i));
+    if ((luck >> 32) < missed) return;
+    const auto pixel = model.project(p);
+    const int octave = std::min(options.octaves - 1, static_cast<int>(std::log(pixels / kLeastPixels) / octave_log));
+    if (pixel) candidates.push_back({landmark.look, i, octave, pixel->x(), pixel->y(), p.z()});
+  });
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.luck != b.luck ? a.luck < b.luck : a.landmark < b.landmark;
+  });
+  return candidates;
+}
+
+bool is_behind_body(const std::vector<Body>& bodies, const Vector3d& eye, const Vector3d& point) {
+  if (bodies.empty()) return false;
+  const double dx = point.x() - eye.x(), dy = point.y() - eye.y(), length = std::hypot(dx, dy);
+  return length > 0.0 && std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
+           const double distance = distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,
+                                                      {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
+           return distance < length && eye.z() + (point.z() - eye.z()) * distance / length < body.height_m;
+         });
+}
+
+// What a camera and its detector make of a landmark, with their errors.
+class FeatureMaker {
+ public:
+  // All outlive it.
+  FeatureMaker(const FeatureOptions& options, const CameraOptions& camera, RandomNumbers& numbers)
+      : options_(options), camera_(camera), numbers_(numbers) {}
+
+  Feature feature(double u, double v, double z, int octave, const Descriptor& descriptor, std::uint32_t landmark) {
+    Feature feature{};
+    const double noise = options_.pixel_noise * std::pow(options_.octave_factor, octave);
+    feature.u = static_cast<float>(u + noise * numbers_.normal());
+    feature.v = static_cast<float>(v + noise * numbers_.normal());
+    feature.octave = octave;
+    feature.right_u = -1.0f;
+    if (camera_.kind == SimulatedCameraKind::rgbd) {
+      feature.depth_m = depth(z);
+    } else if (camera_.kind == SimulatedCameraKind::stereo) {
+      const double right = u - camera_.fx * camera_.baseline_m / z + noise * numbers_.normal();
+      feature.right_u = right >= 0.0 ? static_cast<float>(right) : -1.0f;
+    }
+    feature.descriptor = descriptor;
+    flip_bits(feature.descriptor);
+    feature.landmark = landmark;
+    return feature;
+  }
+
+  Feature outlier() {
+    Descriptor descriptor;
+    for (std::uint64_t& word : descriptor) word = numbers_.bits();
+    const int octave = numbers_.integer(0, options_.octaves - 1);
+    const double z = numbers_.uniform(0.5, 5.0);
+    const double v = numbers_.uniform(0.0, camera_.height - 1.0), u = numbers_.uniform(0.0, camera_.width - 1.0);
+    return feature(u, v, z, octave, descriptor, kNoLandmark);
+  }
+
+ private:
+  float depth(double z) {
+    const DepthNoiseOptions& depth = camera_.depth;
+    const double measured =
+        z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) *
+                numbers_.normal();
+    return measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
+  }
+
+  // From one wrong bit to the next.
+  void flip_bits(Descriptor& descriptor) {
+    if (options_.flipped_bits <= 0.0) return;
+    const double log_kept = std::log1p(-std::min(options_.flipped_bits, 0.999));
+    for (double bit = std::floor(std::log(1.0 - numbers_.uniform()) / log_kept); bit < 256.0;
+         bit += 1.0 + std::floor(std::log(1.0 - numbers_.uniform()) / log_kept)) {
+      const auto at = static_cast<std::size_t>(bit);
+      descriptor[at / 64] ^= std::uint64_t{1} << (at % 64);
+    }
+  }
+
+  const FeatureOptions& options_;
+  const CameraOptions& camera_;
+  RandomNumbers& numbers_;
+};
+
+}  // namespace
+
 FeatureRecording::FeatureRecording(const World& world, const LandmarkField& field, const FeatureOptions& options,
                                    std::size_t robot, std::size_t camera)
     : world_(&world),
@@ -168,112 +298,26 @@ SimulatedFeatureFrame FeatureRecording::frame(std::size_t number) const {
   frame.world_from_camera = compose(world_->world_from_robot(robot_, seconds), robot_from_camera_);
   if (world_->is_carried(robot_, seconds)) return frame;
   const Vector3d eye = frame.world_from_camera.t;
-  const Eigen::Matrix3d camera_from_world = frame.world_from_camera.q.conjugate().toRotationMatrix();
-  const double focal = camera_.fx, octave_log = std::log(options_.octave_factor),
-               most_pixels = kLeastPixels * std::pow(options_.octave_factor, options_.octaves);
-
-  // Above the view's shadow on the floor: the eye and the corners at the farthest distance.
-  Box box{eye.x(), eye.y(), eye.x(), eye.y()};
-  const CameraModel::Bounds& view = model_.bounds();
-  for (const float x : {view.low_x, view.high_x}) {
-    for (const float y : {view.low_y, view.high_y}) {
-      const Vector3d corner = transformed(Vector3d(x, y, 1.0) * options_.farthest_m, frame.world_from_camera);
-      box = {std::min(box.low_x, corner.x()), std::min(box.low_y, corner.y()), std::max(box.high_x, corner.x()),
-             std::max(box.high_y, corner.y())};
-    }
-  }
-
-  struct Candidate {
-    std::uint64_t luck;  // of this landmark in this frame
-    std::uint32_t landmark;
-    int octave;
-    double u, v, z;
-  };
-  std::vector<Candidate> candidates;
-  const std::uint64_t salt = numbers_.at(2 * number).bits();
-  const std::uint64_t missed = static_cast<std::uint64_t>(options_.missed * 0x1p32);
-  field_->for_each_in(box, [&](std::uint32_t i) {
-    const SimulatedLandmark& landmark = field_->landmarks()[i];
-    const Vector3d ray = landmark.point_in_world - eye, p = camera_from_world * ray;
-    if (p.z() < 0.05 || p.z() > options_.farthest_m) return;
-    const double x = p.x() / p.z(), y = p.y() / p.z();
-    if (x < view.low_x || x > view.high_x || y < view.low_y || y > view.high_y) return;
-    const double pixels = focal * landmark.size_m / p.z();
-    if (pixels < kLeastPixels || pixels >= most_pixels) return;
-    const double facing = landmark.normal.dot(ray);
-    if (facing * facing < kLeastCosine * kLeastCosine * ray.squaredNorm()) return;
-    const std::uint64_t luck = mixed(salt ^ mixed(i));
-    if ((luck >> 32) < missed) return;
-    const auto pixel = model_.project(p);
-    const int octave = std::min(options_.octaves - 1, static_cast<int>(std::log(pixels / kLeastPixels) / octave_log));
-    if (pixel) candidates.push_back({landmark.look, i, octave, pixel->x(), pixel->y(), p.z()});
-  });
-  // The strongest ones first; how strong is up to the landmark, so that the same ones are found again and again.
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    return a.luck != b.luck ? a.luck < b.luck : a.landmark < b.landmark;
-  });
-
+  const std::vector<Candidate> candidates =
+      candidates_in(*field_, model_, options_, frame.world_from_camera, numbers_.at(2 * number).bits());
   std::vector<Body> bodies;
   for (const Body& body : world_->bodies_around(robot_, seconds)) {
     if (std::hypot(body.world_from_body.x - eye.x(), body.world_from_body.y - eye.y()) < options_.farthest_m)
       bodies.push_back(body);
   }
-  const auto is_behind_body = [&](const Vector3d& point) {
-    if (bodies.empty()) return false;
-    const double dx = point.x() - eye.x(), dy = point.y() - eye.y(), length = std::hypot(dx, dy);
-    return length > 0.0 && std::any_of(bodies.begin(), bodies.end(), [&](const Body& body) {
-             const double distance =
-                 distance_along_ray({eye.x(), eye.y()}, dx / length, dy / length,
-                                    {body.world_from_body.x, body.world_from_body.y}, body.radius_m);
-             return distance < length && eye.z() + (point.z() - eye.z()) * distance / length < body.height_m;
-           });
-  };
   RandomNumbers numbers = numbers_.at(2 * number + 1);
-  const double log_kept = std::log1p(-std::min(options_.flipped_bits, 0.999));
-  const auto add = [&](double u, double v, double z, int octave, const Descriptor& descriptor, std::uint32_t landmark) {
-    Feature feature{};
-    const double noise = options_.pixel_noise * std::pow(options_.octave_factor, octave);
-    feature.u = static_cast<float>(u + noise * numbers.normal());
-    feature.v = static_cast<float>(v + noise * numbers.normal());
-    feature.octave = octave;
-    feature.right_u = -1.0f;
-    if (camera_.kind == SimulatedCameraKind::rgbd) {
-      const DepthNoiseOptions& depth = camera_.depth;
-      const double measured =
-          z + (depth.noise_m + std::hypot(depth.noise_per_m2, depth.step_per_m2 / std::sqrt(12.0)) * z * z) *
-                  numbers.normal();
-      feature.depth_m =
-          measured >= depth.min_range_m && measured <= depth.max_range_m ? static_cast<float>(measured) : 0.0f;
-    } else if (camera_.kind == SimulatedCameraKind::stereo) {
-      const double right = u - focal * camera_.baseline_m / z + noise * numbers.normal();
-      feature.right_u = right >= 0.0 ? static_cast<float>(right) : -1.0f;
-    }
-    feature.descriptor = descriptor;
-    if (options_.flipped_bits > 0.0) {  // from one wrong bit to the next
-      for (double bit = std::floor(std::log(1.0 - numbers.uniform()) / log_kept); bit < 256.0;
-           bit += 1.0 + std::floor(std::log(1.0 - numbers.uniform()) / log_kept)) {
-        const auto at = static_cast<std::size_t>(bit);
-        feature.descriptor[at / 64] ^= std::uint64_t{1} << (at % 64);
-      }
-    }
-    feature.landmark = landmark;
-    frame.features.push_back(feature);
-  };
+  FeatureMaker maker(options_, camera_, numbers);
   const int outliers = static_cast<int>(options_.outliers * std::min(static_cast<double>(options_.most_features),
                                                                      static_cast<double>(candidates.size())));
   const std::size_t most = static_cast<std::size_t>(std::max(0, options_.most_features - outliers));
   for (const Candidate& candidate : candidates) {
     if (frame.features.size() >= most) break;
     const SimulatedLandmark& landmark = field_->landmarks()[candidate.landmark];
-    if (is_behind_body(landmark.point_in_world) || !field_->is_in_sight(eye, landmark)) continue;
-    add(candidate.u, candidate.v, candidate.z, candidate.octave, descriptor_of(landmark), candidate.landmark);
+    if (is_behind_body(bodies, eye, landmark.point_in_world) || !field_->is_in_sight(eye, landmark)) continue;
+    frame.features.push_back(maker.feature(candidate.u, candidate.v, candidate.z, candidate.octave,
+                                           descriptor_of(landmark), candidate.landmark));
   }
-  for (int i = 0; i < outliers; ++i) {
-    Descriptor descriptor;
-    for (std::uint64_t& word : descriptor) word = numbers.bits();
-    add(numbers.uniform(0.0, camera_.width - 1.0), numbers.uniform(0.0, camera_.height - 1.0),
-        numbers.uniform(0.5, 5.0), numbers.integer(0, options_.octaves - 1), descriptor, kNoLandmark);
-  }
+  for (int i = 0; i < outliers; ++i) frame.features.push_back(maker.outlier());
   return frame;
 }
 

@@ -23,6 +23,10 @@ Colour shaded(const Colour& c, double by) {
   return {c.red * f, c.green * f, c.blue * f};
 }
 
+std::vector<Point2> corners_of(const Box& box) {
+  return {{box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+}
+
 // One lamp for all: surfaces of different directions differ, so that corners show where nothing is painted.
 double brightness(const Vector3d& normal) {
   return 0.84 + 0.1 * std::abs(normal.x()) - 0.04 * std::abs(normal.y()) +
@@ -213,8 +217,7 @@ class SceneBuilder {
   }
 
   void add_lintel(const Box& box) {
-    const std::vector<Point2> outline{
-        {box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+    const std::vector<Point2> outline = corners_of(box);
     for (std::size_t i = 0; i < 4; ++i) {
       const Point2 from = outline[i], to = outline[(i + 1) % 4];
       const double length = std::hypot(to.x - from.x, to.y - from.y);
@@ -231,8 +234,7 @@ class SceneBuilder {
     const double height = height_of(piece, number, seed_);
     const std::int64_t twins = piece.twin >= 0 ? (std::int64_t{1} << 32) + std::int64_t{piece.twin} * 64 : -1;
     const auto twin = [&](int part) { return twins >= 0 ? twins + part : -1; };
-    const std::vector<Point2> corners{
-        {box.low_x, box.low_y}, {box.high_x, box.low_y}, {box.high_x, box.high_y}, {box.low_x, box.high_y}};
+    const std::vector<Point2> corners = corners_of(box);
     if (piece.shape == PieceShape::cylinder) {
       std::vector<Point2> outline;
       for (const Wall& wall : plan_.walls) {

@@ -57,13 +57,14 @@ Canvas::Canvas(int width, int height, double texel_m)
       texel_m_(texel_m),
       texels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 128) {}
 
-// Adds to the texels inside; low and high in metres, reaching beyond the clip at will.
+// Adds to the texels inside. The limits may reach beyond the clip.
 template <class Inside>
-void Canvas::change(const Area& clip, double low_x, double high_x, double low_y, double high_y, int by,
-                    Inside&& inside) {
+void Canvas::change(const Area& clip, const Limits& limits, int by, Inside&& inside) {
   const auto texel = [&](double metres) { return static_cast<int>(std::lround(metres / texel_m_)); };
-  const int left = texel(std::max(low_x, clip.left_m)), right = texel(std::min(high_x, clip.left_m + clip.width_m));
-  const int top = texel(std::max(low_y, clip.top_m)), bottom = texel(std::min(high_y, clip.top_m + clip.height_m));
+  const int left = texel(std::max(limits.low_x, clip.left_m)),
+            right = texel(std::min(limits.high_x, clip.left_m + clip.width_m));
+  const int top = texel(std::max(limits.low_y, clip.top_m)),
+            bottom = texel(std::min(limits.high_y, clip.top_m + clip.height_m));
   for (int row = top; row < bottom; ++row) {
     std::uint8_t* texels =
         texels_.data() + static_cast<std::size_t>(row & (height_ - 1)) * static_cast<std::size_t>(width_);
@@ -89,7 +90,7 @@ void Canvas::add_gradient(const Area& area, int from_left, int to_right) {
   constexpr int kSteps = 24;
   for (int i = 0; i < kSteps; ++i) {
     const double from = area.left_m + area.width_m * i / kSteps, to = area.left_m + area.width_m * (i + 1) / kSteps;
-    change(area, from, to, area.top_m, area.top_m + area.height_m,
+    change(area, {from, to, area.top_m, area.top_m + area.height_m},
            from_left + (to_right - from_left) * i / (kSteps - 1), [](double, double) { return true; });
   }
 }
@@ -129,7 +130,7 @@ void Canvas::add_shapes(const Area& area, double size_m, double share, int contr
     const double angle = numbers.uniform(0.0, M_PI), c = std::cos(angle), s = std::sin(angle);
     const double reach = std::hypot(half_width, half_height);
     const auto draw = [&](double reach_x, double reach_y, auto&& inside) {
-      change(area, x - reach_x, x + reach_x, y - reach_y, y + reach_y, by,
+      change(area, {x - reach_x, x + reach_x, y - reach_y, y + reach_y}, by,
              [&](double at_x, double at_y) { return inside(at_x - x, at_y - y); });
     };
     if (kind == 0) {
@@ -154,9 +155,9 @@ void Canvas::add_lines(const Area& area, double step_m, double width_m, int by, 
   for (double at = 0.0; at < length - 0.5 * texel_m_; at += step_m) {
     const auto anywhere = [](double, double) { return true; };
     if (is_upright) {
-      change(area, first + at, first + at + width_m, area.top_m, area.top_m + area.height_m, by, anywhere);
+      change(area, {first + at, first + at + width_m, area.top_m, area.top_m + area.height_m}, by, anywhere);
     } else {
-      change(area, area.left_m, area.left_m + area.width_m, first + at, first + at + width_m, by, anywhere);
+      change(area, {area.left_m, area.left_m + area.width_m, first + at, first + at + width_m}, by, anywhere);
     }
   }
 }

@@ -43,8 +43,8 @@ class CameraRecording {
 
  private:
   double seconds(std::size_t frame) const;
-  void take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream&, std::uint64_t frame,
-            Workspace&, Picture&) const;
+  Picture take(double seconds, const Pose3& left_from_camera, double gain, const RandomStream&, std::uint64_t frame,
+               Workspace&) const;
 
   const World* world_;
   std::size_t robot_;

@@ -68,8 +68,11 @@ class Canvas {
   void add_lines(const Area&, double step_m, double width_m, int change, bool is_upright);
 
  private:
+  struct Limits {
+    double low_x, high_x, low_y, high_y;  // metres
+  };
   template <class Inside>
-  void change(const Area& clip, double low_x, double high_x, double low_y, double high_y, int by, Inside&& inside);
+  void change(const Area& clip, const Limits& limits, int by, Inside&& inside);
   int width_, height_;
   double texel_m_;
   std::vector<std::uint8_t> texels_;
