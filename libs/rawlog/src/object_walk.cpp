@@ -31,9 +31,81 @@ bool can_be_made(std::string_view class_name) {
   return class_id != nullptr && class_id->ptrCreateObject != nullptr;
 }
 
-class Walker {
+// The bytes of an object, from the source's position on.
+class ObjectBytes {
  public:
-  Walker(ByteSource& source, std::uint64_t most_bytes) : source_(source), most_bytes_(most_bytes) {}
+  ObjectBytes(ByteSource& source, std::uint64_t most_bytes) : source_(source), most_bytes_(most_bytes) {}
+
+ protected:
+  bool text() {
+    array(number<std::uint32_t>(), 1, "letters");
+    return true;
+  }
+  void array(std::uint64_t count, std::size_t bytes_each, const char* what, bool take = true) {
+    if (count * bytes_each > most_bytes_) {
+      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" +
+                    std::to_string(most_bytes_) + " bytes)");
+    }
+    if (source_.ahead(at_ + count * bytes_each).size() < at_ + count * bytes_each) throw cut_short(count * bytes_each);
+    if (take) at_ += count * bytes_each;
+  }
+  bool skip(std::size_t count) {
+    bytes(count);
+    return true;
+  }
+  std::string_view bytes(std::size_t count) {
+    const auto view = source_.ahead(at_ + count);
+    if (view.size() < at_ + count) throw cut_short(count);
+    at_ += count;
+    return view.substr(at_ - count, count);
+  }
+  template <class T>
+  T number() {  // little-endian, as MRPT writes
+    T value;
+    std::memcpy(&value, bytes(sizeof value).data(), sizeof value);
+    return value;
+  }
+
+  Error cut_short(std::size_t needed) {
+    source_.throw_damage();
+    const auto remain = source_.ahead(0).size() - std::min(at_, source_.ahead(0).size());
+    return corrupt("is cut short: " + std::to_string(needed) + " bytes are needed, " + std::to_string(remain) +
+                   " remain");
+  }
+  Error no_header() { return corrupt("the name of a class was expected here"); }
+  Error corrupt(const std::string& what) const {
+    return Error(ErrorCode::kCorrupt,
+                 (within_ == nullptr ? "" : "an object of class '" + std::string(within_->class_name()) + "': ") + what,
+                 source_.place(source_.position() + at_), kRemedy);
+  }
+  void cells() {
+    const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
+    if (rows > kLongestSide || columns > kLongestSide)
+      throw corrupt("announces a depth picture of " + std::to_string(rows) + " x " + std::to_string(columns));
+    array(std::uint64_t{rows} * columns, 2, "cells");
+  }
+  bool bytes_counted() {
+    array(number<std::uint32_t>(), 1, "bytes");
+    return true;
+  }
+  bool flag() { return number<std::uint8_t>() != 0; }
+  bool matrix(std::size_t cell_bytes) {
+    const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
+    if (rows > kLongestSide || columns > kLongestSide)
+      throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
+    array(rows * columns, cell_bytes, "cells");
+    return true;
+  }
+
+  ByteSource& source_;
+  std::uint64_t most_bytes_;
+  std::size_t at_ = 0;
+  const ObjectHeader* within_ = nullptr;  // the innermost object
+};
+
+class Walker : ObjectBytes {
+ public:
+  using ObjectBytes::ObjectBytes;
 
   ObjectHeader walk() {
     ObjectHeader found = header();
@@ -292,27 +364,9 @@ class Walker {
     nested(depth);
     return false;  // then come messages of many kinds
   }
-  void cells() {
-    const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
-    if (rows > kLongestSide || columns > kLongestSide)
-      throw corrupt("announces a depth picture of " + std::to_string(rows) + " x " + std::to_string(columns));
-    array(std::uint64_t{rows} * columns, 2, "cells");
-  }
-  bool bytes_counted() {
-    array(number<std::uint32_t>(), 1, "bytes");
-    return true;
-  }
-  bool flag() { return number<std::uint8_t>() != 0; }
   bool pose3(int version, std::size_t depth) {
     if (version <= 1) return nested(depth);
     return version == 2 ? skip(7 * 8) : version == 3 && skip(12 * 8);
-  }
-  bool matrix(std::size_t cell_bytes) {
-    const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
-    if (rows > kLongestSide || columns > kLongestSide)
-      throw corrupt("announces a matrix of " + std::to_string(rows) + " x " + std::to_string(columns));
-    array(rows * columns, cell_bytes, "cells");
-    return true;
   }
 
   bool end(const ObjectHeader& object_header) {
@@ -320,53 +374,8 @@ class Walker {
       throw corrupt("lacks its end flag; 0x88 was expected");
     return true;
   }
-  bool text() {
-    array(number<std::uint32_t>(), 1, "letters");
-    return true;
-  }
-  void array(std::uint64_t count, std::size_t bytes_each, const char* what, bool take = true) {
-    if (count * bytes_each > most_bytes_) {
-      throw corrupt("announces " + std::to_string(count) + " " + what + ", more than an object may hold (" +
-                    std::to_string(most_bytes_) + " bytes)");
-    }
-    if (source_.ahead(at_ + count * bytes_each).size() < at_ + count * bytes_each) throw cut_short(count * bytes_each);
-    if (take) at_ += count * bytes_each;
-  }
-  bool skip(std::size_t count) {
-    bytes(count);
-    return true;
-  }
-  std::string_view bytes(std::size_t count) {
-    const auto view = source_.ahead(at_ + count);
-    if (view.size() < at_ + count) throw cut_short(count);
-    at_ += count;
-    return view.substr(at_ - count, count);
-  }
-  template <class T>
-  T number() {  // little-endian, as MRPT writes
-    T value;
-    std::memcpy(&value, bytes(sizeof value).data(), sizeof value);
-    return value;
-  }
 
-  Error cut_short(std::size_t needed) {
-    source_.throw_damage();
-    const auto remain = source_.ahead(0).size() - std::min(at_, source_.ahead(0).size());
-    return corrupt("is cut short: " + std::to_string(needed) + " bytes are needed, " + std::to_string(remain) +
-                   " remain");
-  }
-  Error no_header() { return corrupt("the name of a class was expected here"); }
-  Error corrupt(const std::string& what) const {
-    return Error(ErrorCode::kCorrupt,
-                 (within_ == nullptr ? "" : "an object of class '" + std::string(within_->class_name()) + "': ") + what,
-                 source_.place(source_.position() + at_), kRemedy);
-  }
-
-  ByteSource& source_;
-  std::uint64_t most_bytes_;
-  std::size_t at_ = 0;                    // from the source's position
-  std::size_t pixel_bytes_ = 0;           // of the picture last announced
-  const ObjectHeader* within_ = nullptr;  // the innermost object
+  std::size_t pixel_bytes_ = 0;  // of the picture last announced
 };
 
 }  // namespace

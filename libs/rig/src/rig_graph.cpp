@@ -30,6 +30,26 @@ struct RigNode {
   Sim3 group_from_node;
 };
 
+bool is_short(Stamp first, Stamp last) {
+  constexpr double kLongest_s = 5.0;
+  return std::abs(seconds_between(first, last)) < kLongest_s;
+}
+
+// The factor on the sigmas of a motion that another one of the same robot contradicts.
+double disagreement(const Pose3& seen, const Pose3& by_wheels) {
+  constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
+  const double times = std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
+                                 turn_rad(between(seen, by_wheels)) / (kFree_rad + kFreeShare * turn_rad(by_wheels))});
+  return times * times;  // the farther off a motion is, the less it pulls
+}
+
+Eigen::Matrix<double, 6, 6> information(const RigEdge& edge, double scale) {
+  Eigen::Matrix<double, 6, 6> result = Eigen::Matrix<double, 6, 6>::Zero();
+  result.diagonal().head<3>().setConstant(scale * scale / (edge.sigma_m * edge.sigma_m));
+  result.diagonal().tail<3>().setConstant(1.0 / (edge.sigma_rad * edge.sigma_rad));
+  return result;
+}
+
 class RigGraph {
  public:
   RigGraph(const std::vector<RigPart>& parts, std::vector<std::size_t> members,
@@ -78,10 +98,6 @@ class RigGraph {
                now = pose_at(odometry_, last, options_.longest_gap_s);
     return then && now ? disagreement(motion, between(*then, *now)) : 1.0;
   }
-  static bool is_short(Stamp first, Stamp last) {
-    constexpr double kLongest_s = 5.0;
-    return std::abs(seconds_between(first, last)) < kLongest_s;
-  }
 
   // The same for a covisibility edge; that of a camera without depth is also compared with the cameras that it was
   // placed along.
@@ -96,13 +112,6 @@ class RigGraph {
     const double scale_change =
         std::abs(std::log(nodes_[edge.to].group_from_node.scale / nodes_[edge.from].group_from_node.scale));
     return std::max({by_wheels, sigmas_off(edge) / kFreeSigmas, scale_change / edge.sigma_scale / kFreeSigmas});
-  }
-  static double disagreement(const Pose3& seen, const Pose3& by_wheels) {
-    constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
-    const double times =
-        std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
-                  turn_rad(between(seen, by_wheels)) / (kFree_rad + kFreeShare * turn_rad(by_wheels))});
-    return times * times;  // the farther off a motion is, the less it pulls
   }
 
   // The same for a motion of the wheels, by the camera that agrees most with it. Where no camera tracked, the robot may
@@ -211,13 +220,6 @@ class RigGraph {
     for (const RigEdge& edge : edges_)
       if (edge.kind == ConstraintKind::extrinsic) sum += offset(edge).t.squaredNorm();
     return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
-  }
-
-  static Eigen::Matrix<double, 6, 6> information(const RigEdge& edge, double scale) {
-    Eigen::Matrix<double, 6, 6> result = Eigen::Matrix<double, 6, 6>::Zero();
-    result.diagonal().head<3>().setConstant(scale * scale / (edge.sigma_m * edge.sigma_m));
-    result.diagonal().tail<3>().setConstant(1.0 / (edge.sigma_rad * edge.sigma_rad));
-    return result;
   }
 
   void solve() {

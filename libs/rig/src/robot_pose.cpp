@@ -65,20 +65,19 @@ struct PoseFollower {
         received.push_back({names.size(), *pose, camera.weight});
         names.push_back(name);
       }
-    std::vector<CameraVote> chosen = policy.believed(stamp, received, odometry);
-    std::set<SensorId> chosen_names;
-    for (CameraVote& vote : chosen) {
-      chosen_names.insert(names[vote.camera]);
+    Chosen chosen{policy.believed(stamp, received, odometry), names, {}};
+    for (CameraVote& vote : chosen.votes) {
+      chosen.cameras.insert(names[vote.camera]);
       if (const auto& silent = cameras[names[vote.camera]].silent)
         vote.weight *= std::min(1.0, seconds_between(*silent, stamp) / options.hand_over_s);
     }
-    const Pose3 pose = mean(chosen);
-    hand_over(stamp, pose, chosen, names, chosen_names, odometry, options);
+    const Pose3 pose = mean(chosen.votes);
+    hand_over(stamp, pose, chosen, odometry, options);
     const double share = since ? std::min(1.0, seconds_between(*since, stamp) / options.hand_over_s) : 1.0;
     last = StampedPose{stamp, interpolated(compose(handed_over, pose), pose, share)};
     votes.clear();
     for (const CameraVote& vote : received) votes.emplace(names[vote.camera], vote.pose);
-    believed = std::move(chosen_names);
+    believed = std::move(chosen.cameras);
     for (auto camera = cameras.begin(); camera != cameras.end();) {
       if (believed.count(camera->first) == 0) camera->second.silent = stamp;
       const double age_s = seconds_between(camera->second.frames.back().stamp, stamp);
@@ -87,6 +86,12 @@ struct PoseFollower {
   }
 
  private:
+  // What is believed at a stamp.
+  struct Chosen {
+    std::vector<CameraVote> votes;
+    const std::vector<SensorId>& names;  // by number of camera
+    std::set<SensorId> cameras;
+  };
   static std::optional<Pose3> pose_of(const Camera& camera, Stamp stamp, const OdometryAt& odometry,
                                       const RobotTrajectoryOptions& options) {
     const StampedPose& newest = camera.frames.back();
@@ -98,8 +103,7 @@ struct PoseFollower {
   }
 
   // Where a camera has gone, or none was believed for a while: from the last answer slowly to the new pose.
-  void hand_over(Stamp stamp, const Pose3& pose, const std::vector<CameraVote>& chosen,
-                 const std::vector<SensorId>& names, const std::set<SensorId>& chosen_names, const OdometryAt& odometry,
+  void hand_over(Stamp stamp, const Pose3& pose, const Chosen& chosen, const OdometryAt& odometry,
                  const RobotTrajectoryOptions& options) {
     if (!last) return;
     if (seconds_between(last->stamp, stamp) > options.longest_gap_s) {
@@ -110,10 +114,10 @@ struct PoseFollower {
       since = stamp;
       return;
     }
-    if (std::includes(chosen_names.begin(), chosen_names.end(), believed.begin(), believed.end())) return;
+    if (std::includes(chosen.cameras.begin(), chosen.cameras.end(), believed.begin(), believed.end())) return;
     std::vector<CameraVote> before;
-    for (const CameraVote& vote : chosen)
-      if (const auto known = votes.find(names[vote.camera]); known != votes.end())
+    for (const CameraVote& vote : chosen.votes)
+      if (const auto known = votes.find(chosen.names[vote.camera]); known != votes.end())
         before.push_back({vote.camera, known->second, vote.weight});
     handed_over = compose(last->map_from_robot, inverse(before.empty() ? pose : mean(before)));
     since = before.empty() ? stamp : last->stamp;
