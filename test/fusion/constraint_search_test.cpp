@@ -53,7 +53,7 @@ Search searched(const Map& one, const Map& other, const Pose2& one_from_other, b
   const std::vector<PreparedMap> maps{prepare(one, cache, options.stride_m, pool),
                                       prepare(other, cache, options.stride_m, pool)};
   const SubmapGraph graph(maps, options.solve);
-  SubmapJudge judge(maps, graph, options, vetoed, cache, memo, pool);
+  SubmapJudge judge(maps, graph, options, vetoed, {cache, memo, pool});
   SubmapMatch given;
   const std::size_t last = maps[0].submaps.size() - 1;
   given.from = is_tied_at_end ? last : 0;

@@ -82,7 +82,7 @@ std::vector<PairJoin> PairJudging::all_pairs(Progress& progress) {
   for (;;) {
     std::set<std::pair<std::size_t, std::size_t>> refused = excluded_;
     for (const auto& entry : refused_) refused.insert(entry.first);
-    lasers_.emplace(maps_, *grids_, input_, options_, refused, cache_, memo_, pool_);
+    lasers_.emplace(maps_, *grids_, input_, options_, refused, JudgeResources{cache_, memo_, pool_});
     lasers_->run(progress);
     judged_.insert(judged_.end(), lasers_->judged().begin(), lasers_->judged().end());
     std::vector<PairJoin> pairs = compare_all(progress);
@@ -229,8 +229,8 @@ std::size_t PairJudging::known_number(const MapId& id) const {
 
 void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress) {
   const int task = progress.begin("comparing maps", pairs.size(), "pairs of maps");
-  lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{}, cache_, memo_,
-                  pool_);
+  lasers_.emplace(maps_, *grids_, input_, options_, std::set<std::pair<std::size_t, std::size_t>>{},
+                  JudgeResources{cache_, memo_, pool_});
   const auto number_of_submap = [&](std::size_t map, const SubmapId& id) {
     const auto& submaps = maps_[map].submaps;
     const auto place =
@@ -260,7 +260,7 @@ void PairJudging::judge(const std::vector<FirstPair>& pairs, Progress& progress)
 }
 
 std::vector<FirstPair> PairJudging::first_pairs() {
-  lasers_.emplace(maps_, *grids_, input_, options_, excluded_, cache_, memo_, pool_);
+  lasers_.emplace(maps_, *grids_, input_, options_, excluded_, JudgeResources{cache_, memo_, pool_});
   std::map<std::pair<std::size_t, std::size_t>, FirstPair> pairs;
   const auto pair_of = [&](std::size_t a, std::size_t b) -> FirstPair& {
     FirstPair& pair = pairs[{a, b}];

@@ -34,41 +34,32 @@ struct Extent {
   }
 };
 
-void add_to(std::int16_t& cell, int change) {
-  const int value = std::clamp(cell + change, -2000, 2000);
-  // Zero means never seen: what was seen as often wall as free leans to the last word.
-  cell = static_cast<std::int16_t>(value != 0 ? value : change > 0 ? 1 : -1);
-}
+struct DrawnRaster {
+  const OccupancyGrid* grid;
+  Pose2 map_from_grid;
+  Extent extent;
+};
 
-}  // namespace
-
-OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, WorkerPool& pool) {
+// What is to be drawn, in the map's frame.
+struct Content {
   std::vector<Ray> rays;
   std::vector<DrawnScan> scans;
-  struct Raster {
-    const OccupancyGrid* grid;
-    Pose2 map_from_grid;
-    Extent extent;
-  };
-  std::vector<Raster> rasters;
+  std::vector<DrawnRaster> rasters;
   Extent extent;
-  for (const auto& [id, node] : map.nodes) {
-    if (!node.payload) continue;
-    const Pose2 pose = planar(node.map_from_node);
+
+  void add(const OccupancyGrid& grid, const Pose2& pose) {
     const double c = std::cos(pose.phi), s = std::sin(pose.phi);
-    if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get())) {
-      rasters.push_back({grid, pose, {}});
-      for (const double gx : {0.0, grid->columns * grid->resolution_m})
-        for (const double gy : {0.0, grid->rows * grid->resolution_m}) {
-          const double x = grid->origin_x_m + gx, y = grid->origin_y_m + gy;
-          extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
-          rasters.back().extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
-        }
-      continue;
-    }
-    const auto* scan = std::get_if<PackedScan>(node.payload.get());
-    if (scan == nullptr) continue;  // keyframes show no walls
-    const auto& mount = scan->geometry->robot_from_laser.t;
+    rasters.push_back({&grid, pose, {}});
+    for (const double gx : {0.0, grid.columns * grid.resolution_m})
+      for (const double gy : {0.0, grid.rows * grid.resolution_m}) {
+        const double x = grid.origin_x_m + gx, y = grid.origin_y_m + gy;
+        extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
+        rasters.back().extent.add(pose.x + c * x - s * y, pose.y + s * x + c * y);
+      }
+  }
+  void add(const PackedScan& scan, const Pose2& pose, double max_range_m) {
+    const double c = std::cos(pose.phi), s = std::sin(pose.phi);
+    const auto& mount = scan.geometry->robot_from_laser.t;
     DrawnScan drawn{static_cast<float>(pose.x + c * mount.x() - s * mount.y()),
                     static_cast<float>(pose.y + s * mount.x() + c * mount.y()),
                     0,
@@ -77,7 +68,7 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
                     0};
     drawn.low_y = drawn.high_y = drawn.eye_y;
     extent.add(drawn.eye_x, drawn.eye_y);
-    for (const auto& p : points_in_robot(*scan, 0.0, options.max_range_m)) {
+    for (const auto& p : points_in_robot(scan, 0.0, max_range_m)) {
       const Ray ray{static_cast<float>(pose.x + c * p.x - s * p.y), static_cast<float>(pose.y + s * p.x + c * p.y)};
       extent.add(ray.x, ray.y);
       drawn.low_y = std::min(drawn.low_y, ray.y);
@@ -87,20 +78,40 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
     drawn.count = rays.size() - drawn.first;
     scans.push_back(drawn);
   }
+};
+
+Content content_of(const Map& map, double max_range_m) {
+  Content content;
+  for (const auto& [id, node] : map.nodes) {
+    if (!node.payload) continue;
+    const Pose2 pose = planar(node.map_from_node);
+    if (const auto* grid = std::get_if<OccupancyGrid>(node.payload.get()))
+      content.add(*grid, pose);
+    else if (const auto* scan = std::get_if<PackedScan>(node.payload.get()))
+      content.add(*scan, pose, max_range_m);  // keyframes show no walls
+  }
+  return content;
+}
+
+void expect_drawable(const Extent& extent) {
+  const double widest_m = std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y);
+  if (widest_m > kWidest_m)
+    throw Error(ErrorCode::kBadInput,
+                "the map is " + std::to_string(static_cast<int>(widest_m)) + " m wide; at most 2000 m are drawn", {},
+                "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
+}
+
+// Of its size, with nothing drawn yet.
+OccupancyGrid blank(const Content& content, double resolution_m) {
   OccupancyGrid grid;
-  grid.resolution_m = options.resolution_m;
+  grid.resolution_m = resolution_m;
   // Rasters alone tell nothing finer than they are.
   double finest_m = 1e300;
-  for (const auto& raster : rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
-  if (scans.empty() && !rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
-  if (scans.empty() && rasters.empty()) return grid;
-  if (extent.high_x - extent.low_x > kWidest_m || extent.high_y - extent.low_y > kWidest_m)
-    throw Error(
-        ErrorCode::kBadInput,
-        "the map is " +
-            std::to_string(static_cast<int>(std::max(extent.high_x - extent.low_x, extent.high_y - extent.low_y))) +
-            " m wide; at most 2000 m are drawn",
-        {}, "look for a robot whose trajectory ran away, or choose a coarser compose.resolution_m and cut the log");
+  for (const auto& raster : content.rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
+  if (content.scans.empty() && !content.rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);
+  if (content.scans.empty() && content.rasters.empty()) return grid;
+  const Extent& extent = content.extent;
+  expect_drawable(extent);
   const double per_metre = 1.0 / grid.resolution_m;
   const auto lowest_column = static_cast<std::int64_t>(std::floor(extent.low_x * per_metre)) - 1,
              lowest_row = static_cast<std::int64_t>(std::floor(extent.low_y * per_metre)) - 1;
@@ -112,69 +123,104 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
       static_cast<std::int32_t>(static_cast<std::int64_t>(std::floor(extent.high_y * per_metre)) + 2 - lowest_row);
   grid.log_odds.assign(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows),
                        OccupancyGrid::kUnknown);
+  return grid;
+}
 
+void add_to(std::int16_t& cell, int change) {
+  const int value = std::clamp(cell + change, -2000, 2000);
+  // Zero means never seen: what was seen as often wall as free leans to the last word.
+  cell = static_cast<std::int16_t>(value != 0 ? value : change > 0 ? 1 : -1);
+}
+
+// Rows [low, high) of a grid, which one worker draws.
+class Band {
+ public:
+  Band(OccupancyGrid& grid, int low, int high)
+      : grid_(grid),
+        low_(low),
+        high_(high),
+        low_y_(grid.origin_y_m + low * grid.resolution_m),
+        high_y_(grid.origin_y_m + high * grid.resolution_m),
+        per_metre_(1.0 / grid.resolution_m) {}
+
+  void draw(const DrawnRaster& raster) {
+    if (raster.extent.high_y < low_y_ || raster.extent.low_y >= high_y_) return;
+    const int first_column = std::max(0, static_cast<int>((raster.extent.low_x - grid_.origin_x_m) * per_metre_));
+    const int last_column =
+        std::min(grid_.columns - 1, static_cast<int>((raster.extent.high_x - grid_.origin_x_m) * per_metre_));
+    const int first_row = std::max(low_, static_cast<int>((raster.extent.low_y - grid_.origin_y_m) * per_metre_));
+    const int last_row = std::min(high_ - 1, static_cast<int>((raster.extent.high_y - grid_.origin_y_m) * per_metre_));
+    throw_if_interrupted();
+    const Pose2 raster_from_map = inverse(raster.map_from_grid);
+    const double c = std::cos(raster_from_map.phi), s = std::sin(raster_from_map.phi);
+    for (int row = first_row; row <= last_row; ++row)
+      for (int column = first_column; column <= last_column; ++column) {
+        const double x = grid_.origin_x_m + (column + 0.5) * grid_.resolution_m,
+                     y = grid_.origin_y_m + (row + 0.5) * grid_.resolution_m;
+        const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m,
+                     ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
+        const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)),
+                  j = static_cast<int>(std::floor(ry / raster.grid->resolution_m));
+        if (!raster.grid->inside(i, j)) continue;
+        const int value = raster.grid->at(i, j);
+        if (value != OccupancyGrid::kUnknown) add_to(cell(column, row), value);
+      }
+  }
+
+  void draw(const DrawnScan& scan, const std::vector<Ray>& rays, int hit, int miss) {
+    if (scan.high_y < low_y_ || scan.low_y >= high_y_) return;
+    const double x0 = (scan.eye_x - grid_.origin_x_m) * per_metre_, y0 = (scan.eye_y - grid_.origin_y_m) * per_metre_;
+    for (std::size_t k = scan.first; k < scan.first + scan.count; ++k) {
+      const double x1 = (rays[k].x - grid_.origin_x_m) * per_metre_, y1 = (rays[k].y - grid_.origin_y_m) * per_metre_;
+      if (std::max(y0, y1) < low_ || std::min(y0, y1) >= high_) continue;
+      const int last_column = static_cast<int>(x1), last_row = static_cast<int>(y1);
+      // Along the ray, row by row within the band: of each row, the columns that the ray crosses.
+      const int from = std::max(low_, static_cast<int>(std::min(y0, y1))),
+                to = std::min(high_ - 1, static_cast<int>(std::max(y0, y1)));
+      const double slope = y1 != y0 ? (x1 - x0) / (y1 - y0) : 0.0;
+      for (int row = from; row <= to; ++row) {
+        double left = x0, right = x1;
+        if (static_cast<int>(y0) != static_cast<int>(y1)) {
+          const double bottom = std::clamp(static_cast<double>(row), std::min(y0, y1), std::max(y0, y1));
+          const double top = std::clamp(static_cast<double>(row + 1), std::min(y0, y1), std::max(y0, y1));
+          left = x0 + (bottom - y0) * slope;
+          right = x0 + (top - y0) * slope;
+        }
+        if (left > right) std::swap(left, right);
+        const int first = std::clamp(static_cast<int>(left), 0, grid_.columns - 1),
+                  last = std::clamp(static_cast<int>(right), 0, grid_.columns - 1);
+        for (int column = first; column <= last; ++column)
+          if (column != last_column || row != last_row) add_to(cell(column, row), miss);
+      }
+      if (last_row >= low_ && last_row < high_) add_to(cell(last_column, last_row), hit);
+    }
+  }
+
+ private:
+  std::int16_t& cell(int column, int row) {
+    return grid_.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid_.columns) +
+                          static_cast<std::size_t>(column)];
+  }
+
+  OccupancyGrid& grid_;
+  const int low_, high_;
+  const double low_y_, high_y_, per_metre_;
+};
+
+}  // namespace
+
+OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, WorkerPool& pool) {
+  const Content content = content_of(map, options.max_range_m);
+  OccupancyGrid grid = blank(content, options.resolution_m);
   // Bands of rows are drawn side by side, each by all scans in order: the same sums whatever the number of threads.
   const int hit = units(options.hit_probability), miss = units(options.miss_probability);
   const auto bands = static_cast<std::size_t>((grid.rows + kBandRows - 1) / kBandRows);
-  pool.for_each(bands, [&](std::size_t band) {
+  pool.for_each(bands, [&](std::size_t number) {
     throw_if_interrupted();
-    const int low = static_cast<int>(band) * kBandRows, high = std::min(low + kBandRows, grid.rows);
-    const double low_y = grid.origin_y_m + low * grid.resolution_m, high_y = grid.origin_y_m + high * grid.resolution_m;
-    const auto cell = [&](int column, int row) -> std::int16_t& {
-      return grid.log_odds[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
-                           static_cast<std::size_t>(column)];
-    };
-    for (const auto& raster : rasters) {
-      if (raster.extent.high_y < low_y || raster.extent.low_y >= high_y) continue;
-      const int first_column = std::max(0, static_cast<int>((raster.extent.low_x - grid.origin_x_m) * per_metre));
-      const int last_column =
-          std::min(grid.columns - 1, static_cast<int>((raster.extent.high_x - grid.origin_x_m) * per_metre));
-      const int first_row = std::max(low, static_cast<int>((raster.extent.low_y - grid.origin_y_m) * per_metre));
-      const int last_row = std::min(high - 1, static_cast<int>((raster.extent.high_y - grid.origin_y_m) * per_metre));
-      throw_if_interrupted();
-      const Pose2 raster_from_map = inverse(raster.map_from_grid);
-      const double c = std::cos(raster_from_map.phi), s = std::sin(raster_from_map.phi);
-      for (int row = first_row; row <= last_row; ++row)
-        for (int column = first_column; column <= last_column; ++column) {
-          const double x = grid.origin_x_m + (column + 0.5) * grid.resolution_m,
-                       y = grid.origin_y_m + (row + 0.5) * grid.resolution_m;
-          const double rx = raster_from_map.x + c * x - s * y - raster.grid->origin_x_m,
-                       ry = raster_from_map.y + s * x + c * y - raster.grid->origin_y_m;
-          const int i = static_cast<int>(std::floor(rx / raster.grid->resolution_m)),
-                    j = static_cast<int>(std::floor(ry / raster.grid->resolution_m));
-          if (!raster.grid->inside(i, j)) continue;
-          const int value = raster.grid->at(i, j);
-          if (value != OccupancyGrid::kUnknown) add_to(cell(column, row), value);
-        }
-    }
-    for (const auto& scan : scans) {
-      if (scan.high_y < low_y || scan.low_y >= high_y) continue;
-      for (std::size_t k = scan.first; k < scan.first + scan.count; ++k) {
-        const double x1 = (rays[k].x - grid.origin_x_m) * per_metre, y1 = (rays[k].y - grid.origin_y_m) * per_metre;
-        const double x0 = (scan.eye_x - grid.origin_x_m) * per_metre, y0 = (scan.eye_y - grid.origin_y_m) * per_metre;
-        if (std::max(y0, y1) < low || std::min(y0, y1) >= high) continue;
-        const int last_column = static_cast<int>(x1), last_row = static_cast<int>(y1);
-        // Along the ray, row by row within the band: of each row, the columns that the ray crosses.
-        const int from = std::max(low, static_cast<int>(std::min(y0, y1))),
-                  to = std::min(high - 1, static_cast<int>(std::max(y0, y1)));
-        const double slope = y1 != y0 ? (x1 - x0) / (y1 - y0) : 0.0;
-        for (int row = from; row <= to; ++row) {
-          double left = x0, right = x1;
-          if (static_cast<int>(y0) != static_cast<int>(y1)) {
-            const double bottom = std::clamp(static_cast<double>(row), std::min(y0, y1), std::max(y0, y1));
-            const double top = std::clamp(static_cast<double>(row + 1), std::min(y0, y1), std::max(y0, y1));
-            left = x0 + (bottom - y0) * slope;
-            right = x0 + (top - y0) * slope;
-          }
-          if (left > right) std::swap(left, right);
-          const int first = std::clamp(static_cast<int>(left), 0, grid.columns - 1),
-                    last = std::clamp(static_cast<int>(right), 0, grid.columns - 1);
-          for (int column = first; column <= last; ++column)
-            if (column != last_column || row != last_row) add_to(cell(column, row), miss);
-        }
-        if (last_row >= low && last_row < high) add_to(cell(last_column, last_row), hit);
-      }
-    }
+    const int low = static_cast<int>(number) * kBandRows;
+    Band band(grid, low, std::min(low + kBandRows, grid.rows));
+    for (const DrawnRaster& raster : content.rasters) band.draw(raster);
+    for (const DrawnScan& scan : content.scans) band.draw(scan, content.rays, hit, miss);
   });
   return grid;
 }

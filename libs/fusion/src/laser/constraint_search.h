@@ -3,10 +3,7 @@
 // certainly as it knows. After each solution again, until nothing new is found. The same between robots, and within
 // one.
 
-#include "submap_judge.h"
-
-#include <functional>
-#include <map>
+#include "search_candidates.h"
 
 namespace mapweave::fusion {
 
@@ -34,26 +31,9 @@ class ConstraintSearch {
   // `in_scope(i, j)`, i < j: whether a pair of submaps of the members is looked at. `is_final`: also where the graph
   // hardly knows how two places lie to each other (a loop of hundreds of metres).
   ConstraintSearchResult run(const std::vector<std::size_t>& members, std::vector<SubmapMatch> matches,
-                             const std::function<bool(std::size_t, std::size_t)>& in_scope, int most_rounds,
-                             bool is_final);
+                             const SubmapsInScope& in_scope, int most_rounds, bool is_final);
 
  private:
-  struct Candidate {
-    SubmapQuestion question;
-    bool is_sure;  // a narrow window: a match needs no second one that agrees
-  };
-  struct Examined {
-    Pose2 expected;
-    double radius_m = 0.0;
-  };
-  using ExaminedPairs = std::map<std::pair<std::size_t, std::size_t>, Examined>;
-  std::vector<Candidate> candidates(const SolvedSubmaps& solved, graph::RelativeCovariance& covariance,
-                                    const std::function<bool(std::size_t, std::size_t)>& in_scope, double widest_m,
-                                    const ExaminedPairs& examined) const;
-
-  void look_beside(std::vector<SubmapMatch>& waiting, std::size_t first,
-                   const std::function<bool(std::size_t, std::size_t)>& in_scope) const;
-
   const std::vector<PreparedMap>& maps_;
   const SubmapGraph& graph_;
   SubmapJudge& judge_;

@@ -1,4 +1,5 @@
 #include "prior_evidence.h"
+#include "sorted_numbers.h"
 
 #include <mapweave/maps/map_noise.h>
 
@@ -104,9 +105,6 @@ double PriorEvidence::log_odds(const SolvedSubmaps& solved, const std::vector<st
                                const std::vector<std::size_t>& z) const {
   double sum = 0.0;
   std::size_t count = 0;
-  const auto contains = [](const std::vector<std::size_t>& group, std::size_t map) {
-    return std::binary_search(group.begin(), group.end(), map);
-  };
   const auto map_frame = [&](std::size_t map) {
     return compose(solved.pose_of(graph_.number(map, 0)), inverse(maps_[map].map_from_submap.front()));
   };

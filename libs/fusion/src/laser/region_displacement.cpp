@@ -104,14 +104,20 @@ class Target {
   matching::Raster<Cell> cells_, best_;
 };
 
+PlaneBox box_of(const RegionAgreement& region) {
+  PlaneBox box;
+  box.add(region.x_m, region.y_m, 0.5 * RegionAgreement::kSide_m);
+  return box;
+}
+
 class RegionFit {
  public:
   // Targets outlive it.
   RegionFit(const std::vector<PlacedSubmap>& a, const Target& target_a, const std::vector<PlacedSubmap>& b,
-            const Target& target_b, const PlaneBox& box, double x_m, double y_m)
-      : x_m_(x_m), y_m_(y_m), targets_{&target_a, &target_b} {
-    choose_walls(0, a, box);
-    choose_walls(1, b, box);
+            const Target& target_b, const RegionAgreement& region)
+      : x_m_(region.x_m), y_m_(region.y_m), targets_{&target_a, &target_b} {
+    choose_walls(0, a, box_of(region));
+    choose_walls(1, b, box_of(region));
   }
 
   // Displacements that follow turn by this.
@@ -241,10 +247,9 @@ std::optional<Pose2> RegionDisplacement::better_place(const RegionAgreement& reg
   if (region.x_m != x_m_ || region.y_m != y_m_) sides_.clear();
   x_m_ = region.x_m;
   y_m_ = region.y_m;
-  PlaneBox box;
-  box.add(region.x_m, region.y_m, 0.5 * RegionAgreement::kSide_m);
+  const PlaneBox box = box_of(region);
   const Side &a = side(region.a, box), &b = side(region.b, box);
-  RegionFit fit(a.submaps, a.target, b.submaps, b.target, box, region.x_m, region.y_m);
+  RegionFit fit(a.submaps, a.target, b.submaps, b.target, region);
   fit.turn(0.0);
   const Fit here = *fit.at(0.0, 0.0, -1e300);
   Fit most = here;

@@ -32,18 +32,25 @@ struct SubmapAnswer {
   bool holds = false;
 };
 
+// What makes judging fast, and never changes an answer.
+struct JudgeResources {
+  matching::ModelCache& cache;
+  Memo& memo;
+  WorkerPool& pool;
+};
+
 class SubmapJudge {
  public:
   SubmapJudge(const std::vector<PreparedMap>& maps, const SubmapGraph& graph, const FusionOptions& options,
-              const std::set<Hash>& vetoed, matching::ModelCache& cache, Memo& memo, WorkerPool& pool)
+              const std::set<Hash>& vetoed, const JudgeResources& resources)
       : maps_(maps),
         graph_(graph),
         options_(options),
         vetoed_(vetoed),
-        cache_(cache),
+        cache_(resources.cache),
         sights_(static_cast<std::size_t>(options.cache_mb) << 20U),
-        memo_(memo),
-        pool_(pool) {}
+        memo_(resources.memo),
+        pool_(resources.pool) {}
 
   // In the order of the questions. Not thread-safe; works in parallel within.
   std::vector<SubmapAnswer> ask(const std::vector<SubmapQuestion>& questions);

@@ -40,8 +40,7 @@ const matching::GridWalls& WholeMapProposals::walls(std::size_t map, const std::
   return walls_.emplace(map, matching::walls_of(SeenRaster(submaps, box_of(submaps), sight_of).grid())).first->second;
 }
 
-std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std::size_t b,
-                                                              const std::vector<PlacedSubmap>& submaps_a,
+std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(const std::vector<PlacedSubmap>& submaps_a,
                                                               const std::vector<PlacedSubmap>& submaps_b,
                                                               const Pose2& a_from_b, double radius_m, double yaw_rad,
                                                               const SightOf& sight_of) const {
@@ -57,8 +56,7 @@ std::vector<SubmapQuestion> WholeMapProposals::of_most_shared(std::size_t a, std
                    coinciding_m(one, between(compose(a_from_b, other.team_from_submap), one.team_from_submap),
                                 *sight_of(other.number)));
       if (shared_m < kLeastShared_m) continue;
-      const auto prints = std::minmax(maps_[a].fingerprints[graph_.submap_of(one.number)],
-                                      maps_[b].fingerprints[graph_.submap_of(other.number)]);
+      const auto prints = std::minmax(fingerprint_of(one.number), fingerprint_of(other.number));
       sharing.emplace_back(-shared_m, prints.first, prints.second, i, j);
     }
   std::sort(sharing.begin(), sharing.end());
@@ -88,7 +86,7 @@ std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::siz
   for (const matching::GridProposal& proposal : swapped ? matching::propose_alignments(in_b, in_a, options)
                                                         : matching::propose_alignments(in_a, in_b, options)) {
     const Pose2 a_from_b = swapped ? inverse(proposal.a_from_b.pose) : proposal.a_from_b.pose;
-    const auto some = of_most_shared(a, b, submaps_a, submaps_b, a_from_b, kRadius_m, kYaw_rad, sight_of);
+    const auto some = of_most_shared(submaps_a, submaps_b, a_from_b, kRadius_m, kYaw_rad, sight_of);
     questions.insert(questions.end(), some.begin(), some.end());
   }
   return questions;

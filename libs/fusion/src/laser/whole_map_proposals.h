@@ -22,11 +22,14 @@ class WholeMapProposals {
                                         const std::vector<PlacedSubmap>& submaps_b, const SightOf& sight_of);
   // About the submaps that share most walls if the frame of those of b lies so in that of those of a, at most six:
   // narrow ones around that.
-  std::vector<SubmapQuestion> of_most_shared(std::size_t a, std::size_t b, const std::vector<PlacedSubmap>& submaps_a,
+  std::vector<SubmapQuestion> of_most_shared(const std::vector<PlacedSubmap>& submaps_a,
                                              const std::vector<PlacedSubmap>& submaps_b, const Pose2& a_from_b,
                                              double radius_m, double yaw_rad, const SightOf& sight_of) const;
 
  private:
+  const Hash& fingerprint_of(std::size_t submap) const {
+    return maps_[graph_.map_of(submap)].fingerprints[graph_.submap_of(submap)];
+  }
   const matching::GridWalls& walls(std::size_t map, const std::vector<PlacedSubmap>& submaps, const SightOf& sight_of);
 
   const std::vector<PreparedMap>& maps_;

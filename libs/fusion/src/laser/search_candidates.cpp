@@ -1,0 +1,157 @@
+#include "search_candidates.h"
+
+#include <mapweave/maps/alignment.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace mapweave::fusion {
+namespace {
+
+constexpr double kNear_m = 6.0;       // between the middles of submaps that should show the same, at least
+constexpr double kFarthest_m = 14.0;  // the same, where both see far
+constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
+constexpr double kFarthestReach_m = 50.0;
+constexpr double kWindowSigmas = 3.0;
+constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
+
+// Of motions of a frame, as motions of a place of the team's frame that moves along with it.
+Eigen::Matrix3d at_place(const Eigen::Matrix3d& covariance, const Pose2& team_from_frame,
+                         const Eigen::Vector2d& place) {
+  const Eigen::Matrix3d carry = adjoint(between(Pose2{place.x(), place.y(), 0.0}, team_from_frame));
+  return carry * covariance * carry.transpose();
+}
+
+}  // namespace
+
+double position_sigma(const Eigen::Matrix3d& covariance) {
+  const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)),
+               difference = 0.5 * (covariance(0, 0) - covariance(1, 1));
+  return std::sqrt(std::max(0.0, half + std::sqrt(difference * difference + covariance(0, 1) * covariance(0, 1))));
+}
+
+bool SearchCandidates::Near::operator<(const Near& other) const {
+  return std::tie(distance, unlikeness, place) < std::tie(other.distance, other.unlikeness, other.place);
+}
+
+SearchCandidates::SearchCandidates(const std::vector<PreparedMap>& maps, const SubmapGraph& graph,
+                                   const SubmapsInScope& in_scope, const SolvedSubmaps& solved,
+                                   graph::RelativeCovariance& covariance, const ExaminedPairs& examined)
+    : maps_(maps), graph_(graph), in_scope_(in_scope), solved_(solved), covariance_(covariance), examined_(examined) {
+  for (std::size_t k = 0; k < solved.submaps.size(); ++k) {
+    const std::size_t s = solved.submaps[k];
+    middles_.push_back(middle_of(maps_[graph_.map_of(s)], graph_.submap_of(s), solved.team_from_submap[k]));
+  }
+}
+
+// How far apart the middles of two submaps may lie that show the same.
+double SearchCandidates::reach_m(std::size_t i, std::size_t j) const {
+  const auto radius_m = [&](std::size_t s) {
+    return std::min(12.0, static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
+  };
+  return std::clamp(0.6 * (radius_m(i) + radius_m(j)), kNear_m, kFarthest_m);
+}
+
+double SearchCandidates::unlikeness(std::size_t i, std::size_t j) const {
+  const PreparedMap &map_i = maps_[graph_.map_of(i)], &map_j = maps_[graph_.map_of(j)];
+  const std::size_t si = graph_.submap_of(i), sj = graph_.submap_of(j);
+  return matching::ring_distance(map_i.keys[si], map_j.keys[sj]) +
+         matching::ring_distance(map_i.far_keys[si], map_j.far_keys[sj]);
+}
+
+// Whether they were compared where they are still expected.
+bool SearchCandidates::is_examined(std::size_t place, std::size_t of) const {
+  const auto before = examined_.find({solved_.submaps[place], solved_.submaps[of]});
+  if (before == examined_.end()) return false;
+  const Pose2 moved =
+      between(before->second.expected, between(solved_.team_from_submap[place], solved_.team_from_submap[of]));
+  return std::hypot(moved.x, moved.y) < 0.5 * before->second.radius_m && std::abs(moved.phi) < 0.1;
+}
+
+// place < of. Nothing where they are not worth a question.
+std::optional<SearchCandidates::Near> SearchCandidates::near(std::size_t place, std::size_t of, double widest_m) {
+  const bool is_wide = widest_m > 0.0;
+  const std::size_t i = solved_.submaps[place], j = solved_.submaps[of];
+  const double distance = (middles_[place] - middles_[of]).norm(), near_m = reach_m(i, j);
+  if (distance > (is_wide ? kFarthest_m + kFarthestReach_m : near_m) || !in_scope_(i, j) || graph_.is_constrained(i, j))
+    return std::nullopt;
+  const Eigen::Matrix3d apart_by =
+      covariance_.between(static_cast<std::uint32_t>(place), static_cast<std::uint32_t>(of));
+  // At the walls of either, not where a submap happens to begin.
+  const Pose2& there = solved_.team_from_submap[of];
+  const double sigma_m = std::max(position_sigma(at_place(apart_by, there, middles_[place])),
+                                  position_sigma(at_place(apart_by, there, middles_[of])));
+  const double sigma_rad = std::sqrt(apart_by(2, 2));
+  const bool is_left_out = is_wide ? sigma_m <= kSure_m || sigma_m > widest_m ||
+                                         distance > near_m + std::min(kFarthestReach_m, 2.5 * sigma_m)
+                                   : sigma_m > kSure_m || (sigma_m < kKnown_m && sigma_rad < kKnown_rad);
+  if (is_left_out || is_examined(place, of)) return std::nullopt;
+  return Near{distance, is_wide ? unlikeness(i, j) : 0.0, place, sigma_m, sigma_rad};
+}
+
+// Of each place: others, whichever robot comes first.
+std::vector<std::vector<SearchCandidates::Near>> SearchCandidates::all_near(double widest_m) {
+  const double reach = widest_m > 0.0 ? kFarthest_m + kFarthestReach_m : kFarthest_m;
+  // Blocks, so that only what may be near is compared.
+  std::map<std::pair<int, int>, std::vector<std::size_t>> blocks;
+  const auto block_of = [&](const Eigen::Vector2d& p) {
+    return std::make_pair(matching::cell_of(p.x(), 1.0 / reach), matching::cell_of(p.y(), 1.0 / reach));
+  };
+  for (std::size_t k = 0; k < middles_.size(); ++k) blocks[block_of(middles_[k])].push_back(k);
+  std::vector<std::vector<Near>> result(middles_.size());
+  for (std::size_t kj = 0; kj < middles_.size(); ++kj) {
+    const auto block = block_of(middles_[kj]);
+    for (int y = -1; y <= 1; ++y)
+      for (int x = -1; x <= 1; ++x) {
+        const auto found = blocks.find({block.first + x, block.second + y});
+        if (found == blocks.end()) continue;
+        for (const std::size_t ki : found->second) {
+          if (ki >= kj) continue;
+          auto seen = near(ki, kj, widest_m);
+          if (!seen) continue;
+          result[kj].push_back(*seen);
+          seen->place = kj;
+          result[ki].push_back(*seen);
+        }
+      }
+  }
+  return result;
+}
+
+// The nearest of each place, and of those farther away the most alike. Points into `near`, which it sorts.
+SearchCandidates::ChosenPairs SearchCandidates::chosen(std::vector<std::vector<Near>>& near, double widest_m) {
+  const bool is_wide = widest_m > 0.0;
+  ChosenPairs result;
+  const auto choose = [&](std::size_t place, const Near& other) {
+    result.emplace(std::minmax(place, other.place), &other);
+  };
+  // Where hardly anything is known, the nearest are no better than others.
+  const std::size_t nearest = is_wide ? (widest_m > kWidest_m ? 0 : kNearestWide) : kNearest;
+  for (std::size_t place = 0; place < near.size(); ++place) {
+    std::sort(near[place].begin(), near[place].end());
+    const std::size_t some = std::min(nearest, near[place].size());
+    for (std::size_t k = 0; k < some; ++k) choose(place, near[place][k]);
+    if (!is_wide) continue;
+    std::vector<std::pair<double, std::size_t>> alike;
+    for (std::size_t k = some; k < near[place].size(); ++k) alike.emplace_back(near[place][k].unlikeness, k);
+    std::sort(alike.begin(), alike.end());
+    for (std::size_t k = 0; k < std::min(kAlikeWide, alike.size()); ++k) choose(place, near[place][alike[k].second]);
+  }
+  return result;
+}
+
+std::vector<SubmapQuestion> SearchCandidates::questions(double widest_m) {
+  std::vector<std::vector<Near>> near = all_near(widest_m);
+  std::vector<SubmapQuestion> result;
+  for (const auto& [pair, between_them] : chosen(near, widest_m)) {
+    matching::WideWindow window;
+    window.a_from_b = between(solved_.team_from_submap[pair.first], solved_.team_from_submap[pair.second]);
+    window.radius_m = std::clamp(kWindowSigmas * between_them->sigma_m, 0.5, kFarthestReach_m);
+    window.yaw_rad = std::min(M_PI, 0.04 + kWindowSigmas * between_them->sigma_rad);
+    result.push_back({solved_.submaps[pair.first], solved_.submaps[pair.second], window});
+  }
+  return result;
+}
+
+}  // namespace mapweave::fusion
