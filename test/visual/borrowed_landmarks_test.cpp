@@ -1,4 +1,4 @@
-#include "borrowed_landmarks.h"
+#include "sharing/borrowed_landmarks.h"
 
 #include <mapweave/core/error.h>
 

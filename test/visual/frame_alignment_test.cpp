@@ -1,5 +1,5 @@
-#include "frame_alignment.h"
-#include "detector.h"
+#include "tracking/frame_alignment.h"
+#include "pictures/detector.h"
 
 #include <support/painted_room.h>
 

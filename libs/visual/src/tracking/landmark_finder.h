@@ -1,8 +1,8 @@
 #pragma once
 // Which landmarks does this picture show, and where exactly?
 
-#include "landmark_map.h"
-#include "motion.h"
+#include "geometry/motion.h"
+#include "mapping/landmark_map.h"
 
 #include <optional>
 

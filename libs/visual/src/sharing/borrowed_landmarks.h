@@ -2,9 +2,9 @@
 // Landmarks that others made and a server shares (CVS III-C, local map augmentation): until a keyframe shows them, and
 // whether they are where they are said to be.
 
-#include "feature_grid.h"
-#include "landmark_map.h"
-#include "motion.h"
+#include "geometry/motion.h"
+#include "mapping/landmark_map.h"
+#include "pictures/feature_grid.h"
 
 #include <mapweave/matching/landmark_index.h>
 

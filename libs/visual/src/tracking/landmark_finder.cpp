@@ -1,6 +1,6 @@
 #include "landmark_finder.h"
 
-#include "feature_grid.h"
+#include "pictures/feature_grid.h"
 
 #include <algorithm>
 

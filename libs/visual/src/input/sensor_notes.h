@@ -1,7 +1,7 @@
 #pragma once
 // What seems to be wrong with a sensor, in words for its owner.
 
-#include "depth.h"
+#include "mapping/depth.h"
 
 #include <string>
 

@@ -1,6 +1,6 @@
 #include "depth_candidates.h"
 
-#include "landmark_finder.h"
+#include "tracking/landmark_finder.h"
 
 #include <algorithm>
 #include <cmath>

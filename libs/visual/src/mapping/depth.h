@@ -1,8 +1,8 @@
 #pragma once
 // How far away is what a pixel shows? From a depth camera, or from the right picture of a stereo pair.
 
+#include "geometry/motion.h"
 #include "landmark_map.h"
-#include "motion.h"
 
 #include <optional>
 

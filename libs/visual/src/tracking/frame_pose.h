@@ -1,8 +1,8 @@
 #pragma once
 // Where a frame was taken, by the landmarks found in it.
 
-#include "landmark_map.h"
-#include "motion.h"
+#include "geometry/motion.h"
+#include "mapping/landmark_map.h"
 
 namespace mapweave::visual {
 

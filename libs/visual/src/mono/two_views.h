@@ -2,7 +2,7 @@
 // How two pictures of one camera lie to each other, from points that both show, without knowing how far any is (Hartley
 // and Zisserman: Multiple View Geometry, 2004, chapters 9, 11 and 13).
 
-#include "pose_from_points.h"
+#include "geometry/pose_from_points.h"
 
 #include <cstdint>
 #include <optional>

@@ -1,6 +1,6 @@
 #include "recent_frames.h"
 
-#include "culling.h"
+#include "mapping/culling.h"
 
 namespace mapweave::visual {
 namespace {

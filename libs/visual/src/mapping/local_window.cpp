@@ -1,6 +1,6 @@
 #include "local_window.h"
 
-#include "bundle.h"
+#include "geometry/bundle.h"
 
 #include <algorithm>
 

@@ -2,9 +2,9 @@
 // What a client has mapped so far: keyframes, and the landmarks that they see. Both are numbered by slots that are used
 // again once empty, so that memory stays bounded; serial numbers are never used again.
 
-#include "driven_motion.h"
-#include "patch.h"
-#include "pose_from_points.h"
+#include "geometry/driven_motion.h"
+#include "geometry/pose_from_points.h"
+#include "pictures/patch.h"
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/stamp.h>

@@ -3,8 +3,8 @@
 // epipolar lines (depth filters: Forster et al., SVO, ICRA 2014, section V; here without fusing, as neighbouring frames
 // err alike: the best view of all counts).
 
-#include "landmark_map.h"
-#include "motion.h"
+#include "geometry/motion.h"
+#include "mapping/landmark_map.h"
 
 namespace mapweave::visual {
 

@@ -2,7 +2,7 @@
 // The first two keyframes of a camera that measures no depth: corners of a first picture are followed until the camera
 // has moved far enough to tell how far they are.
 
-#include "keyframe_maker.h"
+#include "mapping/keyframe_maker.h"
 
 #include <utility>
 

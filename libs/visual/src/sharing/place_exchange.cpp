@@ -1,7 +1,7 @@
 #include "place_exchange.h"
 
-#include "depth.h"
-#include "place_finder.h"
+#include "mapping/depth.h"
+#include "tracking/place_finder.h"
 
 namespace mapweave::visual {
 namespace {

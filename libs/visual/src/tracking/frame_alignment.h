@@ -2,8 +2,8 @@
 // How the camera moved between two pictures, from the grey values around points of known depth (sparse image alignment:
 // Forster et al., SVO, ICRA 2014, section IV-A; here coarse to fine, with gain and bias between the pictures).
 
-#include "pyramid.h"
-#include "view.h"
+#include "geometry/view.h"
+#include "pictures/pyramid.h"
 
 namespace mapweave::visual {
 

@@ -4,8 +4,8 @@
 // the way between could have led to. What looks the same where the way cannot have led is another place: from then on,
 // nothing is believed that a step to such a place would explain as well.
 
-#include "landmark_finder.h"
-#include "place_finder.h"
+#include "tracking/landmark_finder.h"
+#include "tracking/place_finder.h"
 
 #include <mapweave/matching/place_index.h>
 

@@ -1,7 +1,7 @@
 #pragma once
 // Where is the camera, when nothing is known of how it came there? By features that keyframes know.
 
-#include "landmark_map.h"
+#include "mapping/landmark_map.h"
 
 #include <optional>
 

@@ -1,6 +1,6 @@
 #include "two_views.h"
 
-#include "bundle.h"
+#include "geometry/bundle.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>

@@ -2,7 +2,7 @@
 // What is published of a client's map: content once, then what moved and what was seen again (CVS III-A; CORB-SLAM 2.3:
 // light updates).
 
-#include "landmark_map.h"
+#include "mapping/landmark_map.h"
 
 #include <mapweave/maps/map_update.h>
 #include <mapweave/visual/visual_client.h>

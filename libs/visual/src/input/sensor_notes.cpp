@@ -1,6 +1,6 @@
 #include "sensor_notes.h"
 
-#include "detector.h"
+#include "pictures/detector.h"
 
 #include <algorithm>
 #include <cmath>

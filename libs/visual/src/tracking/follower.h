@@ -2,10 +2,10 @@
 // Where a camera is in its map, frame by frame: followed from the frame before, or found again. It reads the map and
 // changes nothing of it.
 
-#include "feature_grid.h"
 #include "frame_pose.h"
 #include "landmark_finder.h"
-#include "loop_closer.h"
+#include "loops/loop_closer.h"
+#include "pictures/feature_grid.h"
 
 #include <mapweave/visual/visual_client.h>
 

@@ -1,9 +1,9 @@
 #include "keyframe_maker.h"
 
-#include "detector.h"
-#include "feature_grid.h"
-#include "landmark_finder.h"
-#include "place_finder.h"
+#include "pictures/detector.h"
+#include "pictures/feature_grid.h"
+#include "tracking/landmark_finder.h"
+#include "tracking/place_finder.h"
 
 #include <mapweave/visual/depth_picture.h>
 

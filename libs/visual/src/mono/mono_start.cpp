@@ -1,7 +1,7 @@
 #include "mono_start.h"
 
-#include "detector.h"
-#include "frame_alignment.h"
+#include "pictures/detector.h"
+#include "tracking/frame_alignment.h"
 #include "two_views.h"
 
 #include <algorithm>

@@ -2,8 +2,8 @@
 // Was a camera led astray? Who walks close by takes it along: fewer and fewer landmarks are where they should be, then
 // many of another world are, and odometry says otherwise. Wheels alone may slip.
 
-#include "driven_motion.h"
 #include "frame_pose.h"
+#include "geometry/driven_motion.h"
 
 #include <deque>
 #include <functional>

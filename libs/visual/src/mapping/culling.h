@@ -2,7 +2,7 @@
 // What is not worth keeping: landmarks that are not found again, keyframes that show nothing of their own (ORB-SLAM,
 // Mur-Artal et al., IEEE T-RO 31(5), 2015, sections VI-B and VI-E; CORB-SLAM 2.1), landmarks that exist twice.
 
-#include "landmark_finder.h"
+#include "tracking/landmark_finder.h"
 
 namespace mapweave::visual {
 
