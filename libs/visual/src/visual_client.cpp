@@ -85,8 +85,7 @@ struct VisualClient::State : Follower {
   }
 
   void make_keyframe(const Frame& frame, const Pyramid& picture, const Motion& speed) {
-    reference = add_keyframe(map, session, frame, picture, view, speed, dynamic_outliers, matches, options);
-    map.keyframe(reference).driven = driven;
+    reference = add_keyframe(map, {frame, picture, session, view, speed, driven}, dynamic_outliers, matches, options);
     look_for_borrowed(picture, speed);
     reference_landmarks = matches.size();
     adjust_window(map, reference, options.window);
@@ -107,9 +106,10 @@ struct VisualClient::State : Follower {
     const Keyframe& keyframe = map.keyframe(reference);
     const View here = keyframe.view;
     const double reach_px = std::max(8.0, kBorrowedReach * map.camera.width);
-    auto found = picture.features ? borrowed.look(map, session, *picture.features, here, speed, matches, reach_px, 0.0)
-                                  : borrowed.look(map, session, grid_of(keyframe.features, map.camera), here, speed,
-                                                  matches, reach_px, kFeature_px);
+    auto found = picture.features
+                     ? borrowed.look(map, {*picture.features, 0.0, session, here, speed}, matches, reach_px)
+                     : borrowed.look(map, {grid_of(keyframe.features, map.camera), kFeature_px, session, here, speed},
+                                     matches, reach_px);
     borrowed.keep(map, found, agreement(map, found, here, options.tracking).fits);
     for (const Match& match : found) see_borrowed(map, reference, picture, match, options.tracking.sigma_px);
     matches.insert(matches.end(), found.begin(), found.end());
@@ -192,7 +192,7 @@ struct VisualClient::State : Follower {
     std::vector<Match> none;
     std::swap(matches, none);
     const View before = std::exchange(view, View());
-    const int made = add_keyframe(map, number, frame, picture, view, Motion(), {}, matches, options);
+    const int made = add_keyframe(map, {frame, picture, number, view, Motion(), driven}, {}, matches, options);
     if (static_cast<int>(matches.size()) < options.tracking.least_landmarks) {
       map.discard(made);
       if (shows_something(picture) && ++without_depth == kNotedAfter)
@@ -200,7 +200,6 @@ struct VisualClient::State : Follower {
       std::swap(matches, none), view = before;
       return false;
     }
-    map.keyframe(made).driven = driven;
     reference = made, reference_landmarks = matches.size();
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, reference);
@@ -211,10 +210,9 @@ struct VisualClient::State : Follower {
 
   bool begin_without_depth(const Frame& frame, Pyramid picture, int number) {
     std::vector<Match> seen;
-    const auto made = mono_start.add(map, number, frame, picture, seen, options);
+    const auto made = mono_start.add(map, {frame, picture, number, View(), Motion(), driven}, seen, options);
     if (!made) return false;
     matches = std::move(seen);
-    map.keyframe(made->first).driven = map.keyframe(made->second).driven = driven;
     reference = made->second, reference_landmarks = matches.size(), view = map.keyframe(reference).view;
     session = number, sessions_begun = number + 1;
     if (closer) closer->add(map, made->first), closer->add(map, made->second);
@@ -347,8 +345,7 @@ struct VisualClient::State : Follower {
     const Stamp newest = lost_stamp;
     map.monocular = map.monocular || (!asked->frame.shows_depth() && !asked->picture.features);
     matches = std::move(checked->matches), view = checked->view, motion = View();
-    reference = add_keyframe(map, number, asked->frame, asked->picture, view, Motion(), {}, matches, options);
-    map.keyframe(reference).driven = driven;
+    reference = add_keyframe(map, {asked->frame, asked->picture, number, view, Motion(), driven}, {}, matches, options);
     reference_landmarks = matches.size(), session = number;
     if (begins)
       sessions_begun = number + 1, reanchored.push_back({number, answer.map}), map.reanchored.push_back(number);

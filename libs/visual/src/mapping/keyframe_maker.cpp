@@ -77,18 +77,71 @@ bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>&
   return near >= kSeveral;
 }
 
+Keyframe keyframe_of(const PosedFrame& posed) {
+  Keyframe made;
+  made.stamp = posed.frame.stamp, made.view = posed.view, made.session = posed.session, made.driven = posed.driven;
+  return made;
+}
+
+// Of a frame that has features: those with a depth become landmarks.
+int add_feature_keyframe(LandmarkMap& map, const PosedFrame& posed, std::vector<Match>& matches,
+                         const ClientOptions& options) {
+  const FrameFeatureGrid& features = *posed.picture.features;
+  const View& view = posed.view;
+  const auto sighting = [&](int feature) {
+    Sighting seen;
+    seen.pixel = features.pixel(feature), seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
+    if (features.inverse_depth(feature) > 0.0)
+      seen.inverse_depth = features.inverse_depth(feature),
+      seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
+    return seen;
+  };
+  Keyframe made = keyframe_of(posed);
+  made.features = features.features();
+  for (int feature = 0; feature < features.size(); ++feature) {
+    const double inverse_depth = features.inverse_depth(feature);
+    made.depths.push_back(inverse_depth > 0.0 ? static_cast<float>(1.0 / inverse_depth) : 0.0F);
+  }
+  for (const Match& match : matches) {
+    float& depth = made.depths[static_cast<std::size_t>(match.feature)];
+    if (!(depth > 0.0F)) depth = static_cast<float>(std::max(0.0, (view * map.landmark(match.landmark).point).z()));
+  }
+  const int number = map.add(std::move(made));
+  std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
+  for (const Match& match : matches) {
+    const Landmark& landmark = map.landmark(match.landmark);
+    Sighting seen = sighting(match.feature);
+    if (landmark.borrowed)
+      map.widen(seen, landmark, (view * landmark.point).z());
+    else
+      taken[static_cast<std::size_t>(match.feature)] = 1;
+    map.see(match.landmark, {number, seen});
+  }
+  const View map_from_camera = view.inverse();
+  for (int feature = 0; feature < features.size(); ++feature) {
+    const double inverse_depth = features.inverse_depth(feature) - map.calibration.inverse_depth_offset;
+    if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3))
+      continue;
+    Landmark landmark;
+    landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);
+    landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];
+    const int id = map.add(std::move(landmark));
+    map.see(id, {number, sighting(feature)});
+    map.recent_landmarks.emplace_back(id, map.keyframe(number).serial);
+    matches.push_back({id, features.pixel(feature), Eigen::Vector2d::Zero(), features.level(feature), feature});
+  }
+  return number;
+}
+
 }  // namespace
 
-int add_keyframe(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture, const View& view,
-                 const Motion& motion, const std::vector<Eigen::Vector2d>& dynamic_outliers,
+int add_keyframe(LandmarkMap& map, const PosedFrame& posed, const std::vector<Eigen::Vector2d>& dynamic_outliers,
                  std::vector<Match>& matches, const ClientOptions& options) {
-  if (picture.features)
-    return add_feature_keyframe(map, session, frame.stamp, *picture.features, view, matches, options);
+  if (posed.picture.features) return add_feature_keyframe(map, posed, matches, options);
+  const auto& [frame, picture, session, view, motion, driven] = posed;
   const double sigma_px = options.tracking.sigma_px;
   const DepthMeter meter(map, frame, picture, motion, options);
-  Keyframe made;
-  made.stamp = frame.stamp, made.view = view, made.session = session;
-  const int number = map.add(std::move(made));
+  const int number = map.add(keyframe_of(posed));
   std::vector<Eigen::Vector2d> occupied;
   for (const Match& match : matches) {
     Landmark& landmark = map.landmark(match.landmark);
@@ -146,54 +199,6 @@ void see_borrowed(LandmarkMap& map, int keyframe, const Pyramid& picture, const 
   const View& view = map.keyframe(keyframe).view;
   map.see(match.landmark, {keyframe, map.sighting_of(match, sigma_px, &view)});
   if (!picture.features) keep_appearance(map, map.landmark(match.landmark), picture, match, view, keyframe);
-}
-
-int add_feature_keyframe(LandmarkMap& map, int session, Stamp stamp, const FrameFeatureGrid& features, const View& view,
-                         std::vector<Match>& matches, const ClientOptions& options) {
-  const auto sighting = [&](int feature) {
-    Sighting seen;
-    seen.pixel = features.pixel(feature), seen.sigma_px = options.tracking.sigma_px * (1 << features.level(feature));
-    if (features.inverse_depth(feature) > 0.0)
-      seen.inverse_depth = features.inverse_depth(feature),
-      seen.inverse_depth_sigma = options.depth.inverse_depth_sigma;
-    return seen;
-  };
-  Keyframe made;
-  made.stamp = stamp, made.view = view, made.session = session;
-  made.features = features.features();
-  for (int feature = 0; feature < features.size(); ++feature) {
-    const double inverse_depth = features.inverse_depth(feature);
-    made.depths.push_back(inverse_depth > 0.0 ? static_cast<float>(1.0 / inverse_depth) : 0.0F);
-  }
-  for (const Match& match : matches) {
-    float& depth = made.depths[static_cast<std::size_t>(match.feature)];
-    if (!(depth > 0.0F)) depth = static_cast<float>(std::max(0.0, (view * map.landmark(match.landmark).point).z()));
-  }
-  const int number = map.add(std::move(made));
-  std::vector<char> taken(static_cast<std::size_t>(features.size()), 0);
-  for (const Match& match : matches) {
-    const Landmark& landmark = map.landmark(match.landmark);
-    Sighting seen = sighting(match.feature);
-    if (landmark.borrowed)
-      map.widen(seen, landmark, (view * landmark.point).z());
-    else
-      taken[static_cast<std::size_t>(match.feature)] = 1;
-    map.see(match.landmark, {number, seen});
-  }
-  const View map_from_camera = view.inverse();
-  for (int feature = 0; feature < features.size(); ++feature) {
-    const double inverse_depth = features.inverse_depth(feature) - map.calibration.inverse_depth_offset;
-    if (taken[static_cast<std::size_t>(feature)] || !(features.inverse_depth(feature) > 0.0 && inverse_depth > 1e-3))
-      continue;
-    Landmark landmark;
-    landmark.point = map_from_camera * (map.camera.ray(features.pixel(feature)) / inverse_depth);
-    landmark.descriptor = features.features().descriptors[static_cast<std::size_t>(feature)];
-    const int id = map.add(std::move(landmark));
-    map.see(id, {number, sighting(feature)});
-    map.recent_landmarks.emplace_back(id, map.keyframe(number).serial);
-    matches.push_back({id, features.pixel(feature), Eigen::Vector2d::Zero(), features.level(feature), feature});
-  }
-  return number;
 }
 
 }  // namespace mapweave::visual

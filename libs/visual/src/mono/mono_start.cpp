@@ -14,7 +14,6 @@ constexpr double kLeastKept = 0.5;         // of the tracks, before another firs
 constexpr double kLeastShift = 0.01;       // median motion of the tracks worth a try, in focal lengths
 constexpr double kMiddleDepth_m = 1.0;     // where nothing tells scale
 constexpr double kLeastOdometry_m = 0.02;  // of a motion that tells scale
-constexpr int kCoarsest = 4, kFinest = 2;
 
 template <class Value>
 Value middle_of(std::vector<Value> values) {
@@ -49,14 +48,16 @@ void MonoStart::begin(const Frame& frame, const Pyramid& picture, const ClientOp
 }
 
 void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const ClientOptions& options) {
-  std::vector<Eigen::Vector2d> pixels;
-  std::vector<Eigen::Vector3d> points;
-  for (const Track& track : tracks_) pixels.push_back(track.now), points.push_back(camera.ray(track.now));
-  motion_ = align_frames(last_, pixels, points, picture, camera, motion_, kCoarsest, kFinest).to_from_from;
+  ShownPoints shown;  // as if 1 m away
+  for (const Track& track : tracks_) {
+    shown.pixels.push_back(track.now);
+    shown.points.push_back(camera.ray(track.now));
+  }
+  motion_ = align_frames(last_, shown, picture, camera, motion_).to_from_from;
   last_ = picture;
   std::vector<Track> kept;
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
-    const Eigen::Vector3d carried = motion_ * points[i];
+    const Eigen::Vector3d carried = motion_ * shown.points[i];
     if (!(carried.z() > 0.1)) continue;
     const auto match = align_patch(plain_patch(tracks_[i].patch), picture[tracks_[i].patch.level],
                                    camera.project(carried), static_cast<float>(options.tracking.reach_px));
@@ -67,9 +68,9 @@ void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const Clie
   tracks_ = std::move(kept);
 }
 
-std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session, const Frame& frame,
-                                                  const Pyramid& picture, std::vector<Match>& matches,
-                                                  const ClientOptions& options) {
+std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, const PosedFrame& posed,
+                                                  std::vector<Match>& matches, const ClientOptions& options) {
+  const auto& [frame, picture, session, ignored_view, ignored_motion, driven] = posed;
   if (!tracks_.empty()) follow(picture, map.camera, options);
   if (tracks_.size() < kLeastTracks ||
       static_cast<double>(tracks_.size()) < kLeastKept * static_cast<double>(began_with_)) {
@@ -98,8 +99,9 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, int session,
     matches.push_back({id, pairs[i].second, Eigen::Vector2d::Zero(), tracks_[i].patch.level});
   }
   map.monocular = true;
-  const int first = add_keyframe(map, session, first_frame_, first_, View(), Motion(), {}, first_matches, options);
-  const int last = add_keyframe(map, session, frame, picture, second, Motion(), {}, matches, options);
+  const int first =
+      add_keyframe(map, {first_frame_, first_, session, View(), Motion(), driven}, {}, first_matches, options);
+  const int last = add_keyframe(map, {frame, picture, session, second, Motion(), driven}, {}, matches, options);
   clear();
   return std::pair(first, last);
 }

@@ -10,11 +10,11 @@ namespace mapweave::visual {
 
 class MonoStart {
  public:
-  // The session's first two keyframes once there are any: of an earlier frame and of this one, whose landmarks are in
-  // `matches`. The first camera's frame is the session's. Scale by odometry where both frames have it; otherwise the
-  // landmarks' middle depth is 1 m.
-  std::optional<std::pair<int, int>> add(LandmarkMap& map, int session, const Frame& frame, const Pyramid& picture,
-                                         std::vector<Match>& matches, const ClientOptions& options);
+  // The session's first two keyframes once there are any: of an earlier frame and of this one (whatever
+  // its view), whose landmarks are in `matches`. The first camera's frame is the session's. Scale by odometry where
+  // both frames have it; otherwise the landmarks' middle depth is 1 m.
+  std::optional<std::pair<int, int>> add(LandmarkMap& map, const PosedFrame& frame, std::vector<Match>& matches,
+                                         const ClientOptions& options);
 
   void clear() { tracks_.clear(), first_ = last_ = Pyramid(), first_frame_ = Frame(); }
 

@@ -72,9 +72,9 @@ int BorrowedLandmarks::receive(LandmarkMap& map, int session,
   return taken;
 }
 
-std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, int session, const FrameFeatureGrid& features,
-                                           const View& view, const Motion& motion, const std::vector<Match>& matches,
-                                           double radius_px, double sigma_px) {
+std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, const PosedFeatures& seen,
+                                           const std::vector<Match>& matches, double radius_px) {
+  const auto& [features, sigma_px, session, view, motion] = seen;
   std::vector<char> matched(map.landmarks.size(), 0), taken(static_cast<std::size_t>(features.size()), 0);
   for (const Match& match : matches) matched[static_cast<std::size_t>(match.landmark)] = 1;
   std::vector<Match> result;

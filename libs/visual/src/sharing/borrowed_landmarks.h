@@ -14,16 +14,25 @@ namespace mapweave::visual {
 
 inline constexpr double kFeature_px = 1.0;  // error of a picture's feature on its pyramid's first level
 
+// Features of a picture, and where it was taken.
+struct PosedFeatures {
+  const FrameFeatureGrid& features;
+  double sigma_px = 0.0;  // of a feature on its pyramid's first level
+  int session = 0;
+  View view;
+  Motion motion;
+};
+
 class BorrowedLandmarks {
  public:
   // In the frame of the session's map in memory (its first camera's). Known ones take their new place, in the map too.
   // What is not sound is left out; how many were not is answered.
   int receive(LandmarkMap& map, int session, const std::vector<matching::DescribedLandmark>& landmarks);
 
-  // Those that `features`, seen from `view`, show within `radius_px` of where they should be, as landmarks of the map;
-  // without those in `matches`. `sigma_px`: of a feature on its pyramid's first level.
-  std::vector<Match> look(LandmarkMap& map, int session, const FrameFeatureGrid& features, const View& view,
-                          const Motion& motion, const std::vector<Match>& matches, double radius_px, double sigma_px);
+  // Those that the features show within `radius_px` of where they should be, as landmarks of the map; without those in
+  // `matches`.
+  std::vector<Match> look(LandmarkMap& map, const PosedFeatures& seen, const std::vector<Match>& matches,
+                          double radius_px);
 
   // Of matches just found, those that fit stay; landmarks of the others that no keyframe sees are none again.
   void keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits);

@@ -96,8 +96,9 @@ std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& bor
   const auto drop_all = [&] { borrowed.keep(map, place.matches, std::vector<char>(place.matches.size(), 0)); };
   for (const double reach : {kFar, kClose}) {
     drop_all();
-    place.matches = borrowed.look(map, session, grid, place.view, Motion(), {}, reach * map.camera.width,
-                                  asked.picture.features ? 0.0 : kFeature_px);
+    place.matches =
+        borrowed.look(map, {grid, asked.picture.features ? 0.0 : kFeature_px, session, place.view, Motion()}, {},
+                      reach * map.camera.width);
     const PoseFromPoints pose = agreement(map, place.matches, place.view, options);
     if (pose.count < kLeastShown || pose.count < kShownShare * static_cast<double>(place.matches.size())) {
       drop_all();

@@ -8,8 +8,7 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kCoarsest = 4, kFinest = 2;  // levels of the first alignment
-constexpr std::size_t kPlaces = 12;        // that a picture is compared with, of those that look most alike
+constexpr std::size_t kPlaces = 12;  // that a picture is compared with, of those that look most alike
 
 }  // namespace
 
@@ -47,15 +46,13 @@ View Follower::expected_motion(const Frame& frame) const {
 
 Attempt Follower::follow(const Frame& frame, const Pyramid& picture, double interval_s) {
   if (picture.features) return follow_features(picture, interval_s);
-  std::vector<Eigen::Vector2d> pixels;
-  std::vector<Eigen::Vector3d> points;
+  ShownPoints shown;
   for (const Match& match : matches) {
     const Eigen::Vector3d p = view * map.landmark(match.landmark).point;
     if (p.z() < 0.1) continue;
-    pixels.push_back(map.camera.project(p)), points.push_back(p);
+    shown.pixels.push_back(map.camera.project(p)), shown.points.push_back(p);
   }
-  const View moved_by =
-      align_frames(last, pixels, points, picture, map.camera, expected_motion(frame), kCoarsest, kFinest).to_from_from;
+  const View moved_by = align_frames(last, shown, picture, map.camera, expected_motion(frame)).to_from_from;
   return locate(picture, session, moved_by * view, motion_of(moved_by, interval_s));
 }
 

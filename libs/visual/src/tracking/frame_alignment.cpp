@@ -7,6 +7,7 @@ namespace mapweave::visual {
 namespace {
 
 constexpr float kSoft = 8.0F;  // grey values
+constexpr int kCoarsest = 4;   // level
 constexpr int kSide = 4, kPixels = kSide * kSide, kMostSteps = 10;
 using Vector8f = Eigen::Matrix<float, 8, 1>;
 
@@ -17,18 +18,17 @@ struct Kept {
   Eigen::Matrix<float, 8, 8> hessian;      // of all its pixels
 };
 
-std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eigen::Vector2d>& pixels,
-                       const std::vector<Eigen::Vector3d>& points, const Pinhole& camera) {
+std::vector<Kept> keep(const GreyImage& image, int level, const ShownPoints& shown, const Pinhole& camera) {
   std::vector<Kept> result;
-  result.reserve(points.size());
+  result.reserve(shown.points.size());
   const double scale = 1.0 / (1 << level);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const float x = static_cast<float>(at_level(pixels[i].x(), level)) - (kSide / 2 - 0.5F);
-    const float y = static_cast<float>(at_level(pixels[i].y(), level)) - (kSide / 2 - 0.5F);
+  for (std::size_t i = 0; i < shown.points.size(); ++i) {
+    const float x = static_cast<float>(at_level(shown.pixels[i].x(), level)) - (kSide / 2 - 0.5F);
+    const float y = static_cast<float>(at_level(shown.pixels[i].y(), level)) - (kSide / 2 - 0.5F);
     if (!(x >= 1 && y >= 1 && x + kSide + 1 < static_cast<float>(image.width) &&
           y + kSide + 1 < static_cast<float>(image.height)))
       continue;
-    const Eigen::Vector3d& p = points[i];
+    const Eigen::Vector3d& p = shown.points[i];
     const double z = 1.0 / p.z(), z2 = z * z, fx = camera.fx * scale, fy = camera.fy * scale;
     Eigen::Matrix<float, 2, 6> by_motion;
     by_motion << static_cast<float>(fx * z), 0, static_cast<float>(-fx * p.x() * z2),
@@ -63,15 +63,14 @@ std::vector<Kept> keep(const GreyImage& image, int level, const std::vector<Eige
 
 }  // namespace
 
-FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector2d>& pixels,
-                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to,
-                            const Pinhole& camera, const View& guess, int coarsest, int finest) {
+FrameAlignment align_frames(const Pyramid& from, const ShownPoints& shown, const Pyramid& to, const Pinhole& camera,
+                            const View& guess, int finest) {
   FrameAlignment result;
   result.to_from_from = guess;
   float gain = 0, bias = 0;  // to = from + gain * (from - 128) / 64 + bias
-  for (int level = coarsest; level >= finest; --level) {
+  for (int level = kCoarsest; level >= finest; --level) {
     const GreyImage& image = to[level];
-    const std::vector<Kept> kept = keep(from[level], level, pixels, points_in_from, camera);
+    const std::vector<Kept> kept = keep(from[level], level, shown, camera);
     View best = result.to_from_from;
     float best_error = std::numeric_limits<float>::max();
     View view = result.to_from_from;

@@ -13,9 +13,14 @@ struct FrameAlignment {
   float residual = 0.0F;  // root mean square, grey values
 };
 
-// points_in_from: in the camera frame of `from`, which shows them at pixels (level 0).
-FrameAlignment align_frames(const Pyramid& from, const std::vector<Eigen::Vector2d>& pixels,
-                            const std::vector<Eigen::Vector3d>& points_in_from, const Pyramid& to,
-                            const Pinhole& camera, const View& guess, int coarsest, int finest);
+// What a picture shows, of known depth.
+struct ShownPoints {
+  std::vector<Eigen::Vector2d> pixels;  // level 0
+  std::vector<Eigen::Vector3d> points;  // in the picture's camera frame
+};
+
+// `shown` by the picture `from`. finest: the pyramid's level at which it ends.
+FrameAlignment align_frames(const Pyramid& from, const ShownPoints& shown, const Pyramid& to, const Pinhole& camera,
+                            const View& guess, int finest = 2);
 
 }  // namespace mapweave::visual
