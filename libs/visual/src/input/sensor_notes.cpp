@@ -9,6 +9,8 @@
 namespace mapweave::visual {
 namespace {
 
+constexpr int kNotedAfter = 10;  // frames
+
 template <class... Parts>
 std::string said(const Parts&... parts) {
   std::ostringstream text;
@@ -34,8 +36,7 @@ std::string note_on_pair(const Frame& frame, const LandmarkMap& map, const Clien
          "calibration";
 }
 
-}  // namespace
-
+// Why no depths are known.
 std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const ClientOptions& options) {
   if (!frame.right.empty()) return note_on_pair(frame, map, options);
   std::vector<std::uint16_t> readings;
@@ -56,6 +57,18 @@ std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const Clie
 std::string note_on_delay(double delay_s) {
   return said("the depth pictures are taken ", std::abs(delay_s), " s ", delay_s > 0 ? "after" : "before",
               " the others and not used: check the stamps");
+}
+
+}  // namespace
+
+void SensorNotes::look_at(const Frame& frame) {
+  if (noted_delay_ || frame.depth.image.empty() || !(std::abs(frame.depth.delay_s) > kLongestInterval_s)) return;
+  notes_.push_back(note_on_delay(frame.depth.delay_s));
+  noted_delay_ = true;
+}
+
+void SensorNotes::miss_depth(const Frame& frame, const LandmarkMap& map, const ClientOptions& options) {
+  if (++without_depth_ == kNotedAfter) notes_.push_back(note_on_depth(frame, map, options));
 }
 
 }  // namespace mapweave::visual

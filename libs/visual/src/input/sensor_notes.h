@@ -4,11 +4,22 @@
 #include "mapping/depth.h"
 
 #include <string>
+#include <vector>
 
 namespace mapweave::visual {
 
-// Why no depths are known in a frame that shows enough.
-std::string note_on_depth(const Frame& frame, const LandmarkMap& map, const ClientOptions& options);
-std::string note_on_delay(double delay_s);
+class SensorNotes {
+ public:
+  // Each frame: whether its depth is of its time.
+  void look_at(const Frame& frame);
+  // Each frame that shows enough, and too few depths to begin a map.
+  void miss_depth(const Frame& frame, const LandmarkMap& map, const ClientOptions& options);
+  const std::vector<std::string>& all() const { return notes_; }
+
+ private:
+  std::vector<std::string> notes_;
+  int without_depth_ = 0;  // frames
+  bool noted_delay_ = false;
+};
 
 }  // namespace mapweave::visual

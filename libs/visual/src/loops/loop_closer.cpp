@@ -154,8 +154,8 @@ std::vector<int> VisualLoopCloser::alike(const matching::OrbFeatures& features, 
   return result;
 }
 
-std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder& finder, int newest,
-                                                const Pyramid& picture, const Motion& motion) {
+std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, int newest, const Pyramid& picture,
+                                                const Motion& motion) {
   if (!options_.loops.enabled) return std::nullopt;
   const Keyframe& keyframe = map.keyframe(newest);
   const std::uint32_t now = keyframe.serial;
@@ -178,7 +178,7 @@ std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, LandmarkFinder
         return result;
       });
   for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
-    auto loop = compare(map, finder, newest, static_cast<int>(groups[i].id.index), picture, motion);
+    auto loop = compare(map, newest, static_cast<int>(groups[i].id.index), picture, motion);
     if (!loop) continue;
     const Claim claim{now,
                       keyframe.session,
@@ -233,8 +233,8 @@ VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, s
   return result;
 }
 
-std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier,
-                                                   const Pyramid& picture, const Motion& motion) const {
+std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
+                                                   const Motion& motion) {
   std::vector<int> among = with_covisible(map, earlier, kCovisible), here = with_covisible(map, newest, 2);
   const Place a(map, among), b(map, here);
   matching::VisualJudgeOptions judge;
@@ -251,7 +251,7 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, LandmarkFin
   loop.newest = newest, loop.earlier = earlier;
   loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)),
   loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
-  std::vector<Match> found = finder.find(map, among, picture, loop.view, motion, options_.tracking);
+  std::vector<Match> found = finder_.find(map, among, picture, loop.view, motion, options_.tracking);
   const auto is_weak = [&](const Match& match) {
     return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));
   };

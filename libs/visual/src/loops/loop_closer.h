@@ -34,8 +34,7 @@ class VisualLoopCloser {
   // Keyframes that look most like these features.
   std::vector<int> alike(const matching::OrbFeatures& features, std::size_t most) const;
   // For each new keyframe, once; it must have been added. Answers where the last of several witnesses speaks.
-  std::optional<FoundLoop> look(LandmarkMap& map, LandmarkFinder& finder, int newest, const Pyramid& picture,
-                                const Motion& motion);
+  std::optional<FoundLoop> look(LandmarkMap& map, int newest, const Pyramid& picture, const Motion& motion);
   // The least distance of two places that look the same, as far as is known; infinite where all that was seen is
   // unique.
   double repeats_m() const { return repeats_m_; }
@@ -59,11 +58,12 @@ class VisualLoopCloser {
   };
   Witnesses witnesses_of(const Claim& claim, std::uint32_t serial) const;
   Departure departure_of(const LandmarkMap& map, const FoundLoop& loop) const;
-  std::optional<FoundLoop> compare(LandmarkMap& map, LandmarkFinder& finder, int newest, int earlier,
-                                   const Pyramid& picture, const Motion& motion) const;
+  std::optional<FoundLoop> compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
+                                   const Motion& motion);
   matching::BinaryVocabulary vocabulary_;
   ClientOptions options_;
   matching::PlaceIndex index_;
+  LandmarkFinder finder_;
   matching::BagOfWords last_bag_;
   std::deque<Claim> claims_;
   double repeats_m_ = kUnique_m;

@@ -52,11 +52,6 @@ std::vector<KeyframeMotion> motions_to(const LandmarkMap& map, int session, cons
 // slot.
 std::vector<double> move_keyframes(LandmarkMap& map, int session, const std::vector<KeyframeMotion>& motions);
 
-// A view whose camera's scale grows: (view from the other) with its translation so much longer.
-inline View stretched(View view, double scale) {
-  view.translation *= scale;
-  return view;
-}
 // What keyframes measured themselves grows with them: depths, frames anchored to them. By slot.
 void stretch(LandmarkMap& map, const std::vector<double>& scale_of_keyframe);
 // Newer keyframes of another session become part of the older one; the loop speaks of that one then.

@@ -10,6 +10,7 @@
 #include <mapweave/core/stamp.h>
 #include <mapweave/maps/landmark.h>
 #include <mapweave/matching/orb_features.h>
+#include <mapweave/visual/borrowing.h>
 #include <mapweave/visual/client_options.h>
 
 #include <algorithm>
@@ -109,9 +110,9 @@ struct DepthCandidate {
 
 struct LandmarkMap {
   Pinhole camera;
-  double baseline_m = 0.0;      // to the right camera; 0 without one
-  bool monocular = false;       // nothing measures depth: scale is what each session's first keyframes made it
-  std::vector<int> reanchored;  // sessions whose frame is that of the landmarks of others, not of their first keyframe
+  double baseline_m = 0.0;  // to the right camera; 0 without one
+  bool monocular = false;   // nothing measures depth: scale is what each session's first keyframes made it
+  std::vector<ReanchoredFrame> reanchored;  // sessions whose frame is not that of their first keyframe
   SensorCalibration calibration;
   std::vector<Keyframe> keyframes;
   std::vector<Landmark> landmarks;
@@ -126,7 +127,13 @@ struct LandmarkMap {
   Landmark& landmark(int number) { return landmarks[static_cast<std::size_t>(number)]; }
   const Landmark& landmark(int number) const { return landmarks[static_cast<std::size_t>(number)]; }
   bool is_reanchored(int session) const {
-    return std::find(reanchored.begin(), reanchored.end(), session) != reanchored.end();
+    return std::any_of(reanchored.begin(), reanchored.end(),
+                       [&](const ReanchoredFrame& frame) { return frame.session == session; });
+  }
+  void drop_reanchored(int session) {
+    reanchored.erase(std::remove_if(reanchored.begin(), reanchored.end(),
+                                    [&](const ReanchoredFrame& frame) { return frame.session == session; }),
+                     reanchored.end());
   }
   int keyframe_count() const { return static_cast<int>(keyframes.size() - free_keyframes.size()); }
   View view_of(const Appearance& appearance) const {

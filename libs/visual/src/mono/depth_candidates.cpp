@@ -151,8 +151,9 @@ void become_landmark(LandmarkMap& map, DepthCandidate& candidate, const Motion& 
 
 }  // namespace
 
-void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion,
-                         std::vector<Match>& matches, const TrackingOptions& options) {
+std::vector<Match> look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion,
+                                       std::size_t landmarks, const TrackingOptions& options) {
+  std::vector<Match> matches;
   std::vector<DepthCandidate> kept;
   const std::size_t skipped = map.candidates.size() > kMostCandidates ? map.candidates.size() - kMostCandidates : 0;
   for (std::size_t i = skipped; i < map.candidates.size(); ++i) {
@@ -169,11 +170,12 @@ void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& v
     if (look == Look::found && candidate.landmark >= 0) take_depth(map, candidate);
     const double share_unknown = candidate.sigma / candidate.inverse_depth;
     if (look == Look::found && candidate.landmark < 0 && candidate.found >= kLeastFound &&
-        (share_unknown < kRoughlyKnown || matches.size() < kFewMatches))
+        (share_unknown < kRoughlyKnown || landmarks + matches.size() < kFewMatches))
       become_landmark(map, candidate, motion, view, matches, options);
     if (candidate.landmark < 0 || share_unknown > kKnown) kept.push_back(candidate);
   }
   map.candidates = std::move(kept);
+  return matches;
 }
 
 }  // namespace mapweave::visual

@@ -8,9 +8,9 @@
 
 namespace mapweave::visual {
 
-// Looks for the map's candidates in a picture taken at `view`. Those whose depth is known well enough become landmarks
-// and are added to `matches`; those that are never found, or have waited too long, go.
-void look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion,
-                         std::vector<Match>& matches, const TrackingOptions& options);
+// Looks for the map's candidates in a picture taken at `view`, which shows so many `landmarks`. Those whose depth is
+// known well enough become landmarks, and are answered; those that are never found, or have waited too long, go.
+std::vector<Match> look_for_candidates(LandmarkMap& map, const Pyramid& picture, const View& view, const Motion& motion,
+                                       std::size_t landmarks, const TrackingOptions& options);
 
 }  // namespace mapweave::visual

@@ -64,4 +64,10 @@ int FrameFeatureGrid::find(const matching::OrbDescriptor& descriptor, const Eige
   return best >= 0 && distance <= kClearlyNearest * second ? best : -1;
 }
 
+FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
+  FeatureFrame frame;
+  frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
+  return FrameFeatureGrid(frame, camera);
+}
+
 }  // namespace mapweave::visual

@@ -32,4 +32,7 @@ class FrameFeatureGrid {
   std::vector<int> first_, members_;  // cell by cell
 };
 
+// Of features without depths.
+FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);
+
 }  // namespace mapweave::visual

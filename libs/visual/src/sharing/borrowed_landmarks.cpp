@@ -14,6 +14,10 @@ constexpr double kFoundShare = 0.3;
 constexpr double kLeastCosine = 0.5, kMostRangeRatio = 2.5;  // of how it was seen by others
 constexpr double kBorder = 8.0;                              // pixels
 
+constexpr double kReach = 0.02, kLeastReach_px = 8.0;  // widths of the picture: how far keyframes look
+constexpr std::size_t kLeastTogether = 12;
+constexpr double kNear_m = 0.3, kNear_rad = 0.1;
+
 struct Expected {
   Eigen::Vector2d pixel, feature;
 };
@@ -38,6 +42,37 @@ std::optional<Expected> expected(const matching::DescribedLandmark& known, const
 }
 
 }  // namespace
+
+std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
+                                         const Pose3& robot_from_camera) {
+  const Pose3 camera_from_robot = inverse(robot_from_camera);
+  std::vector<DescribedLandmark> result;
+  for (const DescribedLandmark& landmark : landmarks)
+    if (landmark.id.session != own) result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
+  return result;
+}
+
+PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
+                         const TrackingOptions& options) {
+  std::vector<Sighting> sightings;
+  for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.sigma_px, &view));
+  if (found.size() >= kLeastTogether) {
+    PoseFromPoints pose = pose_from_points(sightings, map.camera, view, map.calibration, options.gate_sigmas);
+    const View apart = pose.view * view.inverse();
+    if (2 * pose.count > static_cast<int>(found.size()) && apart.translation.norm() < kNear_m &&
+        Eigen::AngleAxisd(apart.rotation).angle() < kNear_rad)
+      return pose;
+  }
+  PoseFromPoints here;
+  here.view = view;
+  Residual r;
+  for (const Sighting& sighting : sightings) {
+    here.fits.push_back(residual_of(sighting, view * sighting.point_in_map, map.camera, map.calibration, r) &&
+                        r.value.head<2>().norm() < options.gate_sigmas);
+    here.count += here.fits.back();
+  }
+  return here;
+}
 
 bool BorrowedLandmarks::is_held(const LandmarkMap& map, Entry& entry) const {
   if (entry.slot < 0) return false;
@@ -102,6 +137,18 @@ std::vector<Match> BorrowedLandmarks::look(LandmarkMap& map, const PosedFeatures
   return result;
 }
 
+void BorrowedLandmarks::look_in_keyframe(LandmarkMap& map, int keyframe, const PosedFrame& frame,
+                                         std::vector<Match>& matches, const TrackingOptions& options) {
+  if (size() == 0) return;
+  const auto& features = frame.picture.features;
+  const FrameFeatureGrid grid = features ? *features : grid_of(map.keyframe(keyframe).features, map.camera);
+  const PosedFeatures seen{grid, features ? 0.0 : kFeature_px, frame.session, frame.view, frame.motion};
+  std::vector<Match> found = look(map, seen, matches, std::max(kLeastReach_px, kReach * map.camera.width));
+  keep(map, found, agreement(map, found, frame.view, options).fits);
+  for (const Match& match : found) see_borrowed(map, keyframe, frame.picture, match, options.sigma_px);
+  matches.insert(matches.end(), found.begin(), found.end());
+}
+
 void BorrowedLandmarks::keep(LandmarkMap& map, std::vector<Match>& matches, const std::vector<char>& fits) {
   std::vector<Match> kept;
   for (std::size_t i = 0; i < matches.size(); ++i) {
@@ -144,6 +191,11 @@ void BorrowedLandmarks::limit(LandmarkMap& map) {
 }
 
 void BorrowedLandmarks::forget(LandmarkMap& map, int session) {
+  if (size() > 0) ++times_forgotten_;
+  drop(map, session);
+}
+
+void BorrowedLandmarks::drop(LandmarkMap& map, int session) {
   for (auto entry = entries_.begin(); entry != entries_.end();) {
     if (entry->second.session != session) {
       ++entry;

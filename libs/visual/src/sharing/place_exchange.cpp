@@ -7,50 +7,11 @@ namespace mapweave::visual {
 namespace {
 
 constexpr std::size_t kWaitedFor = 4;
-constexpr std::size_t kLeastTogether = 12;
-constexpr double kNear_m = 0.3, kNear_rad = 0.1;
 constexpr double kFar = 0.05, kClose = 0.015;  // widths of the picture: where a landmark is looked for
 constexpr int kLeastShown = 20;
 constexpr double kShownShare = 0.6;  // of the landmarks found
 
 }  // namespace
-
-FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera) {
-  FeatureFrame frame;
-  frame.features = features, frame.inverse_depths.assign(features.points.size(), 0.0F);
-  return FrameFeatureGrid(frame, camera);
-}
-
-std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
-                                         const Pose3& robot_from_camera) {
-  const Pose3 camera_from_robot = inverse(robot_from_camera);
-  std::vector<DescribedLandmark> result;
-  for (const DescribedLandmark& landmark : landmarks)
-    if (landmark.id.session != own) result.push_back(matching::transformed(landmark, {camera_from_robot, 1.0}));
-  return result;
-}
-
-PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
-                         const TrackingOptions& options) {
-  std::vector<Sighting> sightings;
-  for (const Match& match : found) sightings.push_back(map.sighting_of(match, options.sigma_px, &view));
-  if (found.size() >= kLeastTogether) {
-    PoseFromPoints pose = pose_from_points(sightings, map.camera, view, map.calibration, options.gate_sigmas);
-    const View apart = pose.view * view.inverse();
-    if (2 * pose.count > static_cast<int>(found.size()) && apart.translation.norm() < kNear_m &&
-        Eigen::AngleAxisd(apart.rotation).angle() < kNear_rad)
-      return pose;
-  }
-  PoseFromPoints here;
-  here.view = view;
-  Residual r;
-  for (const Sighting& sighting : sightings) {
-    here.fits.push_back(residual_of(sighting, view * sighting.point_in_map, map.camera, map.calibration, r) &&
-                        r.value.head<2>().norm() < options.gate_sigmas);
-    here.count += here.fits.back();
-  }
-  return here;
-}
 
 std::optional<PlaceRequest> PlaceExchange::request(const LandmarkMap& map, const ClientPlace& place,
                                                    const ClientOptions& options) {

@@ -14,15 +14,6 @@ struct UnplacedFrame {
   matching::OrbFeatures features;  // that were asked with
 };
 
-// What landmarks that were found by their descriptors say of the view: those that agree with each other near `view`, or
-// where they are too few for that, with `view` itself.
-PoseFromPoints agreement(const LandmarkMap& map, const std::vector<Match>& found, const View& view,
-                         const TrackingOptions& options);
-
-// Those that `own` did not make, in the frame of the map in memory: that of the first camera, not of the robot.
-std::vector<DescribedLandmark> of_others(const std::vector<DescribedLandmark>& landmarks, const SessionId& own,
-                                         const Pose3& robot_from_camera);
-
 class PlaceExchange {
  public:
   // Of each frame that was not placed; the last one counts.
@@ -45,8 +36,5 @@ struct CheckedPlace {
 };
 std::optional<CheckedPlace> check_place(LandmarkMap& map, BorrowedLandmarks& borrowed, int session,
                                         const UnplacedFrame& asked, const View& view, const TrackingOptions& options);
-
-// Features of a picture, as what a landmark's descriptor is looked for in.
-FrameFeatureGrid grid_of(const matching::OrbFeatures& features, const Pinhole& camera);
 
 }  // namespace mapweave::visual
