@@ -70,7 +70,8 @@ void MonoStart::follow(const Pyramid& picture, const Pinhole& camera, const Clie
 
 std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, const PosedFrame& posed,
                                                   std::vector<Match>& matches, const ClientOptions& options) {
-  const auto& [frame, picture, session, ignored_view, ignored_motion, driven] = posed;
+  const Frame& frame = posed.frame;
+  const Pyramid& picture = posed.picture;
   if (!tracks_.empty()) follow(picture, map.camera, options);
   if (tracks_.size() < kLeastTracks ||
       static_cast<double>(tracks_.size()) < kLeastKept * static_cast<double>(began_with_)) {
@@ -99,9 +100,10 @@ std::optional<std::pair<int, int>> MonoStart::add(LandmarkMap& map, const PosedF
     matches.push_back({id, pairs[i].second, Eigen::Vector2d::Zero(), tracks_[i].patch.level});
   }
   map.monocular = true;
-  const int first =
-      add_keyframe(map, {first_frame_, first_, session, View(), Motion(), driven}, {}, first_matches, options);
-  const int last = add_keyframe(map, {frame, picture, session, second, Motion(), driven}, {}, matches, options);
+  const int first = add_keyframe(map, {first_frame_, first_, posed.session, View(), Motion(), posed.driven}, {},
+                                 first_matches, options);
+  const int last =
+      add_keyframe(map, {frame, picture, posed.session, second, Motion(), posed.driven}, {}, matches, options);
   clear();
   return std::pair(first, last);
 }

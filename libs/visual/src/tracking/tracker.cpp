@@ -121,7 +121,7 @@ bool Tracker::is_followed(const LandmarkMap& map, const Attempt& attempt, Stamp 
   return just_now && visual::is_good(map, attempt, true, options_.tracking);
 }
 
-std::optional<Station> Tracker::left_the_way(const Attempt& attempt, Stamp now) const {
+std::optional<Station> Tracker::astray_since(const Attempt& attempt, Stamp now) const {
   if (!recent_.contradict(attempt, {now, driven_, attempt.pose.view}, options_.session)) return std::nullopt;
   return recent_.oldest();
 }
