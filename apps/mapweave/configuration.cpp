@@ -21,6 +21,7 @@ LoadedConfiguration load_configuration(const std::filesystem::path& file, std::v
   if (flags.seed) sources.settings.push_back("seed=" + std::to_string(*flags.seed));
   loaded.origins = load(loaded.configuration, sources);
   runtime::complete_starts(loaded.configuration, loaded.origins);
+  runtime::read_vocabulary(loaded.configuration, loaded.origins);
   return loaded;
 }
 

@@ -200,6 +200,14 @@ TEST(ShippedVocabulary, holds_ten_thousand_words) {
   EXPECT_EQ(&shipped_vocabulary(), &vocabulary);
 }
 
+TEST(ChosenVocabulary, is_the_shipped_one_unless_another_is_given) {
+  EXPECT_EQ(&ChosenVocabulary().get(), &shipped_vocabulary());
+  const BinaryVocabulary own = trained(planted(1).pictures, 3, 2);
+  const ChosenVocabulary given(own);
+  EXPECT_TRUE(given.is_given());
+  EXPECT_EQ(given.get().hash(), own.hash());
+}
+
 TEST(VocabularyFile, names_the_line_that_is_wrong) {
   const std::string head = "2 2 0 0\n", good = line(0, 1, 5);
   const auto message = [](const std::string& text) -> std::string {

@@ -10,6 +10,12 @@ namespace {
 
 using testing::HasSubstr;
 
+std::string zeros(int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += " 0";
+  return text;
+}
+
 struct PlanTest : testing::Test {
   PlanTest() {
     for (const char* log : {"a.rawlog", "b.rawlog", "c.rawlog"}) write_file(folder / log, "a log");
@@ -66,6 +72,23 @@ TEST_F(PlanTest, refuses_wires_of_nobody_and_traces_that_are_not_there) {
   EXPECT_EQ(complaint(), "none");
   configuration.network.edge_cloud.trace = "nothing.csv";
   EXPECT_THAT(complaint(), HasSubstr("nothing.csv"));
+}
+
+TEST_F(PlanTest, takes_a_vocabulary_beside_the_configuration_for_cameras_and_merges) {
+  write_file(folder / "words.txt", "2 1 0 0\n0 1" + zeros(31) + " 7 1\n0 1" + zeros(32) + " 1\n");
+  origins.set("visual.vocabulary", {"team.yaml:3", folder / "team.yaml"});
+  configuration.visual.vocabulary = "words.txt";
+  read_vocabulary(configuration, origins);
+  EXPECT_EQ(configuration.visual.vocabulary, (folder / "words.txt").string());
+  EXPECT_EQ(configuration.visual.chosen_vocabulary.get().words(), 2U);
+  EXPECT_EQ(configuration.fusion.visual.vocabulary.get().hash(), configuration.visual.chosen_vocabulary.get().hash());
+  configuration.visual.vocabulary = "none.txt";
+  try {
+    read_vocabulary(configuration, origins);
+    FAIL() << "there is no such file";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(HasSubstr("none.txt"), HasSubstr("team.yaml:3")));
+  }
 }
 
 TEST_F(PlanTest, refuses_an_edge_that_is_not_among_those_listed) {

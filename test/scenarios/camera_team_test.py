@@ -41,6 +41,39 @@ class CameraTeam(support.Scenario):
         self.assertTrue(any(merge["accepted"] and merge["kind"] == "vision" for merge in merges), merges)
         self.assertLess(self.error("seen/team/trajectories/beta.tum"), 0.08)
 
+    def test_a_team_maps_and_merges_with_a_vocabulary_of_its_own(self):
+        for name, shape in (("words/own.txt.gz", (4, 3)), ("words/other.txt.gz", (3, 2))):
+            (self.folder / name).parent.mkdir(exist_ok=True)
+            self.mapweave("vocabulary", "train", self.world / "alpha.rawlog", "--branching", shape[0], "--levels", shape[1], "--out", name)
+        robots = "".join(f"  - {{log: {json.dumps(str(self.world / log))}}}\n" for log in ("alpha.rawlog", "beta.rawlog"))
+        self.write("words/team.yaml", f"robots:\n{robots}sensor: rgbd\nserver: {{share: full}}\nvisual: {{vocabulary: own.txt.gz}}\n")
+        self.mapweave("run", "words/team.yaml", "--out", "team")
+        hashed = json.loads(self.mapweave("vocabulary", "info", "words/own.txt.gz", "--json").stdout)["hash"]
+        inputs = [pathlib.Path(entry["path"]).name for entry in self.read_json("team/manifest.json")["inputs"]]
+        self.assertIn("own.txt.gz", inputs)
+        self.assertTrue(any(merge["accepted"] for merge in self.read_json("team/merges.json")))
+
+        # Maps hold no words: they may be merged with any vocabulary, and a note says that it is another one.
+        self.mapweave("merge", "team", "--out", "shipped")
+        notes = [note for note in self.read_json("shipped/summary.json")["notes"] if "vocabulary" in note]
+        self.assertEqual(len(notes), 1, notes)
+        self.assertIn(hashed, notes[0])
+        for name, count in (("own", 0), ("other", 1)):
+            self.mapweave("merge", "team", "--set", f"visual.vocabulary=words/{name}.txt.gz", "--out", name)
+            notes = self.read_json(f"{name}/summary.json").get("notes", [])
+            self.assertEqual(len([note for note in notes if "vocabulary" in note]), count, notes)
+        judged = [sorted(map(str, self.read_json(f"{name}/merges.json"))) for name in ("own", "other")]
+        self.assertNotEqual(*judged)
+
+    def test_a_vocabulary_that_is_none_is_refused(self):
+        self.write("bad.txt", "10 4 0 0\n0 0 1 2 3\n")
+        done = self.mapweave("run", self.world / "run.yaml", "--set", "visual.vocabulary=bad.txt", "--out", "no", code=support.BAD_INPUT)
+        self.assert_says(done, "bad.txt:2")
+        self.write("team.yaml", f"robots: [{{id: alpha, log: {json.dumps(str(self.world / 'alpha.rawlog'))}}}]\nvisual: {{vocabulary: none.txt}}\n")
+        done = self.mapweave("run", "team.yaml", "--out", "no", code=support.BAD_INPUT)
+        self.assert_says(done, "there is no vocabulary", "none.txt", "team.yaml")
+        self.assert_nothing_left("no")
+
     def team_error(self, out):
         """One alignment for both robots: beta's stamps are moved behind alpha's."""
         def together(name, paths):

@@ -273,6 +273,7 @@ visual.memory.found_share 0.99
 visual.session.patience_s 0.3
 """,
     "ring": """
+visual.vocabulary {words}
 visual.loops.enabled false
 visual.loops.witnesses 1
 visual.loops.least_probability 0.9999

@@ -87,6 +87,7 @@ robots: [{{id: alpha, length_m: 1}}]
 INPUTS = {name: ("simulate", f"{{written}}/{name}.world.yaml") for name in WORLDS}
 SHORT_SUBMAPS = ("--threads", "1", "--set", "laser.graph.front_end.submap_length_m=3")
 INPUTS["maps"] = ("run", "{lasers}/run.yaml", *SHORT_SUBMAPS, "--set", "cloud.push_to=[alpha]")
+INPUTS["words"] = ("vocabulary", "train", "{cameras}/alpha.rawlog", "--branching", "3", "--levels", "1")
 INPUTS["model"] = ("profile", "{maps}")
 INPUTS["doubles"] = ("run", "{alike}/run.yaml", *SHORT_SUBMAPS, "--set", "laser.graph.front_end.submap_length_m=2")
 INPUTS["seen"] = ("run", "{cameras}/run.yaml", "--threads", "1", "--set", "sensor=rgbd")

@@ -121,6 +121,19 @@ std::string with_nan(std::string bytes, double number) {
   return bytes;
 }
 
+TEST(VisualServer, takes_clients_of_the_vocabulary_that_it_was_given_and_no_others) {
+  matching::VocabularyPictures picture;
+  picture.add({matching::OrbDescriptor{}, {1, 2, 3, 4}});
+  const matching::BinaryVocabulary own = matching::train_vocabulary(picture, {}, *make_silent_progress());
+  fusion::FusionOptions options;
+  options.visual.vocabulary = matching::ChosenVocabulary(own);
+  VisualServer server(TierId("edge"), {}, options);
+  EXPECT_EQ(server.vocabulary(), own.hash());
+  const SessionId alpha = received_updates().front().from;
+  EXPECT_NO_THROW(server.greet({alpha, own.hash()}));
+  EXPECT_THROW(server.greet(hello_of(alpha)), Error);
+}
+
 TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   VisualServer server(TierId("edge"), {}, {});
   const SessionId alpha = received_updates().front().from;

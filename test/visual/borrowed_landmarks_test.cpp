@@ -1,4 +1,4 @@
-#include "borrowed_landmarks.h"
+#include "sharing/borrowed_landmarks.h"
 
 #include <mapweave/core/error.h>
 
@@ -32,7 +32,7 @@ class BorrowedLandmarksTest : public testing::Test {
     FeatureFrame frame;
     frame.features = features;
     frame.inverse_depths.assign(features.points.size(), 0.0F);
-    return borrowed.look(map, 0, FrameFeatureGrid(frame, map.camera), View(), Motion(), matches, radius_px, 0.0);
+    return borrowed.look(map, {FrameFeatureGrid(frame, map.camera), 0.0, 0, View(), Motion()}, matches, radius_px);
   }
   void see(const std::vector<Match>& matches) {
     for (const Match& match : matches) map.see(match.landmark, {0, map.sighting_of(match, 0.5)});

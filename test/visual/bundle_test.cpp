@@ -1,4 +1,4 @@
-#include "bundle.h"
+#include "geometry/bundle.h"
 
 #include <gtest/gtest.h>
 #include <random>

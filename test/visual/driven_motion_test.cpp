@@ -1,4 +1,4 @@
-#include "driven_motion.h"
+#include "geometry/driven_motion.h"
 
 #include <support/painted_room.h>
 

@@ -1,4 +1,4 @@
-#include "feature_grid.h"
+#include "pictures/feature_grid.h"
 
 #include <mapweave/core/error.h>
 #include <mapweave/visual/visual_client.h>

@@ -1,5 +1,5 @@
-#include "frame_alignment.h"
-#include "detector.h"
+#include "tracking/frame_alignment.h"
+#include "pictures/detector.h"
 
 #include <support/painted_room.h>
 
@@ -10,12 +10,8 @@ namespace {
 
 const test::PaintedRoom room;
 
-struct Seen {
-  std::vector<Eigen::Vector2d> pixels;
-  std::vector<Eigen::Vector3d> points;
-};
-Seen corners_of(const Pyramid& picture, const Pose3& pose) {
-  Seen seen;
+ShownPoints corners_of(const Pyramid& picture, const Pose3& pose) {
+  ShownPoints seen;
   for (const Corner& corner : detect_corners(picture, {}, {})) {
     seen.pixels.push_back(corner.pixel);
     seen.points.push_back(room.camera.ray(corner.pixel) *
@@ -28,10 +24,9 @@ void expect_motion(const Pose3& from, const Pose3& to, double gain, double bias)
   const Pyramid before = make_pyramid(room.frame(Stamp(), from).grey);
   GreyImage grey = room.frame(Stamp(), to).grey;
   for (auto& value : grey.pixels) value = static_cast<std::uint8_t>(std::clamp(gain * value + bias, 0.0, 255.0));
-  const Seen seen = corners_of(before, from);
+  const ShownPoints seen = corners_of(before, from);
   ASSERT_GT(seen.points.size(), 40U);
-  const FrameAlignment aligned =
-      align_frames(before, seen.pixels, seen.points, make_pyramid(grey), room.camera, View(), 4, 1);
+  const FrameAlignment aligned = align_frames(before, seen, make_pyramid(grey), room.camera, View(), 1);
   const Pose3 truth = between(from, to), found = pose_of(aligned.to_from_from);
   EXPECT_LT((found.t - truth.t).norm(), 0.01);
   EXPECT_LT(found.q.angularDistance(truth.q), 0.003);
@@ -48,7 +43,7 @@ TEST(FrameAlignment, keeps_the_guess_where_there_is_nothing_to_see) {
   const Pyramid picture = make_pyramid(room.frame(Stamp(), test::standing(0, 0, 0)).grey);
   View guess;
   guess.translation.x() = 0.25;
-  const FrameAlignment aligned = align_frames(picture, {}, {}, picture, room.camera, guess, 4, 2);
+  const FrameAlignment aligned = align_frames(picture, {}, picture, room.camera, guess);
   EXPECT_EQ(aligned.points, 0);
   EXPECT_EQ(aligned.to_from_from.translation, guess.translation);
 }

@@ -1,4 +1,4 @@
-#include "culling.h"
+#include "mapping/culling.h"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-#include "map_correction.h"
+#include "loops/map_correction.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "motion_prior.h"
+#include "input/motion_prior.h"
 
 #include <mrpt/obs/CObservationIMU.h>
 #include <mrpt/obs/CObservationOdometry.h>

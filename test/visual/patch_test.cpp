@@ -1,5 +1,5 @@
-#include "patch.h"
-#include "detector.h"
+#include "pictures/patch.h"
+#include "pictures/detector.h"
 
 #include <support/painted_room.h>
 

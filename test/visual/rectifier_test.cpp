@@ -1,4 +1,4 @@
-#include "rectifier.h"
+#include "input/rectifier.h"
 
 #include <support/painted_room.h>
 

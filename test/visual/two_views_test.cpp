@@ -1,4 +1,4 @@
-#include "two_views.h"
+#include "mono/two_views.h"
 
 #include <gtest/gtest.h>
 #include <Eigen/LU>

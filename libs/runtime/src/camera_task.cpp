@@ -4,7 +4,6 @@
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
-#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/runtime/memory.h>
 #include <mapweave/runtime/metrics.h>
@@ -29,8 +28,9 @@ const char* name_of(visual::CameraKind kind) {
 // A camera with its client, which begins with the first frame.
 class Camera {
  public:
-  Camera(const ChosenCamera& chosen, const visual::ClientOptions& options)
+  Camera(const ChosenCamera& chosen, const VisualOptions& options, std::uint64_t seed)
       : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
+    options_.client.seed = seed;
     report_.label = chosen.label, report_.kind = name_of(chosen.kind);
   }
 
@@ -39,7 +39,8 @@ class Camera {
     const auto frame = packer_(record);
     if (!frame) return;
     if (!client_) {
-      client_.emplace(packer_.rig()->camera, packer_.rig()->baseline_m, options_, matching::shipped_vocabulary());
+      client_.emplace(packer_.rig()->camera, packer_.rig()->baseline_m, options_.client,
+                      options_.chosen_vocabulary.get());
       first_ = frame->stamp;
     }
     if (frame->odometry_from_camera)
@@ -128,7 +129,7 @@ class Camera {
 
   ChosenCamera chosen_;
   visual::FramePacker packer_;
-  visual::ClientOptions options_;
+  VisualOptions options_;
   std::optional<visual::VisualClient> client_;
   CameraReport report_;
   SheetCollector sheet_;
@@ -242,9 +243,8 @@ CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, c
   constexpr std::uint64_t kKilobyte = 1000;
   keep_room_for_pictures();
   state_->robot = robot, state_->rig = configuration.rig, state_->keep_going = keep_going;
-  visual::ClientOptions options = configuration.visual.client;
-  options.seed = configuration.seed;
-  for (const ChosenCamera& camera : chosen.cameras) state_->cameras.emplace_back(camera, options);
+  for (const ChosenCamera& camera : chosen.cameras)
+    state_->cameras.emplace_back(camera, configuration.visual, configuration.seed);
   state_->guarded([&] {
     state_->log = rawlog::open_log(robot.log, configuration.reading);
     state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");

@@ -30,6 +30,11 @@ void add_what_differs(const OptionFields& values, const OptionFields& others, co
   }
 }
 
+// Empty: the shipped one.
+std::string hash_of_given(const matching::ChosenVocabulary& vocabulary) {
+  return vocabulary.is_given() ? to_hex(vocabulary.get().hash()) : std::string();
+}
+
 }  // namespace
 
 KeptRequests kept_requests(std::vector<fusion::MapPrior> priors, const fusion::FusionOptions& options) {
@@ -40,6 +45,7 @@ KeptRequests kept_requests(std::vector<fusion::MapPrior> priors, const fusion::F
   fusion::FusionOptions given = options, plain;
   plain.cache_mb = given.cache_mb;  // decides nothing
   add_what_differs(fields_of(given), fields_of(plain), "fusion", kept.options);
+  kept.vocabulary = hash_of_given(options.visual.vocabulary);
   return kept;
 }
 
@@ -64,6 +70,7 @@ void keep(const KeptRequests& kept, const std::vector<MapId>& maps, std::map<std
                                 {"sigma_m", prior.sigma_m},
                                 {"sigma_rad", prior.sigma_rad}});
   if (!kept.options.empty()) json["options"] = kept.options;
+  if (!kept.vocabulary.empty()) json["vocabulary"] = kept.vocabulary;
   if (!json.empty()) metadata[kKey] = json.dump();
 }
 
@@ -82,11 +89,20 @@ KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const s
                              prior.at("sigma_m").get<double>(), prior.at("sigma_rad").get<double>()});
     }
     kept.options = json.value("options", std::vector<std::string>());
+    kept.vocabulary = json.value("vocabulary", std::string());
   } catch (const Json::exception&) {
     throw Error(ErrorCode::kCorrupt, "what was said when it was merged cannot be read", where,
                 "merge its robots' own maps again");
   }
   return kept;
+}
+
+void note_vocabulary(const KeptRequests& kept, const fusion::FusionOptions& options, std::vector<std::string>& notes) {
+  if (kept.vocabulary == hash_of_given(options.visual.vocabulary)) return;
+  const auto named = [](const std::string& hash) { return hash.empty() ? "the one that mapweave brings" : hash; };
+  notes.push_back("the team was made with another vocabulary (" + named(kept.vocabulary) +
+                  "); this merge recognises places by " + named(hash_of_given(options.visual.vocabulary)) +
+                  " (visual.vocabulary)");
 }
 
 void apply(const KeptRequests& kept, fusion::FusionInput& input, std::vector<std::string>& notes) {

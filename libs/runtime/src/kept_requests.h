@@ -15,6 +15,7 @@ struct KeptRequests {
   std::set<std::pair<MapId, MapId>> refused;  // the lower id first
   std::vector<fusion::MapPrior> priors;
   std::vector<std::string> options;  // that decide and are not as by default: "fusion.merge_probability=0.9"
+  std::string vocabulary;            // hash of the one that was given; empty: the shipped one
 };
 
 KeptRequests kept_requests(const fusion::FusionInput&, const fusion::FusionOptions&);
@@ -25,6 +26,8 @@ void keep(const KeptRequests&, const std::vector<MapId>& maps, std::map<std::str
 // What a store keeps; nothing of one that keeps none. Throws Error(kCorrupt) for what is no such text.
 KeptRequests kept_in(const std::map<std::string, std::string>& metadata, const std::string& where);
 
+// A note where the team was made with another vocabulary than a merge of `options` works with.
+void note_vocabulary(const KeptRequests&, const fusion::FusionOptions& options, std::vector<std::string>& notes);
 // Adds what concerns two maps of the input, unless a prior of the same two is there already. A note for each.
 void apply(const KeptRequests&, fusion::FusionInput&, std::vector<std::string>& notes);
 

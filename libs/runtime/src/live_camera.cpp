@@ -1,6 +1,5 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
-#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_camera.h>
 
 #include <utility>
@@ -14,7 +13,8 @@ LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double 
     : place_(std::move(place)),
       link_(std::move(link)),
       agent_(place_, options.uplink),
-      client_(camera, baseline_m, std::move(options.client), matching::shipped_vocabulary(),
+      vocabulary_(options.vocabulary.get().hash()),
+      client_(camera, baseline_m, std::move(options.client), options.vocabulary.get(),
               [this, period_s = 1.0 / options.share_rate_hz](visual::VisualClient& client, Stamp now,
                                                              const visual::Tracked&) {
                 if (last_ && seconds_between(*last_, now) < period_s) return;
@@ -64,7 +64,7 @@ bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   }
   const auto run = client.run(place_);
   if (!run) return false;
-  if (!greeted_) greeted_ = send(Kind::hello, encode(Hello{*run, matching::shipped_vocabulary().hash()}));
+  if (!greeted_) greeted_ = send(Kind::hello, encode(Hello{*run, vocabulary_}));
   if (!welcome_) return true;  // what the server has already is not published again
   bool is_taken = true;
   const std::vector<std::string> updates = agent_.updates(client, now);

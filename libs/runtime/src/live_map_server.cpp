@@ -5,7 +5,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/interrupt.h>
 #include <mapweave/core/log.h>
-#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/live_map_server.h>
 
 #include <algorithm>
@@ -111,7 +110,7 @@ struct LiveMapServer::State {
       if (entry.vetoed) return maps.veto(*entry.vetoed);
       ++count;
       try {
-        maps.greet({entry.from, matching::shipped_vocabulary().hash()});
+        maps.greet({entry.from, maps.vocabulary()});
         maps.receive(entry.from, entry.update);
       } catch (const Error& error) {
         throw Error(ErrorCode::kCorrupt, std::string("an update of it does not fit: ") + error.what(), path.string(),

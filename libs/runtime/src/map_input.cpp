@@ -4,7 +4,6 @@
 #include <mapweave/fusion/raster_doubt.h>
 #include <mapweave/mapdb/map_store.h>
 #include <mapweave/mapdb/update_journal.h>
-#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/tiers/visual_server.h>
 
@@ -20,7 +19,7 @@ std::vector<Map> maps_of_journal(const std::filesystem::path& path) {
   journal.replay([&](const mapdb::JournalEntry& entry) {
     if (entry.vetoed) return;
     try {
-      server.greet({entry.from, matching::shipped_vocabulary().hash()});
+      server.greet({entry.from, server.vocabulary()});
       server.receive(entry.from, entry.update);
     } catch (const Error& error) {
       throw Error(ErrorCode::kCorrupt, std::string("an update of it does not fit: ") + error.what(), path.string(),

@@ -155,7 +155,10 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   input.by = cloud_tier();
   input.maps = inputs.maps;
   apply(settings.requests, input);
-  for (const KeptRequests& kept : inputs.kept) apply(kept, input, report.notes);
+  for (const KeptRequests& kept : inputs.kept) {
+    apply(kept, input, report.notes);
+    note_vocabulary(kept, configuration.fusion, report.notes);
+  }
   // What is said counts the same in any order.
   std::sort(input.priors.begin(), input.priors.end(),
             [](const auto& l, const auto& r) { return std::tie(l.a, l.b) < std::tie(r.a, r.b); });

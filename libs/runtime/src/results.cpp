@@ -267,7 +267,10 @@ void Results::commit(const std::string& verb, const RunConfiguration& effective,
   write_file(staging / "config.yaml", to_yaml(effective));
   write_file(staging / "summary.json", summary_json(report).dump(2) + "\n");
   if (verb != "slam") write_file(staging / "merges.json", merges_json(report).dump(2) + "\n");
-  write_file(staging / "manifest.json", manifest_json(verb, effective.seed, inputs, staging).dump(2) + "\n");
+  std::vector<InputFile> all_inputs = inputs;
+  if (const std::string& vocabulary = effective.visual.vocabulary; !vocabulary.empty())
+    all_inputs.push_back({vocabulary, hash_of_file(vocabulary)});
+  write_file(staging / "manifest.json", manifest_json(verb, effective.seed, all_inputs, staging).dump(2) + "\n");
   folder_.commit();
 }
 

@@ -229,6 +229,21 @@ void complete_starts(RunConfiguration& configuration, const Origins& origins) {
   }
 }
 
+void read_vocabulary(RunConfiguration& configuration, const Origins& origins) {
+  constexpr const char* kKey = "visual.vocabulary";
+  VisualOptions& visual = configuration.visual;
+  if (visual.vocabulary.empty()) return;
+  const auto path =
+      std::filesystem::absolute(origins.file_of(kKey).parent_path() / visual.vocabulary).lexically_normal();
+  std::error_code unreadable;
+  if (!std::filesystem::is_regular_file(path, unreadable))
+    throw Error(ErrorCode::kMissing, "there is no vocabulary " + path.string(), origins.place_of(kKey),
+                origins.file_of(kKey).empty() ? "check its path" : "paths are relative to the configuration file");
+  visual.vocabulary = path.string();
+  visual.chosen_vocabulary = matching::ChosenVocabulary(matching::load_vocabulary(path));
+  configuration.fusion.visual.vocabulary = visual.chosen_vocabulary;
+}
+
 EdgeEntry edge_entry(const RunConfiguration& configuration, const TierId& edge) {
   for (const EdgeEntry& entry : configuration.edges)
     if (entry.id == edge.str()) return entry;

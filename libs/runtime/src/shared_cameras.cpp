@@ -1,7 +1,6 @@
 #include "shared_cameras.h"
 
 #include <mapweave/core/log.h>
-#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 
@@ -14,16 +13,19 @@ namespace {
 // One camera's end of the wire; everything goes through the bytes that a network would carry.
 class Link {
  public:
-  Link(const CameraTask::Client& client, const tiers::UplinkOptions& uplink)
-      : client_(client.client), report_(client.report), agent_(client.place, uplink), place_(client.place) {}
+  Link(const CameraTask::Client& client, const RunConfiguration& configuration)
+      : client_(client.client),
+        report_(client.report),
+        agent_(client.place, configuration.uplink),
+        place_(client.place),
+        vocabulary_(configuration.visual.chosen_vocabulary.get().hash()) {}
 
   // Its maps, and where it is.
   void publish(tiers::VisualServer& server, Stamp now) {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
-      agent_.reconnected(
-          *client_, server.greet(decode_hello(encode(Hello{*run, matching::shipped_vocabulary().hash()}), "hello")));
+      agent_.reconnected(*client_, server.greet(decode_hello(encode(Hello{*run, vocabulary_}), "hello")));
       greeted_ = true;
     }
     for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);
@@ -56,6 +58,7 @@ class Link {
   CameraReport* report_;
   tiers::CameraAgent agent_;
   visual::ClientPlace place_;
+  Hash vocabulary_;
   bool greeted_ = false, has_place_ = false;
 };
 
@@ -81,7 +84,7 @@ void drive(std::deque<Member>& members, const RunConfiguration& configuration, c
     for (Member& member : members) {
       const auto clients = member.task.clients();
       while (member.links.size() < clients.size())
-        member.links.emplace_back(clients[member.links.size()], configuration.uplink);
+        member.links.emplace_back(clients[member.links.size()], configuration);
       for (Link& link : member.links) link.publish(server, *moment);
     }
     for (Member& member : members)

@@ -56,7 +56,8 @@ VisualServer::PlaceSearch::~PlaceSearch() = default;
 
 void VisualServer::PlaceSearch::run(WorkerPool& pool) {
   for (const TeamView::Component& one : state_->view->components()) {
-    auto found = one.places(pool).find(state_->request.features, state_->options, pool);
+    auto found =
+        one.places(state_->options.visual.vocabulary, pool).find(state_->request.features, state_->options, pool);
     if (!found || (state_->found && found->probability <= state_->found->probability)) continue;
     one.make_landmarks(pool);
     state_->found = std::move(found), state_->component = &one;

@@ -64,8 +64,9 @@ const matching::LandmarkIndex& TeamView::Component::landmarks() const {
   return *landmarks_;
 }
 
-const fusion::PlaceFinder& TeamView::Component::places(WorkerPool& pool) const {
-  std::call_once(has_places_, [&] { places_.emplace(content_.map, pool, *pictures_); });
+const fusion::PlaceFinder& TeamView::Component::places(const matching::ChosenVocabulary& vocabulary,
+                                                       WorkerPool& pool) const {
+  std::call_once(has_places_, [&] { places_.emplace(content_.map, vocabulary, *pictures_, pool); });
   return *places_;
 }
 

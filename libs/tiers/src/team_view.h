@@ -28,7 +28,7 @@ class TeamView {
     const fusion::Component& content() const { return content_; }
     void make_landmarks(WorkerPool& pool) const;
     const matching::LandmarkIndex& landmarks() const;  // in the team's frame
-    const fusion::PlaceFinder& places(WorkerPool& pool) const;
+    const fusion::PlaceFinder& places(const matching::ChosenVocabulary& vocabulary, WorkerPool& pool) const;
 
    private:
     const fusion::Component& content_;

@@ -1,8 +1,6 @@
 #include "owned_update.h"
 #include "server_state.h"
 
-#include <mapweave/matching/binary_vocabulary.h>
-
 #include <algorithm>
 
 namespace mapweave::tiers {
@@ -61,8 +59,10 @@ VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOpt
 }
 VisualServer::~VisualServer() = default;
 
+const Hash& VisualServer::vocabulary() const { return state_->fusion_options.visual.vocabulary.get().hash(); }
+
 std::vector<Receipt> VisualServer::greet(const Hello& hello) {
-  if (const Hash& known = matching::shipped_vocabulary().hash(); hello.vocabulary != known)
+  if (const Hash& known = vocabulary(); hello.vocabulary != known)
     throw Error(ErrorCode::kUnsupported,
                 "its vocabulary is " + to_hex(hello.vocabulary) + "; this server's is " + to_hex(known),
                 name_of(hello.session), "give both the same");

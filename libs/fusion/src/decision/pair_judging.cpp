@@ -50,7 +50,7 @@ void PairJudging::prepare_maps() {
   grids_.emplace(maps, input_.vetoed, options_, pool_, excluded_);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     maps_.push_back(prepare(grids_->rescaled(m), cache_, options_.stride_m, pool_));
-    seen_.emplace_back(*maps[m], pool_, *input_.pictures);
+    seen_.emplace_back(*maps[m], options_.visual.vocabulary, *input_.pictures, pool_);
   }
   for (const auto& entry : grids_->pairs()) {
     const Judgement& judgement = entry.second.judgement;

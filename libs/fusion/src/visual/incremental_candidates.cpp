@@ -16,7 +16,7 @@ IncrementalCandidates::IncrementalCandidates(const std::vector<PreviousMerge>& t
                                              WorkerPool& pool)
     : maps_(maps), claimed_(claimed), options_(options), is_any_(!teams.empty()), team_of_(maps.size(), nullptr) {
   if (!is_any_) return;
-  matching::PlaceIndex index(matching::shipped_vocabulary().words());
+  matching::PlaceIndex index(options.vocabulary.get().words());
   for (std::size_t m = 0; m < maps.size(); ++m) {
     const auto team = std::find_if(teams.begin(), teams.end(), [&](const PreviousMerge& one) {
       return std::binary_search(one.members.begin(), one.members.end(), maps[m].map().id);

@@ -3,14 +3,14 @@
 
 namespace mapweave::fusion {
 
-std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node) {
+std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node,
+                                                         const matching::BinaryVocabulary& vocabulary) {
   {
     const std::lock_guard lock(mutex_);
     if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;
   }
   auto words = std::make_shared<OrderedPicture>();
-  static_cast<matching::DescribedPicture&>(*words) =
-      matching::shipped_vocabulary().describe_picture(keyframe_of(node)->descriptors);
+  static_cast<matching::DescribedPicture&>(*words) = vocabulary.describe_picture(keyframe_of(node)->descriptors);
   words->by_node = matching::order_by_node(words->node_of_feature.data(), words->node_of_feature.size());
   const std::lock_guard lock(mutex_);
   return known_.try_emplace(node.payload.get(), Known{node.payload, std::move(words)}).first->second.words;

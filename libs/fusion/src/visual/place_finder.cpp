@@ -16,10 +16,12 @@ constexpr double kSamePlace_m = 1.0, kSamePlace_rad = 0.5;
 
 struct PlaceFinder::Known {
   VisualMap map;
+  matching::ChosenVocabulary vocabulary;
 };
 
-PlaceFinder::PlaceFinder(const Map& map, WorkerPool& pool, Pictures& pictures)
-    : known_(new Known{VisualMap(map, pool, pictures)}) {}
+PlaceFinder::PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& pictures,
+                         WorkerPool& pool)
+    : known_(new Known{VisualMap(map, vocabulary, pictures, pool), vocabulary}) {}
 PlaceFinder::~PlaceFinder() = default;
 PlaceFinder::PlaceFinder(PlaceFinder&&) noexcept = default;
 PlaceFinder& PlaceFinder::operator=(PlaceFinder&&) noexcept = default;
@@ -31,7 +33,7 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
   Map asked;  // of this picture alone, named before all others
   asked.nodes.set(NodeId{}, {NodeId{}, {}, {}, std::make_shared<const Payload>(picture)});
   Pictures pictures;
-  const VisualMap question(asked, pool, pictures);
+  const VisualMap question(asked, known_->vocabulary, pictures, pool);
   const VisualPlace place = question.place(0, 0);
   std::vector<matching::SimilarPlace> alike =
       map.alike(question.keyframes().front().words->bag, 1, static_cast<std::size_t>(options.visual.candidates));

@@ -81,7 +81,7 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
+VisualMap::VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& words, WorkerPool& pool)
     : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));
@@ -103,11 +103,11 @@ VisualMap::VisualMap(const Map& map, WorkerPool& pool, Pictures& words)
   }
   pool.for_each(keyframes_.size(), [&](std::size_t i) {
     assign_to_features(keyframes_[i], std::move(shown[i]));
-    keyframes_[i].words = words.words_of(*seen_.keyframes[i]);
+    keyframes_[i].words = words.words_of(*seen_.keyframes[i], vocabulary.get());
   });
   hashed_.reset(new std::once_flag[keyframes_.size()]);
   content_.resize(keyframes_.size());
-  index_.emplace(matching::shipped_vocabulary().words());
+  index_.emplace(vocabulary.get().words());
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     index_->add(keyframes_[i].id, keyframes_[i].words->bag);
     const std::size_t other = i > 0 ? i - 1 : std::min<std::size_t>(1, keyframes_.size() - 1);

@@ -42,7 +42,7 @@ struct VisualPlace {
 
 class VisualMap {
  public:
-  VisualMap(const Map& map, WorkerPool& pool, Pictures& words);
+  VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& words, WorkerPool& pool);
 
   const Map& map() const { return *map_; }
   bool empty() const { return keyframes_.empty(); }

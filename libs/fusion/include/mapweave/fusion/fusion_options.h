@@ -4,6 +4,7 @@
 #include <mapweave/fusion/grid_pair.h>
 #include <mapweave/graph/pose_graph.h>
 #include <mapweave/maps/map_noise.h>
+#include <mapweave/matching/binary_vocabulary.h>
 #include <mapweave/matching/judge.h>
 #include <mapweave/matching/rematch.h>
 #include <mapweave/matching/visual_judge.h>
@@ -21,6 +22,7 @@ struct VisualFusionOptions {
   double sigma_px = kLandmarkSigma_px;
   double inverse_depth_sigma = kInverseDepthSigma_per_m;
   matching::VisualJudgeOptions judge;
+  matching::ChosenVocabulary vocabulary;  // the run's
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("candidates", candidates, 1, 1000,

@@ -14,11 +14,11 @@ struct OrderedPicture : matching::DescribedPicture {
   std::vector<std::uint32_t> by_node;  // matching::order_by_node()
 };
 
-// All calls are thread-safe.
+// All calls are thread-safe, and all name the same vocabulary (contract).
 class Pictures {
  public:
-  // In the shipped vocabulary. The node is a keyframe.
-  std::shared_ptr<const OrderedPicture> words_of(const Node&);
+  // The node is a keyframe.
+  std::shared_ptr<const OrderedPicture> words_of(const Node&, const matching::BinaryVocabulary&);
   // Those of keyframes that nobody else has any more.
   void forget();
 

@@ -20,7 +20,8 @@ struct FoundPlace {
 // const calls are thread-safe.
 class PlaceFinder {
  public:
-  PlaceFinder(const Map& map, WorkerPool& pool, Pictures& pictures);  // the map outlives it, unchanged
+  // The map outlives it, unchanged.
+  PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& pictures, WorkerPool& pool);
   ~PlaceFinder();
   PlaceFinder(PlaceFinder&&) noexcept;
   PlaceFinder& operator=(PlaceFinder&&) noexcept;

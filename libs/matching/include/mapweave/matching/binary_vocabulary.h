@@ -10,6 +10,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -75,6 +76,19 @@ BinaryVocabulary parse_vocabulary(std::string_view bytes, const std::string& whe
 // The one that mapweave brings (datasets/vocabulary), part of the program: 10000 words of OpenCV's ORB. Read at the
 // first call; thread-safe.
 const BinaryVocabulary& shipped_vocabulary();
+// What a camera client, a map server or a merge describes places with: the vocabulary that it was given, else the
+// shipped one, which is read when it is first needed.
+class ChosenVocabulary {
+ public:
+  ChosenVocabulary() = default;
+  explicit ChosenVocabulary(BinaryVocabulary given) : given_(std::move(given)) {}
+  const BinaryVocabulary& get() const { return given_ ? *given_ : shipped_vocabulary(); }
+  bool is_given() const { return given_.has_value(); }
+
+ private:
+  std::optional<BinaryVocabulary> given_;
+};
+
 // gz, nodes level by level. Loading it again gives the same hash. Throws Error kCannotWrite.
 void save_vocabulary(const BinaryVocabulary&, const std::filesystem::path&);
 

@@ -12,7 +12,8 @@ namespace mapweave::runtime {
 struct LiveCameraOptions {
   visual::ClientOptions client;
   tiers::UplinkOptions uplink;
-  double share_rate_hz = 2.0;  // of data: how often it publishes and receives
+  matching::ChosenVocabulary vocabulary;  // its map server's
+  double share_rate_hz = 2.0;             // of data: how often it publishes and receives
 };
 
 // Goes on whether or not anybody listens. All calls are thread-safe.
@@ -53,6 +54,7 @@ class LiveCamera {
   visual::ClientPlace place_;
   std::shared_ptr<LiveMapServer::Link> link_;
   tiers::CameraAgent agent_;
+  Hash vocabulary_;
   std::optional<Stamp> last_;
   bool greeted_ = false, welcome_ = false;
   bool reported_too_long_ = false;  // that something is, for this link

@@ -83,11 +83,15 @@ struct RobotEntry {
 enum class SensorChoice { automatic, laser, mono, stereo, rgbd, cameras, all };
 
 struct VisualOptions {
-  std::string label;
+  std::string label, vocabulary;
   visual::ClientOptions client;
+  matching::ChosenVocabulary chosen_vocabulary;  // that file's (read_vocabulary)
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("label", label, "sensor label of the camera to map with where a robot has several; empty: all of them");
+    v.text("vocabulary", vocabulary,
+           "file with the binary words by which cameras recognise places, as mapweave vocabulary train writes it, "
+           "relative to this file; empty: the vocabulary that mapweave brings");
     client.describe(v);
   }
 };
@@ -277,6 +281,9 @@ struct RunPlan {
 RobotEntry robot_entry(const RunConfiguration&, const RobotId&);
 // Starts that are said without their sigma_m get it. To be done once all layers are loaded.
 void complete_starts(RunConfiguration&, const Origins&);
+// Takes the vocabulary of visual.vocabulary for cameras, their map servers and merges; the path is the full one then.
+// To be done once all layers are loaded. Throws Error: kMissing, and what matching::load_vocabulary() throws.
+void read_vocabulary(RunConfiguration&, const Origins&);
 // What the configuration says of an edge; the defaults where it lists none of this name.
 EdgeEntry edge_entry(const RunConfiguration&, const TierId&);
 

@@ -101,6 +101,7 @@ class VisualServer {
   VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig = {});
   ~VisualServer();
 
+  const Hash& vocabulary() const;  // that its clients have, too
   // A client's first word, and its word after a break: what is stored of its maps, so that it repeats the rest. Throws
   // Error(kUnsupported) where its vocabulary is another one, kBadInput where there are too many clients.
   std::vector<Receipt> greet(const Hello&);

@@ -1,0 +1,296 @@
+#include "loop_closer.h"
+
+#include "map_correction.h"
+
+#include <mapweave/matching/alignment_search.h>
+#include <mapweave/matching/visual_judge.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <queue>
+
+namespace mapweave::visual {
+namespace {
+
+constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
+constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
+constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
+constexpr std::size_t kLookedUp = 12, kJudged = 2;
+constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
+constexpr double kLeastAlike = 0.3;
+constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
+constexpr int kLeastShared = 15;
+
+std::vector<int> with_covisible(const LandmarkMap& map, int number, std::size_t most) {
+  std::vector<int> result{number};
+  for (const CovisibleKeyframe& shared : most_first(covisible(map, number)))
+    if (result.size() <= most) result.push_back(shared.keyframe);
+  return result;
+}
+
+// What the judge looks at; the side's frame is the first keyframe's camera.
+struct Place {
+  std::vector<std::vector<std::int32_t>> landmark_of_feature;
+  matching::PlaceView view;
+
+  Place(const LandmarkMap& map, const std::vector<int>& keyframes) {
+    const Pinhole& pinhole = map.camera;
+    const View side_from_map = map.keyframe(keyframes.front()).view;
+    view.id.index = map.keyframe(keyframes.front()).serial;
+    view.metric = !map.monocular;
+    landmark_of_feature.reserve(keyframes.size());
+    for (int number : keyframes) {
+      const Keyframe& keyframe = map.keyframe(number);
+      const View side_from_camera = side_from_map * keyframe.view.inverse();
+      auto& of_feature = landmark_of_feature.emplace_back(keyframe.features.points.size(), -1);
+      for (std::size_t i = 0; i < keyframe.features.points.size(); ++i) {
+        if (!(keyframe.depths[i] > 0.0F)) continue;
+        const matching::FeaturePoint& point = keyframe.features.points[i];
+        const Eigen::Vector3d ray = map.camera.ray({static_cast<double>(point.u_px), static_cast<double>(point.v_px)});
+        of_feature[i] = static_cast<std::int32_t>(view.landmarks.size());
+        view.landmarks.push_back(
+            {side_from_camera * (ray * static_cast<double>(keyframe.depths[i])), keyframe.features.descriptors[i]});
+      }
+      matching::KeyframeView side;
+      side.id.index = keyframe.serial;
+      side.camera = pinhole;
+      side.side_from_camera = pose_of(side_from_camera.inverse());
+      side.features = matching::view_of(keyframe.features);
+      side.landmark_of_feature = of_feature.data();
+      view.keyframes.push_back(side);
+    }
+  }
+};
+
+NodeId id_of(int keyframe) {
+  NodeId id;
+  id.index = static_cast<std::uint32_t>(keyframe);
+  return id;
+}
+
+// Along ties, metres from one keyframe to another; infinite where nothing leads there.
+double path_between(const LandmarkMap& map, int from, int to) {
+  std::vector<std::vector<int>> neighbours(map.keyframes.size());
+  for (const CovisibilityEdge& edge : covisibility_edges(map, map.keyframe(from).session, kLeastShared)) {
+    neighbours[static_cast<std::size_t>(edge.from)].push_back(edge.to);
+    neighbours[static_cast<std::size_t>(edge.to)].push_back(edge.from);
+  }
+  std::vector<double> path(map.keyframes.size(), std::numeric_limits<double>::infinity());
+  using Entry = std::pair<double, int>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
+  open.emplace(path[static_cast<std::size_t>(from)] = 0.0, from);
+  while (!open.empty()) {
+    const auto [length, here] = open.top();
+    open.pop();
+    if (here == to) return length;
+    if (length > path[static_cast<std::size_t>(here)]) continue;
+    for (int next : neighbours[static_cast<std::size_t>(here)]) {
+      const double longer = length + (map.keyframe(here).view.centre() - map.keyframe(next).view.centre()).norm();
+      if (longer < path[static_cast<std::size_t>(next)])
+        open.emplace(path[static_cast<std::size_t>(next)] = longer, next);
+    }
+  }
+  return std::numeric_limits<double>::infinity();
+}
+
+// Of two sessions, the keyframes with the least time between them.
+std::pair<int, int> nearest_in_time(const LandmarkMap& map, int session, int other) {
+  std::vector<int> order;
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
+    if (const Keyframe& k = map.keyframe(number); !k.gone && (k.session == session || k.session == other))
+      order.push_back(number);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  std::pair<int, int> nearest{order.front(), order.back()};
+  double least_s = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const Keyframe &a = map.keyframe(order[i - 1]), &b = map.keyframe(order[i]);
+    if (a.session == b.session || !(seconds_between(a.stamp, b.stamp) < least_s)) continue;
+    least_s = seconds_between(a.stamp, b.stamp);
+    nearest = a.session == session ? std::pair(order[i - 1], order[i]) : std::pair(order[i], order[i - 1]);
+  }
+  return nearest;
+}
+
+double angle_of(const View& view) { return Eigen::AngleAxisd(view.rotation).angle(); }
+
+}  // namespace
+
+std::vector<CovisibilityEdge> covisibility_edges(const LandmarkMap& map, int session, int least_landmarks) {
+  std::vector<int> order;
+  for (int number = 0; number < static_cast<int>(map.keyframes.size()); ++number)
+    if (!map.keyframe(number).gone && map.keyframe(number).session == session) order.push_back(number);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return map.keyframe(a).serial < map.keyframe(b).serial; });
+  std::vector<CovisibilityEdge> edges;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    bool to_the_last = false;
+    for (const CovisibleKeyframe& shared : covisible(map, order[i])) {
+      if (map.keyframe(shared.keyframe).serial > map.keyframe(order[i]).serial || shared.landmarks < least_landmarks)
+        continue;
+      edges.push_back({shared.keyframe, order[i], shared.landmarks});
+      to_the_last = to_the_last || shared.keyframe == order[i - 1];
+    }
+    if (!to_the_last) edges.push_back({order[i - 1], order[i], 0});
+  }
+  return edges;
+}
+
+View correction_of(const LandmarkMap& map, const FoundLoop& loop) {
+  return loop.view.inverse() * map.keyframe(loop.newest).view;
+}
+
+VisualLoopCloser::VisualLoopCloser(const matching::BinaryVocabulary& vocabulary, const ClientOptions& options)
+    : vocabulary_(vocabulary), options_(options), index_(vocabulary.words()) {}
+
+void VisualLoopCloser::add(const LandmarkMap& map, int keyframe) {
+  index_.add(id_of(keyframe), vocabulary_.describe_picture(map.keyframe(keyframe).features.descriptors).bag);
+}
+void VisualLoopCloser::remove(int keyframe) { index_.remove(id_of(keyframe)); }
+
+std::vector<int> VisualLoopCloser::alike(const matching::OrbFeatures& features, std::size_t most) const {
+  std::vector<int> result;
+  for (const matching::SimilarPlace& place : index_.query(vocabulary_.describe_picture(features.descriptors).bag, most))
+    result.push_back(static_cast<int>(place.id.index));
+  return result;
+}
+
+std::optional<FoundLoop> VisualLoopCloser::look(LandmarkMap& map, int newest, const Pyramid& picture,
+                                                const Motion& motion) {
+  if (!options_.loops.enabled) return std::nullopt;
+  const Keyframe& keyframe = map.keyframe(newest);
+  const std::uint32_t now = keyframe.serial;
+  while (!claims_.empty() && claims_.front().serial + kRemembered < now) claims_.pop_front();
+  std::vector<char> near(map.keyframes.size(), 0);
+  for (const CovisibleKeyframe& shared : covisible(map, newest)) near[static_cast<std::size_t>(shared.keyframe)] = 1;
+  const auto is_no_loop = [&](const NodeId& id) {
+    const Keyframe& other = map.keyframe(static_cast<int>(id.index));
+    return near[id.index] != 0 || (other.session == keyframe.session && other.serial + kLatest > now);
+  };
+  const auto bag = vocabulary_.describe_picture(keyframe.features.descriptors).bag;
+  // As alike as a share of what the keyframe before is.
+  const int least_score = static_cast<int>(kLeastAlike * matching::common_share(bag, last_bag_));
+  last_bag_ = bag;
+  const auto groups = matching::best_of_groups(
+      index_.query(bag, kLookedUp, is_no_loop, std::max(1, least_score)), [&](const NodeId& id) {
+        std::vector<NodeId> result;
+        for (const CovisibleKeyframe& shared : covisible(map, static_cast<int>(id.index)))
+          result.push_back(id_of(shared.keyframe));
+        return result;
+      });
+  for (std::size_t i = 0; i < groups.size() && i < kJudged; ++i) {
+    auto loop = compare(map, newest, static_cast<int>(groups[i].id.index), picture, motion);
+    if (!loop) continue;
+    const Claim claim{now,
+                      keyframe.session,
+                      map.keyframe(loop->earlier).session,
+                      correction_of(map, *loop),
+                      keyframe.view.centre(),
+                      loop->scale};
+    claims_.push_back(claim);
+    const Departure off = departure_of(map, *loop);
+    const Allowed answer = allowed(off, repeats_m_);
+    const Witnesses lately = witnesses_of(claim, now - std::min(now, kMemory));
+    const bool is_sure = lately.agree >= options_.loops.witnesses;
+    if (claim.session == claim.earlier_session) {
+      const double moved_m = (claim.correction * claim.centre - claim.centre).norm();
+      if (is_sure && answer == Allowed::no && moved_m > 2.0 * off.reach_m) repeats_m_ = std::min(repeats_m_, moved_m);
+      if (answer != Allowed::yes) continue;
+      if (!is_sure) return std::nullopt;
+    } else {
+      const Witnesses all = witnesses_of(claim, 0);
+      repeats_m_ = std::min(repeats_m_, all.rival_m);
+      const bool is_unique = std::isinf(repeats_m_) && all.extent_m >= 2.0 * options_.session.alike_m;
+      if (!is_sure || !(answer == Allowed::yes || is_unique)) continue;
+    }
+    claims_.clear();
+    return loop;
+  }
+  return std::nullopt;
+}
+
+VisualLoopCloser::Witnesses VisualLoopCloser::witnesses_of(const Claim& claim, std::uint32_t serial) const {
+  Witnesses result;
+  std::vector<double> rivals_m;
+  std::optional<std::uint32_t> last;  // a keyframe speaks once
+  for (const Claim& other : claims_) {
+    if (other.serial < serial || other.session != claim.session || other.earlier_session != claim.earlier_session)
+      continue;
+    const double apart_m = (other.corrected(claim.centre) - claim.corrected(claim.centre)).norm();
+    const double between_m = (other.centre - claim.centre).norm();
+    if (apart_m < options_.loops.drift_m + options_.loops.drift * between_m &&
+        angle_of(other.correction * claim.correction.inverse()) < kTurnApart &&
+        std::abs(std::log(other.scale / claim.scale)) < kScaleApart) {
+      result.agree += last != other.serial;
+      last = other.serial;
+      result.extent_m = std::max(result.extent_m, between_m);
+    } else if (apart_m > kApart_m) {
+      rivals_m.push_back(apart_m);
+    }
+  }
+  std::sort(rivals_m.begin(), rivals_m.end());
+  const auto several = static_cast<std::size_t>(options_.loops.witnesses);
+  if (rivals_m.size() >= several) result.rival_m = rivals_m.front();
+  return result;
+}
+
+std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest, int earlier, const Pyramid& picture,
+                                                   const Motion& motion) {
+  std::vector<int> among = with_covisible(map, earlier, kCovisible), here = with_covisible(map, newest, 2);
+  const Place a(map, among), b(map, here);
+  matching::VisualJudgeOptions judge;
+  judge.neighbours = 1;
+  judge.alignment.seed = options_.seed;
+  const bool in_order = a.view.id < b.view.id;
+  const Judgement judgement =
+      in_order ? judge_places(a.view, b.view, judge).judgement : judge_places(b.view, a.view, judge).judgement;
+  if (judgement.doubt != Reason::none || judgement.probability < options_.loops.least_probability) return std::nullopt;
+  const Sim3& first_from_second = judgement.hypotheses.front().a_from_b;
+  const Sim3 earlier_from_newest = in_order ? first_from_second : inverse(first_from_second);
+  const Pose3 map_from_earlier = pose_of(map.keyframe(earlier).view);
+  FoundLoop loop;
+  loop.newest = newest, loop.earlier = earlier;
+  loop.view = view_of(compose(map_from_earlier, earlier_from_newest.pose)),
+  loop.scale = map.monocular ? earlier_from_newest.scale : 1.0;
+  std::vector<Match> found = finder_.find(map, among, picture, loop.view, motion, options_.tracking);
+  const auto is_weak = [&](const Match& match) {
+    return map.landmark(match.landmark).borrowed.has_value() || !is_known(map.landmark(match.landmark));
+  };
+  found.erase(std::remove_if(found.begin(), found.end(), is_weak), found.end());
+  std::vector<Sighting> sightings;
+  for (const Match& match : found) sightings.push_back(map.sighting_of(match, options_.tracking.sigma_px));
+  const PoseFromPoints pose =
+      pose_from_points(sightings, map.camera, loop.view, map.calibration, options_.tracking.gate_sigmas);
+  if (pose.count < options_.tracking.least_landmarks || 2 * pose.count < static_cast<int>(found.size()))
+    return std::nullopt;
+  loop.view = pose.view;
+  loop.serial = map.keyframe(newest).serial;
+  for (std::size_t i = 0; i < found.size(); ++i)
+    if (pose.fits[i]) loop.matches.push_back(found[i]), loop.serials.push_back(map.landmark(found[i].landmark).serial);
+  return loop;
+}
+
+Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
+  constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
+  const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
+  const double drift = options_.loops.drift;
+  if (here == there) {
+    const View correction = correction_of(map, loop);
+    const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
+    const double path = path_between(map, loop.newest, loop.earlier);
+    // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The
+    // loop tells which, and how far the way since then may have led astray.
+    const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * path;
+    const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * path;
+    return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};
+  }
+  const auto [left, begun] = nearest_in_time(map, there, here);
+  const Keyframe &last = map.keyframe(left), &first = map.keyframe(begun);
+  const View first_as_claimed =
+      stretched(first.view * map.keyframe(loop.newest).view.inverse(), loop.scale) * loop.view;
+  Departure off =
+      departure({last.stamp, last.driven, last.view}, {first.stamp, first.driven, first_as_claimed}, options_.session);
+  off.reach_m += drift * (path_between(map, left, loop.earlier) + path_between(map, begun, loop.newest));
+  return off;
+}
+
+}  // namespace mapweave::visual
