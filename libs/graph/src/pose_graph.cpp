@@ -77,7 +77,7 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
   PoseGraphSolver<InPlane> solver(solution.poses, edges, fixed);
   constexpr double kEnough = 1e-7, kEnoughToWeigh = 1e-3;
   const auto run = [&](double enough) {
-    const auto result = solver.run(options.iterations, enough);
+    const Descent result = solver.run(options.iterations, enough);
     solution.iterations += result.iterations;
     solution.converged = result.converged;
   };

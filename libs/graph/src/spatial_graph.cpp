@@ -99,7 +99,7 @@ SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<Spati
     solution.converged = true;
   } else {
     constexpr double kEnough = 1e-6;
-    const auto result = PoseGraphSolver<InSpace>(poses, edges, fixed).run(iterations, kEnough);
+    const Descent result = PoseGraphSolver<InSpace>(poses, edges, fixed).run(iterations, kEnough);
     solution.chi2 = result.cost;
     solution.iterations = result.iterations;
     solution.converged = result.converged;
