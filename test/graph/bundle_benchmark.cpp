@@ -28,7 +28,7 @@ int main(int argc, char** argv) {
         {{kRadius_m * std::cos(angle), 0.05 * std::sin(5.0 * angle), kRadius_m * std::sin(angle)}, heading});
     Pose3 start = truth.back();
     if (i > 0) start.t += 0.05 * Eigen::Vector3d(normal(random), normal(random), normal(random));
-    bundle.views.push_back({start, 0, i == 0});
+    bundle.views.push_back({view_of(start), 0, i == 0});
   }
   int seen = 0, made = 0;
   while (made < landmarks && seen < observations) {
@@ -61,8 +61,7 @@ int main(int argc, char** argv) {
   }
   const auto error = [&] {
     double sum = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i)
-      sum += (bundle.views[i].map_from_camera.t - truth[i].t).squaredNorm();
+    for (std::size_t i = 0; i < truth.size(); ++i) sum += (bundle.views[i].view.centre() - truth[i].t).squaredNorm();
     return std::sqrt(sum / static_cast<double>(truth.size()));
   };
   const double before_m = error();

@@ -384,8 +384,8 @@ class Team {
     const bool moves_all = std::find(is_free_.begin(), is_free_.end(), false) == is_free_.end();
     for (std::size_t i = 0; i < keyframes_.size(); ++i) {
       bundle.cameras.push_back(keyframes_[i].content->camera);
-      bundle.views.push_back(
-          {keyframes_[i].team_from_camera(), static_cast<std::uint32_t>(i), (i == 0 && moves_all) || !is_free_[i]});
+      bundle.views.push_back({view_of(keyframes_[i].team_from_camera()), static_cast<std::uint32_t>(i),
+                              (i == 0 && moves_all) || !is_free_[i]});
     }
     bundle.points = points_;
     for (const graph::RelativePoseConstraint& constraint : shape_)
@@ -429,9 +429,11 @@ class Team {
     graph::BundleOptions adjusting;
     adjusting.least_gain = extent == Extent::shared ? kRoughGain : kLeastGain;
     graph::adjust(bundle, adjusting);
-    for (std::size_t i = 0; i < keyframes_.size(); ++i)
-      keyframes_[i].team_from_node = compose(bundle.views[i].map_from_camera,
+    for (std::size_t i = 0; i < keyframes_.size(); ++i) {
+      const graph::BundleView& moved = bundle.views[i];
+      keyframes_[i].team_from_node = compose(moved.fixed ? keyframes_[i].team_from_camera() : pose_of(moved.view),
                                              inverse(keyframes_[i].content->content->geometry->robot_from_camera));
+    }
     place_landmarks();
     if (extent == Extent::shared) return;
     for (std::size_t i = 0; i < points_.size(); ++i)

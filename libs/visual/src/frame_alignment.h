@@ -3,7 +3,8 @@
 // Forster et al., SVO, ICRA 2014, section IV-A; here coarse to fine, with gain and bias between the pictures).
 
 #include "pyramid.h"
-#include "view.h"
+
+#include <mapweave/core/view.h>
 
 namespace mapweave::visual {
 

@@ -3,7 +3,7 @@
 
 #include <mapweave/core/geometry.h>
 
-namespace mapweave::visual {
+namespace mapweave {
 
 struct View {  // camera_from_map
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
@@ -22,4 +22,4 @@ View moved(const View& view, const Eigen::Matrix<double, 6, 1>& motion);
 View view_of(const Pose3& map_from_camera);
 Pose3 pose_of(const View& view);  // map_from_camera
 
-}  // namespace mapweave::visual
+}  // namespace mapweave
