@@ -5,7 +5,6 @@
 //   kSize             numbers that a small motion of a pose has
 //   kFirstDamping            share of the diagonal that is added first
 //   Error, Matrix     vector of kSize, square
-//   sound(information)       symmetric and nowhere negative
 //   error_of(edge, from, to)                        what is left of the edge
 //   linearise(edge, from, to, error, by_from, by_to)  the same, and how it changes with small motions of both
 //   moved(pose, motion)
@@ -14,9 +13,20 @@
 
 #include <mapweave/graph/block_cholesky.h>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <vector>
 
 namespace mapweave::graph {
+
+// Symmetric and nowhere negative; also of matrices that are rank deficient.
+template <class Matrix>
+Matrix sound(const Matrix& information) {
+  const Matrix symmetric = 0.5 * (information + information.transpose());
+  if (symmetric.llt().info() == Eigen::Success) return symmetric;
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(symmetric);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+}
 
 // Poses that edges name are free, but for the fixed one. The pattern is analysed once, however often weights change.
 template <class Space>
@@ -32,7 +42,7 @@ class PoseGraphSolver {
       : poses_(poses), edges_(edges) {
     std::vector<std::int32_t> number(poses.size(), kNone);
     for (const Edge& edge : edges) {
-      information_.push_back(Space::sound(edge.information));
+      information_.push_back(sound(edge.information));
       for (const std::uint32_t pose : {edge.from, edge.to})
         if (pose != fixed) number[pose] = 0;
     }
