@@ -1,3 +1,5 @@
+#include "ceres_bundle.h"
+
 #include <gtest/gtest.h>
 #include <mapweave/core/error.h>
 #include <mapweave/graph/bundle_adjustment.h>
@@ -74,6 +76,25 @@ TEST(BundleAdjustment, leaves_out_what_is_wrong) {
   EXPECT_LT(ring.worst(ring.drifted), 0.02);
   for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 20) wrong -= ring.drifted.sightings[i].fits ? 0 : 1;
   EXPECT_EQ(wrong, 0U);
+}
+
+TEST(BundleAdjustment, ends_where_ceres_does) {
+  for (const bool depth : {true, false}) {
+    Ring ring(24, 300, depth, 3.0);
+    ring.drifted.views[1].fixed = true;  // for the scale
+    ring.drifted.views[1].view = ring.truth.views[1].view;
+    for (std::size_t i = 0; i < ring.drifted.sightings.size(); i += 50) ring.drifted.sightings[i].pixel.y() += 8.0;
+    Bundle other = ring.drifted;
+    BundleOptions options;
+    options.iterations = 60;
+    options.least_gain = 1e-12;
+    const BundleReport ours = adjust(ring.drifted, options),
+                       theirs = adjust_by_ceres(other, options, ceres::DENSE_SCHUR);
+    EXPECT_NEAR(ours.cost_before, theirs.cost_before, 1e-9 * theirs.cost_before);
+    EXPECT_NEAR(ours.cost_after, theirs.cost_after, 1e-6 * theirs.cost_after);
+    for (std::size_t i = 0; i < other.views.size(); ++i)
+      EXPECT_LT((ring.drifted.views[i].view.centre() - other.views[i].view.centre()).norm(), 1e-4);
+  }
 }
 
 TEST(BundleAdjustment, holds_what_is_tied) {
