@@ -242,13 +242,22 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   return result;
 }
 
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                     const TwoViewOptions& options) {
-  constexpr std::size_t kEssential = 8, kHomography = 4;
-  if (pairs.size() < std::max(kEssential, static_cast<std::size_t>(options.least_pairs))) return std::nullopt;
+namespace {
+
+std::vector<RayPair> rays_of(const std::vector<PixelPair>& pairs, const Pinhole& camera) {
   std::vector<RayPair> rays;
   for (const PixelPair& pair : pairs)
     rays.push_back({camera.ray(pair.first), camera.ray(pair.second), pair.sigma_px / std::sqrt(camera.fx * camera.fy)});
+  return rays;
+}
+
+}  // namespace
+
+std::vector<View> propose_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                  const TwoViewOptions& options) {
+  constexpr std::size_t kEssential = 8, kHomography = 4;
+  if (pairs.size() < kEssential) return {};
+  const std::vector<RayPair> rays = rays_of(pairs, camera);
   const Model essential = best_model(rays, kEssential, options, essential_of, [](const Matrix3d& e) {
     return [e](const RayPair& pair) { return essential_error(e, pair); };
   });
@@ -259,6 +268,12 @@ std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const 
   if (essential.score > 0.0) proposed = motions_of_essential(essential.matrix);
   if (homography.score > 0.0)
     for (const View& motion : motions_of_homography(homography.matrix)) proposed.push_back(motion);
+  return proposed;
+}
+
+std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                    const std::vector<View>& proposed, const TwoViewOptions& options) {
+  const std::vector<RayPair> rays = rays_of(pairs, camera);
   std::vector<int> counts;
   for (const View& motion : proposed) counts.push_back(count_in_front(rays, motion, options));
 
@@ -277,6 +292,12 @@ std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const 
     if (other.count > options.distinct * best->count && !is_alike(other.second_from_first, best->second_from_first))
       return std::nullopt;
   return std::move(*best);
+}
+
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                     const TwoViewOptions& options) {
+  if (pairs.size() < static_cast<std::size_t>(options.least_pairs)) return std::nullopt;
+  return best_motion(pairs, camera, propose_motions(pairs, camera, options), options);
 }
 
 }  // namespace mapweave::visual
