@@ -1,25 +1,33 @@
-// Bundle adjustment of a whole map: bundle_benchmark [KEYFRAMES [LANDMARKS [OBSERVATIONS]]]; by default those of
-// CORB-SLAM's table 2, seen along rounds through a hall, with 2 pixels of noise.
-#include <mapweave/graph/bundle_adjustment.h>
+// Bundle adjustment, ours and that of Ceres: bundle_benchmark [KEYFRAMES [LANDMARKS [OBSERVATIONS [FREE [TIMES]]]]]; by
+// default those of CORB-SLAM's table 2, seen along rounds through a hall, with 2 pixels of noise. FREE: of the
+// keyframes, the others are fixed (a window). Prints the median time of TIMES runs.
+#include "ceres_bundle.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <functional>
 #include <random>
 
 using namespace mapweave;
 
-int main(int argc, char** argv) {
-  const int keyframes = argc > 1 ? std::atoi(argv[1]) : 456, landmarks = argc > 2 ? std::atoi(argv[2]) : 60000,
-            observations = argc > 3 ? std::atoi(argv[3]) : 300000;
+namespace {
+
+struct World {
+  graph::Bundle bundle;
+  std::vector<Pose3> truth;
+};
+
+World hall(int keyframes, int landmarks, int observations, int free) {
+  World world;
+  graph::Bundle& bundle = world.bundle;
+  std::vector<Pose3>& truth = world.truth;
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> even(0.0, 1.0);
-  graph::Bundle bundle;
   bundle.cameras.push_back({640, 480, 520.0, 520.0, 320.0, 240.0});
-  std::vector<Pose3> truth;
   const double kRounds = 2.0, kRadius_m = 12.0;
   for (int i = 0; i < keyframes; ++i) {
     const double angle = 2.0 * M_PI * kRounds * i / keyframes;
@@ -27,8 +35,9 @@ int main(int argc, char** argv) {
     truth.push_back(
         {{kRadius_m * std::cos(angle), 0.05 * std::sin(5.0 * angle), kRadius_m * std::sin(angle)}, heading});
     Pose3 start = truth.back();
-    if (i > 0) start.t += 0.05 * Eigen::Vector3d(normal(random), normal(random), normal(random));
-    bundle.views.push_back({start, 0, i == 0});
+    const bool fixed = i == 0 || i < keyframes - free;
+    if (!fixed) start.t += 0.05 * Eigen::Vector3d(normal(random), normal(random), normal(random));
+    bundle.views.push_back({view_of(start), 0, fixed});
   }
   int seen = 0, made = 0;
   while (made < landmarks && seen < observations) {
@@ -63,17 +72,51 @@ int main(int argc, char** argv) {
     ++made;
     bundle.sightings.insert(bundle.sightings.end(), sightings.begin(), sightings.end());
   }
-  const auto error = [&] {
-    double sum = 0.0;
-    for (std::size_t i = 0; i < truth.size(); ++i)
-      sum += (bundle.views[i].map_from_camera.t - truth[i].t).squaredNorm();
-    return std::sqrt(sum / static_cast<double>(truth.size()));
+  return world;
+}
+
+double error_m(const World& world, const graph::Bundle& bundle) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < world.truth.size(); ++i)
+    sum += (bundle.views[i].view.centre() - world.truth[i].t).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(world.truth.size()));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto argument = [&](int i, int otherwise) { return argc > i ? std::atoi(argv[i]) : otherwise; };
+  const int keyframes = argument(1, 456), free = argument(4, keyframes), times = argument(5, 1);
+  const World world = hall(keyframes, argument(2, 60000), argument(3, 300000), free);
+  std::printf("%d keyframes (%d free), %zu landmarks, %zu observations, error %.4f m\n", keyframes, free,
+              world.bundle.points.size(), world.bundle.sightings.size(), error_m(world, world.bundle));
+  using Adjust = std::function<graph::BundleReport(graph::Bundle&)>;
+  struct BackEnd {
+    const char* name;
+    Adjust adjust;
+    std::vector<double> seconds;
+    graph::BundleReport report;
+    double error_m;
   };
-  const double before_m = error();
-  const std::clock_t begin = std::clock();
-  const graph::BundleReport report = graph::adjust(bundle);
-  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
-  std::printf(
-      "%d keyframes, %d landmarks, %d observations: %.2f s of processor time, %d iterations, error %.3f -> %.4f m\n",
-      keyframes, made, seen, seconds, report.iterations, before_m, error());
+  std::vector<BackEnd> back_ends;
+  const auto ceres_by = [](ceres::LinearSolverType solver) {
+    return [solver](graph::Bundle& bundle) { return graph::adjust_by_ceres(bundle, {}, solver); };
+  };
+  back_ends.push_back({"ours", [](graph::Bundle& bundle) { return graph::adjust(bundle); }, {}, {}, 0.0});
+  back_ends.push_back({"SPARSE_SCHUR", ceres_by(ceres::SPARSE_SCHUR), {}, {}, 0.0});
+  back_ends.push_back({"DENSE_SCHUR", ceres_by(ceres::DENSE_SCHUR), {}, {}, 0.0});
+  for (int round = 0; round < times; ++round)
+    for (BackEnd& back_end : back_ends) {
+      graph::Bundle bundle = world.bundle;
+      const std::clock_t begin = std::clock();
+      back_end.report = back_end.adjust(bundle);
+      back_end.seconds.push_back(static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+      back_end.error_m = error_m(world, bundle);
+    }
+  for (BackEnd& back_end : back_ends) {
+    std::sort(back_end.seconds.begin(), back_end.seconds.end());
+    std::printf("  %-12s %8.4f s of processor time, %2d iterations, cost %.6g, error %.4f m\n", back_end.name,
+                back_end.seconds[back_end.seconds.size() / 2], back_end.report.iterations, back_end.report.cost_after,
+                back_end.error_m);
+  }
 }

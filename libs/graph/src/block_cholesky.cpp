@@ -128,6 +128,10 @@ MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin
                                      BlockCholesky<6>::Block* pivots, BlockCholesky<6>::Block* blocks) {
   return eliminate<6>(count, begin, rows, pivots, blocks);
 }
+MAPWEAVE_WIDE_CLONES bool eliminated(std::size_t count, const std::size_t* begin, const std::int32_t* rows,
+                                     BlockCholesky<7>::Block* pivots, BlockCholesky<7>::Block* blocks) {
+  return eliminate<7>(count, begin, rows, pivots, blocks);
+}
 
 }  // namespace
 
@@ -174,5 +178,6 @@ Eigen::VectorXd BlockCholesky<kSize>::solved(const Eigen::VectorXd& right) const
 
 template class BlockCholesky<3>;
 template class BlockCholesky<6>;
+template class BlockCholesky<7>;
 
 }  // namespace mapweave::graph

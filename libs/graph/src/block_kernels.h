@@ -1,6 +1,6 @@
 #pragma once
-// Products of blocks of 6 rows (poses in space) or 3 (in the plane), in registers of any width: each lane does the same
-// operations in the same order, so that processors with wider registers give the same bytes. Blocks lie column by
+// Products of blocks of 6 rows (poses in space), in registers of any width; of 3 and 7 as loops: each lane does the
+// same operations in the same order, so that processors with wider registers give the same bytes. Blocks lie column by
 // column.
 
 // Into loops of MAPWEAVE_WIDE_CLONES (mapweave/core/processor_clones.h).
@@ -14,10 +14,10 @@ using TwoLanes = double __attribute__((vector_size(16), aligned(8), may_alias));
 // c -= a * b^T; a, b and c have kRows rows, a and b kInner columns, c kRows.
 template <int kRows, int kInner>
 MAPWEAVE_INTO_CLONES void subtract_product(const double* a, const double* b, double* c) {
-  if constexpr (kRows == 3) {
-    for (int j = 0; j < 3; ++j)
+  if constexpr (kRows != 6) {
+    for (int j = 0; j < kRows; ++j)
       for (int k = 0; k < kInner; ++k)
-        for (int i = 0; i < 3; ++i) c[3 * j + i] -= a[3 * k + i] * b[3 * k + j];
+        for (int i = 0; i < kRows; ++i) c[kRows * j + i] -= a[kRows * k + i] * b[kRows * k + j];
   } else {
     constexpr int kAtOnce = 3;  // columns of c in registers
     for (int first = 0; first < kRows; first += kAtOnce) {
@@ -50,12 +50,12 @@ MAPWEAVE_INTO_CLONES void subtract_product(const double* a, const double* b, dou
 // x with x * lower^T = b, in the place of b; of `lower` the lower triangle counts.
 template <int kRows>
 MAPWEAVE_INTO_CLONES void divide_by_transposed(const double* lower, double* x) {
-  if constexpr (kRows == 3) {
-    for (int j = 0; j < 3; ++j) {
+  if constexpr (kRows != 6) {
+    for (int j = 0; j < kRows; ++j) {
       for (int k = 0; k < j; ++k)
-        for (int i = 0; i < 3; ++i) x[3 * j + i] -= x[3 * k + i] * lower[3 * k + j];
-      const double scale = 1.0 / lower[3 * j + j];
-      for (int i = 0; i < 3; ++i) x[3 * j + i] *= scale;
+        for (int i = 0; i < kRows; ++i) x[kRows * j + i] -= x[kRows * k + i] * lower[kRows * k + j];
+      const double scale = 1.0 / lower[kRows * j + j];
+      for (int i = 0; i < kRows; ++i) x[kRows * j + i] *= scale;
     }
   } else {
     FourLanes high[kRows];

@@ -1,182 +1,238 @@
-#include "block_kernels.h"
+#include "bundle_equations.h"
+#include "levenberg_marquardt.h"
 
 #include <mapweave/core/error.h>
-#include <mapweave/core/processor_clones.h>
-#include <mapweave/graph/block_cholesky.h>
 #include <mapweave/graph/bundle_adjustment.h>
 
-#include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <optional>
 
 namespace mapweave::graph {
 namespace {
 
 using Eigen::Matrix3d;
+using Eigen::Vector2d;
 using Eigen::Vector3d;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Matrix63 = Eigen::Matrix<double, 6, 3>;
 
 constexpr double kNearest_m = 0.02;
-
-struct View {  // camera_from_map
-  Matrix3d rotation;
-  Vector3d translation;
-};
-
-View view_of(const Pose3& map_from_camera) {
-  const Matrix3d rotation = map_from_camera.q.conjugate().toRotationMatrix();
-  return {rotation, -(rotation * map_from_camera.t)};
-}
-
-// exp of a small motion (translation, rotation vector) in the camera's frame, from the left.
-View moved(const View& view, const Vector6& motion) {
-  const Vector3d turn = motion.tail<3>();
-  const double angle = turn.norm();
-  const Matrix3d rotation =
-      angle < 1e-12 ? Matrix3d::Identity() : Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-  return {Eigen::Quaterniond(rotation * view.rotation).normalized().toRotationMatrix(),
-          rotation * view.translation + motion.head<3>()};
-}
 
 double soft_cost(double size, double soft) { return size <= soft ? size * size : soft * (2.0 * size - soft); }
 
 // In sigmas: two of the pixel, one of the inverse depth. False behind the camera.
-bool residual_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d& p, Vector3d& value,
-                 Matrix3d* by_point) {
+bool residual_of(const BundleSighting& seen, const Pinhole& camera, const SensorCalibration& calibration,
+                 const Vector3d& p, Vector3d& value) {
   if (!(p.z() > kNearest_m)) return false;
   const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
-  value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x()),
-           weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y()), 0.0};
+  value = {weight * (camera.fx * p.x() * z + camera.cx - seen.pixel.x() + calibration.readout_s * seen.row_flow.x()),
+           weight * (camera.fy * p.y() * z + camera.cy - seen.pixel.y() + calibration.readout_s * seen.row_flow.y()),
+           0.0};
   const double depth_weight = seen.inverse_depth_sigma > 0.0 ? 1.0 / seen.inverse_depth_sigma : 0.0;
-  value.z() = depth_weight * (z - seen.inverse_depth);
-  if (by_point != nullptr)
-    *by_point << weight * camera.fx * z, 0, -weight * camera.fx * p.x() * z * z, 0, weight * camera.fy * z,
-        -weight * camera.fy * p.y() * z * z, 0, 0, -depth_weight * z * z;
+  value.z() = depth_weight * (z + calibration.inverse_depth_offset - seen.inverse_depth);
   return true;
 }
 
+// What differs from zero of the derivative by the point in the camera's frame.
+struct Slope {
+  double x, x_z, y, y_z, z;  // of the first, the second and the third residual
+};
+Slope slope_of(const BundleSighting& seen, const Pinhole& camera, const Vector3d& p) {
+  const double z = 1.0 / p.z(), weight = 1.0 / seen.sigma_px;
+  const double depth_weight = seen.inverse_depth_sigma > 0.0 ? 1.0 / seen.inverse_depth_sigma : 0.0;
+  return {weight * camera.fx * z, -weight * camera.fx * p.x() * z * z, weight * camera.fy * z,
+          -weight * camera.fy * p.y() * z * z, -depth_weight * z * z};
+}
+
+// How far the views are from what the tie says, in sigmas; a small motion of `to` in its own frame.
+Vector6 error_of(const RelativePoseConstraint& constraint, const View& from, const View& to) {
+  const Matrix3d measured = constraint.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
+  const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
+  const Vector3d from_in_to = to.translation - to_from_from * from.translation;
+  const Eigen::AngleAxisd turn(Matrix3d(to_from_from * measured.transpose()));
+  const Vector3d expected = -(measured * constraint.from_from_to.t);
+  Vector6 error;
+  error << (from_in_to - expected) / constraint.sigma_m, turn.angle() * turn.axis() / constraint.sigma_rad;
+  return error;
+}
+
+// Derivatives by small motions of the two cameras in their own frames, from the left, for small errors.
+void linearise(const RelativePoseConstraint& constraint, const View& from, const View& to, Matrix6& by_from,
+               Matrix6& by_to) {
+  const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
+  const Vector3d t = to.translation - to_from_from * from.translation;
+  Matrix3d cross;
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  by_to.setZero();
+  by_to.topLeftCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_m;
+  by_to.topRightCorner<3, 3>() = -cross / constraint.sigma_m;
+  by_to.bottomRightCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_rad;
+  by_from.setZero();
+  by_from.topLeftCorner<3, 3>() = -to_from_from / constraint.sigma_m;
+  by_from.bottomRightCorner<3, 3>() = -to_from_from / constraint.sigma_rad;
+}
+
+// Of two numbers: (readout_s, inverse_depth_offset).
+Vector2d values_of(const SensorCalibration& calibration) {
+  return {calibration.readout_s, calibration.inverse_depth_offset};
+}
+// Information of the priors: of a step, and of being there at all; none of what is not learnt.
+struct CalibrationInformation {
+  Vector2d step = Vector2d::Zero(), own = Vector2d::Zero();
+  explicit CalibrationInformation(const CalibrationPrior& prior) {
+    const auto set = [&](int i, double step_sigma, double sigma) {
+      if (!(step_sigma > 0.0)) return;
+      step[i] = 1.0 / (step_sigma * step_sigma);
+      own[i] = sigma > 0.0 ? 1.0 / (sigma * sigma) : 0.0;
+    };
+    set(0, prior.readout_step_s, prior.readout_s);
+    set(1, prior.inverse_depth_step, prior.inverse_depth);
+  }
+};
+
+// A problem of levenberg_marquardt.h.
 class Adjustment {
  public:
-  Adjustment(Bundle& bundle, const BundleOptions& options)
-      : bundle_(bundle), options_(options), points_(bundle.points) {
-    for (const BundleView& view : bundle.views) {
-      MAPWEAVE_EXPECT(view.camera < bundle.cameras.size(), "a view names a camera");
-      column_.push_back(view.fixed ? -1 : free_++);
-      views_.push_back(view_of(view.map_from_camera));
-    }
-    first_.resize(bundle.points.size() + 1);
-    std::size_t next = 0;
-    for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
-      const BundleSighting& seen = bundle.sightings[i];
-      MAPWEAVE_EXPECT(seen.view < bundle.views.size() && seen.point < bundle.points.size() &&
-                          (i == 0 || bundle.sightings[i - 1].point <= seen.point),
-                      "sightings name views and points, in order");
-      while (next <= seen.point) first_[next++] = sightings_.size();
-      if (seen.fits) sightings_.push_back(seen);
-    }
-    while (next < first_.size()) first_[next++] = sightings_.size();
-    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) {
-      return column_[a.view] < column_[b.view];
-    };
-    for (std::size_t point = 0; point < points_.size(); ++point) {
-      const auto begin = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point]),
-                 end = sightings_.begin() + static_cast<std::ptrdiff_t>(first_[point + 1]);
-      for (auto next_one = begin; next_one != end; ++next_one)  // few
-        std::rotate(std::upper_bound(begin, next_one, *next_one, by_column), next_one, next_one + 1);
-    }
-    for (const BundleSighting& seen : sightings_) column_of_sighting_.push_back(column_[seen.view]);
-    for (std::size_t point = 0; point < points_.size(); ++point) {
-      first_free_.push_back(first_[point]);
-      while (first_free_[point] < first_[point + 1] && column_of_sighting_[first_free_[point]] < 0)
-        ++first_free_[point];
-    }
-    for (const RelativePoseConstraint& constraint : bundle.relative_poses)
-      MAPWEAVE_EXPECT(constraint.from < bundle.views.size() && constraint.to < bundle.views.size() &&
-                          constraint.from != constraint.to && constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
-                      "a constraint names two views");
-    find_blocks();
+  Adjustment(const Bundle& bundle, const BundleOptions& options)
+      : bundle_(bundle), options_(options), information_(options.prior), equations_(pattern_of(bundle)) {
+    for (const BundleView& view : bundle.views) now_.views.push_back(view.view);
+    now_.points = bundle.points;
+    now_.calibration = bundle.calibration;
   }
 
-  BundleReport run() {
-    BundleReport report;
-    double cost = cost_of(views_, points_), lambda = 1e-4;
-    report.cost_before = cost;
-    bool build = true;
-    for (; report.iterations < options_.iterations && free_ > 0; ++report.iterations) {
-      if (build) linearise();
-      Eigen::VectorXd change;
-      if (!solve(lambda, change)) break;
-      std::vector<View> views = views_;
-      for (std::size_t i = 0; i < views.size(); ++i)
-        if (column_[i] >= 0) views[i] = moved(views[i], change.segment<6>(6 * column_[i]));
-      std::vector<Vector3d> points = points_;
-      for (std::size_t point = 0; point < points.size(); ++point) {
-        Vector3d sum = gradient_of_point_[point];
-        for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
-          if (used_[i] != 0) sum.noalias() += cross_[i].transpose() * change.segment<6>(6 * column_of_sighting_[i]);
-        points[point] -= inverse_[point] * sum;
-      }
-      const double now = cost_of(views, points);
-      build = now < cost;
-      if (build) {
-        const bool done = cost - now < options_.least_gain * cost;
-        views_ = std::move(views), points_ = std::move(points), cost = now;
-        lambda = std::max(1e-8, 0.2 * lambda);
-        if (done) break;
-      } else {
-        lambda *= 8.0;
-        if (lambda > 1e6) break;
-      }
+  double cost() const { return cost_of(now_); }
+
+  void linearise() {
+    equations_.set_zero();
+    for (std::size_t i = 0; i < bundle_.relative_poses.size(); ++i) add(bundle_.relative_poses[i], i);
+    Vector3d value;
+    for (std::size_t i = 0; i < sightings_.size(); ++i) {
+      const BundleSighting& seen = sightings_[i];
+      const Vector3d p = now_.views[seen.view] * now_.points[seen.point];
+      if (residual_of(seen, camera_of(seen), now_.calibration, p, value)) add(i, p, value);
     }
-    report.cost_after = cost;
-    write_back();
-    return report;
+    if (!learns()) return;
+    BundleSums& sums = equations_.sums;
+    constexpr double kHeldFast = 1e30;
+    for (int i = 0; i < 2; ++i)
+      sums.border(i, i) += information_.step[i] > 0.0 ? information_.step[i] + information_.own[i] : kHeldFast;
+    const Vector2d here = values_of(now_.calibration);
+    sums.border_gradient +=
+        information_.step.cwiseProduct(here - values_of(bundle_.calibration)) + information_.own.cwiseProduct(here);
+  }
+
+  std::optional<double> try_step(double damping) {
+    const std::optional<BundleStep> step = equations_.solved(damping);
+    if (!step) return std::nullopt;
+    tried_ = now_;
+    for (std::size_t i = 0; i < tried_.views.size(); ++i)
+      if (column_[i] >= 0) tried_.views[i] = moved(tried_.views[i], step->views.segment<6>(6 * column_[i]));
+    for (std::size_t i = 0; i < tried_.points.size(); ++i) tried_.points[i] += step->points[i];
+    if (information_.step[0] > 0.0) tried_.calibration.readout_s += step->border[0];
+    if (information_.step[1] > 0.0) tried_.calibration.inverse_depth_offset += step->border[1];
+    return cost_of(tried_);
+  }
+  void take_step() { std::swap(now_, tried_); }
+
+  void write_back(Bundle& bundle) const {
+    for (std::size_t i = 0; i < now_.views.size(); ++i) bundle.views[i].view = now_.views[i];
+    bundle.points = now_.points;
+    bundle.calibration = now_.calibration;
+    Vector3d value;
+    for (BundleSighting& seen : bundle.sightings) {
+      const Vector3d p = now_.views[seen.view] * now_.points[seen.point];
+      seen.fits = residual_of(seen, camera_of(seen), now_.calibration, p, value) &&
+                  value.head<2>().norm() < options_.gate_sigmas &&
+                  (!options_.gates_inverse_depth || std::abs(value.z()) < options_.gate_sigmas);
+    }
   }
 
  private:
-  // Blocks below the diagonal, by row, then column: of free views that see a common point.
-  void find_blocks() {
-    const auto rows = static_cast<std::size_t>(free_);
-    constexpr std::size_t kBits = 64;
-    const std::size_t words = (rows + kBits - 1) / kBits;  // of a row: a bit for each column
-    std::vector<std::uint64_t> pattern(rows * words, 0);
-    const auto meet = [&](int row, int column) {
-      const auto bit = static_cast<std::size_t>(column);
-      pattern[static_cast<std::size_t>(row) * words + bit / kBits] |= std::uint64_t{1} << (bit % kBits);
-    };
-    for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i)
-        for (std::size_t j = first_free_[point]; j < i; ++j) meet(column_of_sighting_[i], column_of_sighting_[j]);
-    for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
-      if (const auto [column, row] = std::minmax(column_[constraint.from], column_[constraint.to]); column >= 0)
-        meet(row, column);
-    for (std::size_t row = 0; row < rows; ++row) {
-      row_begin_.push_back(columns_.size());
-      for (std::size_t column = 0; column < row; ++column) {
-        const std::uint64_t left = pattern[row * words + column / kBits] >> (column % kBits);
-        if (left == 0) column |= kBits - 1;
-        if ((left & 1) != 0) columns_.push_back(static_cast<std::int32_t>(column));
-      }
+  struct State {
+    std::vector<View> views;
+    std::vector<Vector3d> points;
+    SensorCalibration calibration;
+  };
+
+  // Numbers the views and sorts the sightings.
+  BundlePattern pattern_of(const Bundle& bundle) {
+    BundlePattern pattern;
+    for (const BundleView& view : bundle.views) {
+      MAPWEAVE_EXPECT(view.camera < bundle.cameras.size(), "a view names a camera");
+      column_.push_back(view.fixed ? -1 : pattern.views++);
     }
-    row_begin_.push_back(columns_.size());
-    for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
-        const auto row = static_cast<std::size_t>(column_of_sighting_[i]);
-        const auto end = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row + 1]);
-        auto place = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]);
-        for (std::size_t j = first_free_[point]; j < i; ++j) {
-          place = std::lower_bound(place, end, column_of_sighting_[j]);
-          block_of_pair_.push_back(static_cast<std::uint32_t>(place - columns_.begin()));
-        }
-      }
+    const std::size_t count = bundle.points.size();
+    MAPWEAVE_EXPECT(bundle.fixed_points.empty() || bundle.fixed_points.size() == count, "of each point");
+    pattern.fixed_points = bundle.fixed_points;
+    pattern.has_border = learns();
+    pattern.first.resize(count + 1);
+    std::size_t next = 0;
+    for (std::size_t i = 0; i < bundle.sightings.size(); ++i) {
+      const BundleSighting& seen = bundle.sightings[i];
+      MAPWEAVE_EXPECT(seen.view < bundle.views.size() && seen.point < count &&
+                          (i == 0 || bundle.sightings[i - 1].point <= seen.point),
+                      "sightings name views and points, in order");
+      while (next <= seen.point) pattern.first[next++] = sightings_.size();
+      if (seen.fits) sightings_.push_back(seen);
+    }
+    while (next <= count) pattern.first[next++] = sightings_.size();
+    const auto by_column = [&](const BundleSighting& a, const BundleSighting& b) {
+      return column_[a.view] < column_[b.view];
+    };
+    for (std::size_t point = 0; point < count; ++point) {
+      const auto begin = sightings_.begin() + static_cast<std::ptrdiff_t>(pattern.first[point]),
+                 end = sightings_.begin() + static_cast<std::ptrdiff_t>(pattern.first[point + 1]);
+      for (auto next_one = begin; next_one != end; ++next_one)  // few
+        std::rotate(std::upper_bound(begin, next_one, *next_one, by_column), next_one, next_one + 1);
+    }
+    for (const BundleSighting& seen : sightings_) pattern.column_of_sighting.push_back(column_[seen.view]);
+    for (const RelativePoseConstraint& constraint : bundle.relative_poses) {
+      MAPWEAVE_EXPECT(constraint.from < bundle.views.size() && constraint.to < bundle.views.size() &&
+                          constraint.from != constraint.to && constraint.sigma_m > 0.0 && constraint.sigma_rad > 0.0,
+                      "a constraint names two views");
+      pattern.ties.emplace_back(column_[constraint.from], column_[constraint.to]);
+    }
+    return pattern;
   }
-  std::size_t block(int row, int column) const {
-    const auto begin = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row)]),
-               end = columns_.begin() + static_cast<std::ptrdiff_t>(row_begin_[static_cast<std::size_t>(row) + 1]);
-    return static_cast<std::size_t>(std::lower_bound(begin, end, column) - columns_.begin());
+
+  bool learns() const { return information_.step.maxCoeff() > 0.0; }
+  const Pinhole& camera_of(const BundleSighting& seen) const {
+    return bundle_.cameras[bundle_.views[seen.view].camera];
+  }
+
+  double cost_of(const State& state) const {
+    double sum = 0.0;
+    Vector3d value;
+    const double soft = options_.soft_sigmas;
+    for (const BundleSighting& seen : sightings_) {
+      const Vector3d p = state.views[seen.view] * state.points[seen.point];
+      if (!residual_of(seen, camera_of(seen), state.calibration, p, value))
+        sum += 100.0 * soft * soft;
+      else
+        sum += soft_cost(value.head<2>().norm(), soft) + soft_cost(std::abs(value.z()), soft);
+    }
+    for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
+      sum += error_of(constraint, state.views[constraint.from], state.views[constraint.to]).squaredNorm();
+    const Vector2d here = values_of(state.calibration);
+    return sum + information_.step.dot((here - values_of(bundle_.calibration)).cwiseAbs2()) +
+           information_.own.dot(here.cwiseAbs2());
+  }
+
+  void add(const RelativePoseConstraint& constraint, std::size_t number) {
+    const View &from = now_.views[constraint.from], &to = now_.views[constraint.to];
+    const Vector6 error = error_of(constraint, from, to);
+    Matrix6 by_from, by_to;
+    graph::linearise(constraint, from, to, by_from, by_to);
+    BundleSums& sums = equations_.sums;
+    const auto add_view = [&](int column, const Matrix6& by) {
+      if (column < 0) return;
+      sums.views[static_cast<std::size_t>(column)].noalias() += by.transpose() * by;
+      sums.views_gradient.segment<6>(6 * column).noalias() += by.transpose() * error;
+    };
+    add_view(column_[constraint.from], by_from);
+    add_view(column_[constraint.to], by_to);
+    const bool from_is_row = column_[constraint.from] > column_[constraint.to];
+    sums.view_by_view[number] =
+        from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
   }
 
   Vector3d weights_of(const Vector3d& value) const {
@@ -185,198 +241,95 @@ class Adjustment {
     return {w, w, depth > soft ? soft / depth : 1.0};
   }
 
-  double cost_of(const std::vector<View>& views, const std::vector<Vector3d>& points) const {
-    double sum = 0.0;
-    Vector3d value;
-    for (const BundleSighting& seen : sightings_) {
-      const View& view = views[seen.view];
-      const Vector3d p = view.rotation * points[seen.point] + view.translation;
-      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, nullptr))
-        sum += 100.0 * options_.soft_sigmas * options_.soft_sigmas;
-      else
-        sum += soft_cost(value.head<2>().norm(), options_.soft_sigmas) +
-               soft_cost(std::abs(value.z()), options_.soft_sigmas);
-    }
-    for (const RelativePoseConstraint& constraint : bundle_.relative_poses)
-      sum += error_of(constraint, views).squaredNorm();
-    return sum;
-  }
-
-  // How far the views are from what the tie says, in sigmas; a small motion of `to` in its own frame.
-  static Vector6 error_of(const RelativePoseConstraint& constraint, const std::vector<View>& views) {
-    const View &from = views[constraint.from], &to = views[constraint.to];
-    const Matrix3d measured = constraint.from_from_to.q.conjugate().toRotationMatrix();  // to_from_from
-    const Matrix3d to_from_from = to.rotation * from.rotation.transpose();
-    const Vector3d from_in_to = to.translation - to_from_from * from.translation;
-    const Eigen::AngleAxisd turn(Matrix3d(to_from_from * measured.transpose()));
-    const Vector3d expected = -(measured * constraint.from_from_to.t);
-    Vector6 error;
-    error << (from_in_to - expected) / constraint.sigma_m, turn.angle() * turn.axis() / constraint.sigma_rad;
-    return error;
-  }
-
-  // Derivatives by small motions of the two cameras in their own frames, from the left, for small errors.
-  void linearise(const RelativePoseConstraint& constraint, std::size_t number) {
-    const Vector6 error = error_of(constraint, views_);
-    const Matrix3d to_from_from = views_[constraint.to].rotation * views_[constraint.from].rotation.transpose();
-    const Vector3d t = views_[constraint.to].translation - to_from_from * views_[constraint.from].translation;
-    Matrix3d cross;
-    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
-    Matrix6 by_to = Matrix6::Zero(), by_from = Matrix6::Zero();
-    by_to.topLeftCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_m;
-    by_to.topRightCorner<3, 3>() = -cross / constraint.sigma_m;
-    by_to.bottomRightCorner<3, 3>() = Matrix3d::Identity() / constraint.sigma_rad;
-    by_from.topLeftCorner<3, 3>() = -to_from_from / constraint.sigma_m;
-    by_from.bottomRightCorner<3, 3>() = -to_from_from / constraint.sigma_rad;
-    const auto add = [&](std::uint32_t view, const Matrix6& by) {
-      if (const int c = column_[view]; c >= 0) {
-        hessian_of_view_[static_cast<std::size_t>(c)].noalias() += by.transpose() * by;
-        gradient_of_view_.segment<6>(6 * c).noalias() += by.transpose() * error;
-      }
-    };
-    add(constraint.from, by_from), add(constraint.to, by_to);
-    const bool from_is_row = column_[constraint.from] > column_[constraint.to];
-    cross_of_constraint_[number] =
-        from_is_row ? Matrix6(by_from.transpose() * by_to) : Matrix6(by_to.transpose() * by_from);
-  }
-
-  void linearise() {
-    hessian_of_view_.assign(static_cast<std::size_t>(free_), Matrix6::Zero());
-    gradient_of_view_ = Eigen::VectorXd::Zero(6 * free_);
-    hessian_of_point_.assign(points_.size(), Matrix3d::Zero());
-    gradient_of_point_.assign(points_.size(), Vector3d::Zero());
-    cross_.resize(sightings_.size());
-    used_.assign(sightings_.size(), 0);
-    cross_of_constraint_.resize(bundle_.relative_poses.size());
-    for (std::size_t i = 0; i < bundle_.relative_poses.size(); ++i) linearise(bundle_.relative_poses[i], i);
-    Vector3d value;
-    Matrix3d by_point = Matrix3d::Zero();  // in the camera's frame
-    for (std::size_t i = 0; i < sightings_.size(); ++i) {
-      const BundleSighting& seen = sightings_[i];
-      const View& view = views_[seen.view];
-      const Vector3d p = view.rotation * points_[seen.point] + view.translation;
-      if (!residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera], p, value, &by_point)) continue;
-      used_[i] = 1;
-      // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p.
-      // Element by element: of `by_point` the half is zero.
-      const Vector3d weights = weights_of(value), slope = by_point.transpose() * weights.cwiseProduct(value);
-      const double x = by_point(0, 0), x_z = by_point(0, 2), y = by_point(1, 1), y_z = by_point(1, 2),
-                   z = by_point(2, 2);
-      const double xx = weights.x() * x * x, xz = weights.x() * x * x_z, yy = weights.y() * y * y,
-                   yz = weights.y() * y * y_z,
-                   zz = weights.x() * x_z * x_z + weights.y() * y_z * y_z + weights.z() * z * z;
-      const Matrix3d& rotation = view.rotation;
-      Matrix3d& of_point = hessian_of_point_[seen.point];
-      const int c = column_of_sighting_[i];
+  // How well the point is known in the camera's frame; a small motion (t, w) of the camera moves it by t + w x p.
+  // Element by element: of the derivative by the point half is zero.
+  void add(std::size_t number, const Vector3d& p, const Vector3d& value) {
+    const BundleSighting& seen = sightings_[number];
+    BundleSums& sums = equations_.sums;
+    sums.used[number] = 1;
+    const Slope by = slope_of(seen, camera_of(seen), p);
+    const Vector3d weights = weights_of(value), weighted = weights.cwiseProduct(value);
+    const Vector3d slope(by.x * weighted.x(), by.y * weighted.y(),
+                         by.x_z * weighted.x() + by.y_z * weighted.y() + by.z * weighted.z());
+    const double xx = weights.x() * by.x * by.x, xz = weights.x() * by.x * by.x_z, yy = weights.y() * by.y * by.y,
+                 yz = weights.y() * by.y * by.y_z,
+                 zz = weights.x() * by.x_z * by.x_z + weights.y() * by.y_z * by.y_z + weights.z() * by.z * by.z;
+    const Matrix3d& rotation = now_.views[seen.view].rotation;
+    Matrix3d& of_point = sums.points[seen.point];
+    const int c = column_[seen.view];
 #pragma GCC unroll 3
-      for (int k = 0; k < 3; ++k) {
-        const Vector3d axis = rotation.col(k);
-        const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(),
-                             xz * axis.x() + yz * axis.y() + zz * axis.z());
-        of_point(0, k) += rotation.col(0).dot(known), of_point(1, k) += rotation.col(1).dot(known);
-        of_point(2, k) += rotation.col(2).dot(known);
-        gradient_of_point_[seen.point](k) += axis.dot(slope);
-        if (c >= 0) cross_[i].col(k).head<3>() = known, cross_[i].col(k).tail<3>() = p.cross(known);
-      }
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d axis = rotation.col(k);
+      const Vector3d known(xx * axis.x() + xz * axis.z(), yy * axis.y() + yz * axis.z(),
+                           xz * axis.x() + yz * axis.y() + zz * axis.z());
+      of_point(0, k) += rotation.col(0).dot(known);
+      of_point(1, k) += rotation.col(1).dot(known);
+      of_point(2, k) += rotation.col(2).dot(known);
+      sums.points_gradient[seen.point](k) += axis.dot(slope);
       if (c < 0) continue;
-      const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx),
-          second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
-          third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
-      Matrix6& hessian = hessian_of_view_[static_cast<std::size_t>(c)];  // the lower triangle
-      hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
+      sums.view_by_point[number].col(k).head<3>() = known;
+      sums.view_by_point[number].col(k).tail<3>() = p.cross(known);
+    }
+    if (learns()) add_border(seen, by, p, value, weights);
+    if (c < 0) return;
+    const Vector3d first(p.y() * xz, p.z() * xx - p.x() * xz, -p.y() * xx),
+        second(p.y() * yz - p.z() * yy, -p.x() * yz, p.x() * yy),
+        third(p.y() * zz - p.z() * yz, p.z() * xz - p.x() * zz, p.x() * yz - p.y() * xz);
+    Matrix6& hessian = sums.views[static_cast<std::size_t>(c)];
+    hessian(0, 0) += xx, hessian(1, 1) += yy, hessian(2, 0) += xz, hessian(2, 1) += yz, hessian(2, 2) += zz;
 #pragma GCC unroll 3
-      for (int k = 0; k < 3; ++k) {
-        const Vector3d turned(first(k), second(k), third(k)), of_turns = p.cross(turned);
-        hessian(3 + k, 0) += turned.x(), hessian(3 + k, 1) += turned.y(), hessian(3 + k, 2) += turned.z();
-        for (int row = k; row < 3; ++row) hessian(3 + row, 3 + k) += of_turns(row);
-      }
-      gradient_of_view_.segment<3>(6 * c) += slope, gradient_of_view_.segment<3>(6 * c + 3) += p.cross(slope);
+    for (int k = 0; k < 3; ++k) {
+      const Vector3d turned(first(k), second(k), third(k)), of_turns = p.cross(turned);
+      hessian(3 + k, 0) += turned.x(), hessian(3 + k, 1) += turned.y(), hessian(3 + k, 2) += turned.z();
+      for (int row = k; row < 3; ++row) hessian(3 + row, 3 + k) += of_turns(row);
+    }
+    sums.views_gradient.segment<3>(6 * c) += slope;
+    sums.views_gradient.segment<3>(6 * c + 3) += p.cross(slope);
+  }
+
+  // The readout moves the pixel by its flow, the offset the inverse depth.
+  void add_border(const BundleSighting& seen, const Slope& by, const Vector3d& p, const Vector3d& value,
+                  const Vector3d& weights) {
+    BundleSums& sums = equations_.sums;
+    const Vector2d flow = seen.row_flow / seen.sigma_px, weighted = weights.head<2>().cwiseProduct(flow);
+    const double offset = seen.inverse_depth_sigma > 0.0 ? 1.0 / seen.inverse_depth_sigma : 0.0;
+    sums.border(0, 0) += weighted.dot(flow);
+    sums.border(1, 1) += weights.z() * offset * offset;
+    sums.border_gradient += Vector2d(weighted.dot(value.head<2>()), weights.z() * offset * value.z());
+    const std::array<Vector3d, 2> by_p{
+        Vector3d(by.x * weighted.x(), by.y * weighted.y(), by.x_z * weighted.x() + by.y_z * weighted.y()),
+        Vector3d(0.0, 0.0, by.z * weights.z() * offset)};
+    const int c = column_[seen.view];
+    for (int k = 0; k < 2; ++k) {
+      const Vector3d& of = by_p[static_cast<std::size_t>(k)];
+      sums.border_by_point[seen.point].row(k) += of.transpose() * now_.views[seen.view].rotation;
+      if (c < 0) continue;
+      sums.border_by_view[static_cast<std::size_t>(c)].row(k).head<3>() += of;
+      sums.border_by_view[static_cast<std::size_t>(c)].row(k).tail<3>() += p.cross(of);
     }
   }
 
-  bool solve(double lambda, Eigen::VectorXd& change) {
-    std::vector<Matrix6> diagonal = hessian_of_view_, below(columns_.size(), Matrix6::Zero());
-    for (Matrix6& m : diagonal) {
-      m.diagonal() *= 1.0 + lambda;
-      m.diagonal().array() += 1e-9;
-    }
-    for (std::size_t i = 0; i < bundle_.relative_poses.size(); ++i) {
-      const int one = column_[bundle_.relative_poses[i].from], other = column_[bundle_.relative_poses[i].to];
-      if (one >= 0 && other >= 0) below[block(std::max(one, other), std::min(one, other))] += cross_of_constraint_[i];
-    }
-    inverse_.resize(points_.size());
-    for (std::size_t point = 0; point < points_.size(); ++point) {
-      Matrix3d damped = hessian_of_point_[point];
-      damped.diagonal() *= 1.0 + lambda;
-      damped.diagonal().array() += 1e-6;
-      inverse_[point] = damped.inverse();
-    }
-    Eigen::VectorXd right = -gradient_of_view_;
-    eliminate_points(diagonal.data(), below.data(), right.data());
-    if (!cholesky_) cholesky_.emplace(row_begin_, columns_);
-    if (!cholesky_->factorise(diagonal, below)) return false;
-    change = cholesky_->solved(right);
-    return change.allFinite();
-  }
-
-  // What the points that are left out change of the views' system.
-  MAPWEAVE_WIDE_CLONES void eliminate_points(Matrix6* diagonal, Matrix6* below, double* right) const {
-    const std::uint32_t* target = block_of_pair_.data();
-    for (std::size_t point = 0; point < points_.size(); ++point)
-      for (std::size_t i = first_free_[point]; i < first_[point + 1]; ++i) {
-        const int row = column_of_sighting_[i];
-        if (used_[i] == 0) {
-          target += i - first_free_[point];
-          continue;
-        }
-        const Matrix63 left = cross_[i].lazyProduct(inverse_[point]);
-        Eigen::Map<Vector6>(right + 6 * row).noalias() += left.lazyProduct(gradient_of_point_[point]);
-        subtract_product<6, 3>(left.data(), cross_[i].data(), diagonal[row].data());
-        for (std::size_t j = first_free_[point]; j < i; ++j, ++target)
-          if (used_[j] != 0 && column_of_sighting_[j] != row)
-            subtract_product<6, 3>(left.data(), cross_[j].data(), below[*target].data());
-      }
-  }
-
-  void write_back() {
-    for (std::size_t i = 0; i < views_.size(); ++i)
-      if (column_[i] >= 0)
-        bundle_.views[i].map_from_camera = {-(views_[i].rotation.transpose() * views_[i].translation),
-                                            Eigen::Quaterniond(views_[i].rotation.transpose()).normalized()};
-    Vector3d value;
-    for (BundleSighting& seen : bundle_.sightings) {
-      const View& view = views_[seen.view];
-      seen.fits = residual_of(seen, bundle_.cameras[bundle_.views[seen.view].camera],
-                              view.rotation * points_[seen.point] + view.translation, value, nullptr) &&
-                  value.head<2>().norm() < options_.gate_sigmas && std::abs(value.z()) < options_.gate_sigmas;
-    }
-    bundle_.points = points_;
-  }
-
-  Bundle& bundle_;
+  const Bundle& bundle_;
   BundleOptions options_;
-  std::vector<View> views_;
-  std::vector<Vector3d> points_;
-  std::vector<BundleSighting> sightings_;         // that fit; by point, then column
-  std::vector<int> column_, column_of_sighting_;  // of each view, and of the view of each sighting; -1: fixed
-  int free_ = 0;
-  std::vector<std::size_t> first_;       // sighting of each point, and the end
-  std::vector<std::size_t> first_free_;  // of a view that is not fixed
-  std::vector<std::size_t> row_begin_;
-  std::vector<std::int32_t> columns_;
-  std::vector<std::uint32_t> block_of_pair_;  // of two sightings of one point, in order
-  std::vector<Matrix6> hessian_of_view_;
-  Eigen::VectorXd gradient_of_view_;
-  std::vector<Matrix3d> hessian_of_point_, inverse_;
-  std::vector<Vector3d> gradient_of_point_;
-  std::vector<Matrix63> cross_;               // of each sighting
-  std::vector<Matrix6> cross_of_constraint_;  // the view of the higher column by the other
-  std::vector<char> used_;
-  std::optional<BlockCholesky<6>> cholesky_;
+  CalibrationInformation information_;
+  std::vector<BundleSighting> sightings_;  // that fit; by point, then column
+  std::vector<int> column_;                // of each view; -1: fixed
+  State now_, tried_;
+  BundleEquations equations_;
 };
 
 }  // namespace
 
-BundleReport adjust(Bundle& bundle, const BundleOptions& options) { return Adjustment(bundle, options).run(); }
+BundleReport adjust(Bundle& bundle, const BundleOptions& options) {
+  Damping damping;
+  damping.easier = 0.2;
+  damping.harder = 8.0;
+  damping.least = 1e-8;
+  damping.most = 1e6;
+  Adjustment adjustment(bundle, options);
+  const Descent descent = descend(adjustment, options.iterations, options.least_gain, damping);
+  adjustment.write_back(bundle);
+  return {descent.cost_before, descent.cost, descent.iterations};
+}
 
 }  // namespace mapweave::graph

@@ -3,8 +3,6 @@
 #include <mapweave/core/error.h>
 #include <mapweave/graph/pose_graph.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 
 namespace mapweave::graph {
@@ -18,13 +16,6 @@ struct InPlane {
   static constexpr int kSize = 3;
   static constexpr double kFirstDamping = 1e-6;
 
-  // Also of matrices that are rank deficient.
-  static Matrix sound(const Matrix& information) {
-    const Matrix symmetric = 0.5 * (information + information.transpose());
-    if (symmetric.llt().info() == Eigen::Success) return symmetric;
-    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(symmetric);
-    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
-  }
   // from_from_to^-1 (+) (from^-1 (+) to)
   static Error error_of(const graph::Edge& edge, const Pose2& from, const Pose2& to) {
     const Pose2 error = between(edge.from_from_to, between(from, to));
@@ -77,7 +68,7 @@ Solution solve(const std::vector<Pose2>& initial, const std::vector<Edge>& edges
   PoseGraphSolver<InPlane> solver(solution.poses, edges, fixed);
   constexpr double kEnough = 1e-7, kEnoughToWeigh = 1e-3;
   const auto run = [&](double enough) {
-    const auto result = solver.run(options.iterations, enough);
+    const Descent result = solver.run(options.iterations, enough);
     solution.iterations += result.iterations;
     solution.converged = result.converged;
   };

@@ -1,21 +1,32 @@
 #pragma once
-// Levenberg-Marquardt on graphs of poses: the same loop for poses in the plane and in space. What differs stands in a
-// `Space`:
+// Graphs of poses as a problem of levenberg_marquardt.h: in the plane, in space, and where scales drift. What differs
+// stands in a `Space`:
 //   Pose, Edge        with numbers of poses `from` and `to`, the measured pose `from_from_to`, and `information`
 //   kSize             numbers that a small motion of a pose has
 //   kFirstDamping            share of the diagonal that is added first
 //   Error, Matrix     vector of kSize, square
-//   sound(information)       symmetric and nowhere negative
 //   error_of(edge, from, to)                        what is left of the edge
 //   linearise(edge, from, to, error, by_from, by_to)  the same, and how it changes with small motions of both
 //   moved(pose, motion)
 
+#include "levenberg_marquardt.h"
+
 #include <mapweave/graph/block_cholesky.h>
 
-#include <algorithm>
-#include <optional>
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <vector>
 
 namespace mapweave::graph {
+
+// Symmetric and nowhere negative; also of matrices that are rank deficient.
+template <class Matrix>
+Matrix sound(const Matrix& information) {
+  const Matrix symmetric = 0.5 * (information + information.transpose());
+  if (symmetric.llt().info() == Eigen::Success) return symmetric;
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(symmetric);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+}
 
 // Poses that edges name are free, but for the fixed one. The pattern is analysed once, however often weights change.
 template <class Space>
@@ -25,18 +36,13 @@ class PoseGraphSolver {
   using Edge = typename Space::Edge;
   using Error = typename Space::Error;
   using Matrix = typename Space::Matrix;
-  struct Result {
-    double cost = 0.0;
-    int iterations = 0;
-    bool converged = false;
-  };
 
   // Both must outlive this.
   PoseGraphSolver(std::vector<Pose>& poses, const std::vector<Edge>& edges, std::uint32_t fixed)
       : poses_(poses), edges_(edges) {
     std::vector<std::int32_t> number(poses.size(), kNone);
     for (const Edge& edge : edges) {
-      information_.push_back(Space::sound(edge.information));
+      information_.push_back(sound(edge.information));
       for (const std::uint32_t pose : {edge.from, edge.to})
         if (pose != fixed) number[pose] = 0;
     }
@@ -54,28 +60,52 @@ class PoseGraphSolver {
     for (std::size_t i = 0; i < weighted_.size(); ++i) weighted_[i] = weights[i] * information_[i];
   }
 
-  // Until a step saves no more than the share `enough` of the cost.
-  Result run(int iterations, double enough) {
-    Result result;
-    result.cost = cost_of(poses_);
-    double damping = Space::kFirstDamping;
-    while (result.iterations < iterations && !result.converged) {
-      ++result.iterations;
-      linearise();
-      bool is_better = false;
-      while (!is_better && !result.converged) {
-        const double saved = step(damping, result.cost);
-        is_better = saved > 0.0;
-        if (!is_better && damping > 1e8) result.converged = true;  // nothing is left to gain
-        damping = std::clamp(is_better ? 0.1 * damping : 10.0 * damping, 1e-10, 1e10);
-        if (!is_better) continue;
-        result.converged = saved <= enough * result.cost;
-        result.cost -= saved;
-      }
-      if (result.cost < 1e-20) result.converged = true;
-    }
-    return result;
+  // Of levenberg_marquardt.h.
+  Descent run(int iterations, double enough) {
+    Damping damping;
+    damping.first = Space::kFirstDamping;
+    return descend(*this, iterations, enough, damping);
   }
+  double cost() const { return cost_of(poses_); }
+  void linearise() {
+    for (Matrix& block : diagonal_) block.setZero();
+    for (Matrix& block : below_) block.setZero();
+    gradient_.setZero(Space::kSize * static_cast<Eigen::Index>(free_.size()));
+    const auto add = [&](std::int32_t pose, const Matrix& slope, const Matrix& weighted, const Error& error) {
+      if (pose == kNone) return;
+      diagonal_[static_cast<std::size_t>(pose)].noalias() += slope.transpose().lazyProduct(weighted);
+      gradient_.template segment<Space::kSize>(Space::kSize * static_cast<Eigen::Index>(pose)).noalias() +=
+          weighted.transpose().lazyProduct(error);
+    };
+    Error error;
+    Matrix by_from, by_to;
+    for (std::size_t i = 0; i < edges_.size(); ++i) {
+      Space::linearise(edges_[i], poses_[edges_[i].from], poses_[edges_[i].to], error, by_from, by_to);
+      const Matrix from = weighted_[i].lazyProduct(by_from), to = weighted_[i].lazyProduct(by_to);
+      const Place& place = places_[i];
+      add(place.from, by_from, from, error);
+      add(place.to, by_to, to, error);
+      if (place.from == kNone || place.to == kNone) continue;
+      if (place.from > place.to)
+        below_[place.block].noalias() += by_from.transpose().lazyProduct(to);
+      else
+        below_[place.block].noalias() += by_to.transpose().lazyProduct(from);
+    }
+  }
+  std::optional<double> try_step(double damping) {
+    std::vector<Matrix> damped = diagonal_;
+    for (Matrix& block : damped)
+      for (int i = 0; i < Space::kSize; ++i) block(i, i) += damping * std::max(block(i, i), 1e-6);
+    if (!cholesky_->factorise(damped, below_)) return std::nullopt;
+    const Eigen::VectorXd change = cholesky_->solved(gradient_);
+    tried_ = poses_;
+    for (std::size_t i = 0; i < free_.size(); ++i) {
+      const Error motion = -change.segment<Space::kSize>(Space::kSize * static_cast<Eigen::Index>(i));
+      tried_[free_[i]] = Space::moved(tried_[free_[i]], motion);
+    }
+    return cost_of(tried_);
+  }
+  void take_step() { poses_.swap(tried_); }
 
  private:
   static constexpr std::int32_t kNone = -1;
@@ -122,51 +152,8 @@ class PoseGraphSolver {
     return cost;
   }
 
-  void linearise() {
-    for (Matrix& block : diagonal_) block.setZero();
-    for (Matrix& block : below_) block.setZero();
-    gradient_.setZero(Space::kSize * static_cast<Eigen::Index>(free_.size()));
-    const auto add = [&](std::int32_t pose, const Matrix& slope, const Matrix& weighted, const Error& error) {
-      if (pose == kNone) return;
-      diagonal_[static_cast<std::size_t>(pose)].noalias() += slope.transpose().lazyProduct(weighted);
-      gradient_.template segment<Space::kSize>(Space::kSize * static_cast<Eigen::Index>(pose)).noalias() +=
-          weighted.transpose().lazyProduct(error);
-    };
-    Error error;
-    Matrix by_from, by_to;
-    for (std::size_t i = 0; i < edges_.size(); ++i) {
-      Space::linearise(edges_[i], poses_[edges_[i].from], poses_[edges_[i].to], error, by_from, by_to);
-      const Matrix from = weighted_[i].lazyProduct(by_from), to = weighted_[i].lazyProduct(by_to);
-      const Place& place = places_[i];
-      add(place.from, by_from, from, error);
-      add(place.to, by_to, to, error);
-      if (place.from == kNone || place.to == kNone) continue;
-      if (place.from > place.to)
-        below_[place.block].noalias() += by_from.transpose().lazyProduct(to);
-      else
-        below_[place.block].noalias() += by_to.transpose().lazyProduct(from);
-    }
-  }
-
-  // Answers what it saves of the cost, 0 where it is not taken.
-  double step(double damping, double cost) {
-    std::vector<Matrix> damped = diagonal_;
-    for (Matrix& block : damped)
-      for (int i = 0; i < Space::kSize; ++i) block(i, i) += damping * std::max(block(i, i), 1e-6);
-    if (!cholesky_->factorise(damped, below_)) return 0.0;
-    const Eigen::VectorXd change = cholesky_->solved(gradient_);
-    std::vector<Pose> moved = poses_;
-    for (std::size_t i = 0; i < free_.size(); ++i) {
-      const Error motion = -change.segment<Space::kSize>(Space::kSize * static_cast<Eigen::Index>(i));
-      moved[free_[i]] = Space::moved(moved[free_[i]], motion);
-    }
-    const double after = cost_of(moved);
-    if (!(after < cost)) return 0.0;
-    poses_ = std::move(moved);
-    return cost - after;
-  }
-
   std::vector<Pose>& poses_;
+  std::vector<Pose> tried_;
   const std::vector<Edge>& edges_;
   std::vector<Matrix> information_, weighted_;
   std::vector<std::size_t> free_;

@@ -3,14 +3,15 @@
 #include <mapweave/core/error.h>
 #include <mapweave/graph/spatial_graph.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <cmath>
 
 namespace mapweave::graph {
 namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Vector7 = Eigen::Matrix<double, 7, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
 using Eigen::Matrix3d;
 
 Matrix3d cross(const Eigen::Vector3d& v) {
@@ -29,28 +30,13 @@ Vector6 error_of(const Pose3& measured, const Pose3& a, const Pose3& b, Eigen::Q
   return error;
 }
 
-// By how much the error grows with a small motion of `from` and of `to` in their own frames.
-struct Slopes {
-  Matrix6 from = Matrix6::Zero(), to = Matrix6::Zero();
-};
-Slopes slopes_of(const Pose3& measured, const Pose3& a, const Pose3& b, const Eigen::Quaterniond& turn) {
-  const Matrix3d back = measured.q.toRotationMatrix().transpose(), a_from_map = a.q.toRotationMatrix().transpose();
-  const Matrix3d v = cross(turn.vec()), w = turn.w() * Matrix3d::Identity();
-  Slopes slopes;
-  slopes.to.topLeftCorner<3, 3>() = back * a_from_map * b.q.toRotationMatrix();
-  slopes.to.bottomRightCorner<3, 3>() = w + v;
-  slopes.from.topLeftCorner<3, 3>() = -back;
-  slopes.from.topRightCorner<3, 3>() = back * cross(a_from_map * (b.t - a.t));
-  slopes.from.bottomRightCorner<3, 3>() = (v - w) * back;
-  return slopes;
-}
-
-// Symmetric, and nowhere negative.
-Matrix6 sound(const Matrix6& information) {
-  const Matrix6 symmetric = 0.5 * (information + information.transpose());
-  if (symmetric.llt().info() == Eigen::Success) return symmetric;
-  const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(symmetric);
-  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() * eigen.eigenvectors().transpose();
+// A small motion (translation, rotation vector) in the pose's own frame.
+Pose3 moved_by(Pose3 pose, const Vector6& motion) {
+  const double angle = motion.tail<3>().norm();
+  pose.t += pose.q * motion.head<3>();
+  if (angle > 0.0)
+    pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, motion.tail<3>() / angle))).normalized();
+  return pose;
 }
 
 struct InSpace {
@@ -61,7 +47,6 @@ struct InSpace {
   static constexpr int kSize = 6;
   static constexpr double kFirstDamping = 1e-4;
 
-  static Matrix6 sound(const Matrix6& information) { return graph::sound(information); }
   static Vector6 error_of(const SpatialEdge& edge, const Pose3& from, const Pose3& to) {
     Eigen::Quaterniond turn;
     return graph::error_of(edge.from_from_to, from, to, turn);
@@ -70,42 +55,104 @@ struct InSpace {
                         Matrix6& by_to) {
     Eigen::Quaterniond turn;
     error = graph::error_of(edge.from_from_to, from, to, turn);
-    const Slopes slopes = slopes_of(edge.from_from_to, from, to, turn);
-    by_from = slopes.from;
-    by_to = slopes.to;
+    const Matrix3d back = edge.from_from_to.q.toRotationMatrix().transpose(),
+                   from_from_map = from.q.toRotationMatrix().transpose();
+    const Matrix3d v = cross(turn.vec()), w = turn.w() * Matrix3d::Identity();
+    by_to.setZero();
+    by_to.topLeftCorner<3, 3>() = back * from_from_map * to.q.toRotationMatrix();
+    by_to.bottomRightCorner<3, 3>() = w + v;
+    by_from.setZero();
+    by_from.topLeftCorner<3, 3>() = -back;
+    by_from.topRightCorner<3, 3>() = back * cross(from_from_map * (to.t - from.t));
+    by_from.bottomRightCorner<3, 3>() = (v - w) * back;
   }
-  static Pose3 moved(Pose3 pose, const Vector6& motion) {
-    const double angle = motion.tail<3>().norm();
-    pose.t += pose.q * motion.head<3>();
-    if (angle > 0.0)
-      pose.q = (pose.q * Eigen::Quaterniond(Eigen::AngleAxisd(angle, motion.tail<3>() / angle))).normalized();
-    return pose;
+  static Pose3 moved(const Pose3& pose, const Vector6& motion) { return moved_by(pose, motion); }
+};
+
+// Translations are told in lengths of `from`; a small motion of a pose is in the graph's lengths.
+struct WithScale {
+  using Pose = Sim3;
+  using Edge = SimilarityEdge;
+  using Error = Vector7;
+  using Matrix = Matrix7;
+  static constexpr int kSize = 7;
+  static constexpr double kFirstDamping = 1e-4;
+
+  // As in space, and the logarithm of the scale.
+  static Vector7 error_of(const SimilarityEdge& edge, const Sim3& from, const Sim3& to) {
+    Eigen::Quaterniond turn;
+    Vector7 error;
+    error << graph::error_of(edge.from_from_to.pose, in_lengths_of(from, from), in_lengths_of(from, to), turn),
+        std::log(to.scale / (from.scale * edge.from_from_to.scale));
+    error.head<3>() /= edge.from_from_to.scale;
+    return error;
+  }
+  static void linearise(const SimilarityEdge& edge, const Sim3& from, const Sim3& to, Vector7& error, Matrix7& by_from,
+                        Matrix7& by_to) {
+    const Sim3& measured = edge.from_from_to;
+    const Pose3 a = in_lengths_of(from, from), b = in_lengths_of(from, to);
+    error = error_of(edge, from, to);
+    Vector6 rigid;
+    Matrix6 from6, to6;
+    InSpace::linearise({edge.from, edge.to, measured.pose, {}}, a, b, rigid, from6, to6);
+    const auto shrink = [&](Matrix6& by) {
+      by.topRows<3>() /= measured.scale;
+      by.topLeftCorner<3, 3>() /= from.scale;
+    };
+    shrink(from6);
+    shrink(to6);
+    by_from.setZero();
+    by_from.topLeftCorner<6, 6>() = from6;
+    by_from.topRightCorner<3, 1>() = (measured.pose.q.conjugate() * (a.q.conjugate() * (a.t - b.t))) / measured.scale;
+    by_from(6, 6) = -1.0;
+    by_to.setZero();
+    by_to.topLeftCorner<6, 6>() = to6;
+    by_to(6, 6) = 1.0;
+  }
+  static Pose3 in_lengths_of(const Sim3& from, const Sim3& pose) { return {pose.pose.t / from.scale, pose.pose.q}; }
+  static Sim3 moved(const Sim3& pose, const Vector7& motion) {
+    return {moved_by(pose.pose, motion.head<6>()), pose.scale * std::exp(motion(6))};
   }
 };
+
+bool is_sound(const Pose3& pose) { return is_finite(pose); }
+bool is_sound(const Sim3& pose) { return is_finite(pose.pose) && pose.scale > 0.0 && std::isfinite(pose.scale); }
+
+template <class Space, class Solution>
+Solution solved(const std::vector<typename Space::Pose>& initial, const std::vector<typename Space::Edge>& edges,
+                int iterations, std::uint32_t fixed) {
+  MAPWEAVE_EXPECT(initial.empty() || fixed < initial.size(), "the fixed pose is one of them");
+  for (const auto& edge : edges) {
+    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to,
+                    "edges join two of the poses");
+    MAPWEAVE_EXPECT(edge.information.allFinite() && is_sound(edge.from_from_to), "edges are finite");
+  }
+  Solution solution;
+  solution.poses = initial;
+  if (edges.empty()) {
+    solution.converged = true;
+    return solution;
+  }
+  constexpr double kEnough = 1e-6;
+  const Descent descent = PoseGraphSolver<Space>(solution.poses, edges, fixed).run(iterations, kEnough);
+  solution.chi2 = descent.cost;
+  solution.iterations = descent.iterations;
+  solution.converged = descent.converged;
+  return solution;
+}
 
 }  // namespace
 
 SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations,
                       std::uint32_t fixed) {
-  MAPWEAVE_EXPECT(initial.empty() || fixed < initial.size(), "the fixed pose is one of them");
-  for (const SpatialEdge& edge : edges) {
-    MAPWEAVE_EXPECT(edge.from < initial.size() && edge.to < initial.size() && edge.from != edge.to,
-                    "edges join two of the poses");
-    MAPWEAVE_EXPECT(edge.information.allFinite() && is_finite(edge.from_from_to), "edges are finite");
-  }
-  std::vector<Pose3> poses = initial;
-  SpatialSolution solution;
-  if (edges.empty()) {
-    solution.converged = true;
-  } else {
-    constexpr double kEnough = 1e-6;
-    const auto result = PoseGraphSolver<InSpace>(poses, edges, fixed).run(iterations, kEnough);
-    solution.chi2 = result.cost;
-    solution.iterations = result.iterations;
-    solution.converged = result.converged;
-  }
-  solution.poses = std::move(poses);
-  return solution;
+  return solved<InSpace, SpatialSolution>(initial, edges, iterations, fixed);
+}
+
+SimilaritySolution solve(const std::vector<Sim3>& initial, const std::vector<SimilarityEdge>& edges, int iterations,
+                         std::uint32_t fixed) {
+  for (const Sim3& pose : initial)
+    MAPWEAVE_EXPECT(pose.scale > 0.0 && std::isfinite(pose.scale), "scales are positive");
+  return solved<WithScale, SimilaritySolution>(initial, edges, iterations, fixed);
 }
 
 double chi2_of(const SpatialEdge& edge, const std::vector<Pose3>& poses) {

@@ -29,7 +29,7 @@ std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const Camera
                                      [&](const CameraResult& c) { return c.report.label == trajectory.label; });
     if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || trajectory.frames.empty())
       continue;
-    const visual::SensorCalibration calibration{camera->report.readout_s, camera->report.inverse_depth_offset};
+    const SensorCalibration calibration{camera->report.readout_s, camera->report.inverse_depth_offset};
     DepthTrajectory depth{cameras.robot, camera->chosen, calibration, trajectory.frames, {}};
     for (const auto& [id, node] : part.map.nodes)
       if (id.session.client.sensor.str() == sensor_name(trajectory.label)) depth.keyframes.push_back(node.stamp);

@@ -11,7 +11,7 @@ namespace mapweave::runtime {
 struct DepthTrajectory {
   PlannedRobot robot;
   ChosenCamera chosen;
-  visual::SensorCalibration calibration;
+  SensorCalibration calibration;
   std::vector<StampedPose> frames;
   std::vector<Stamp> keyframes;  // sorted
 };

@@ -88,7 +88,7 @@ graph::Bundle TeamBundle::empty_bundle() const {
   const bool moves_all = std::find(team_.is_free.begin(), team_.is_free.end(), false) == team_.is_free.end();
   for (std::size_t i = 0; i < team_.keyframes.size(); ++i) {
     bundle.cameras.push_back(team_.keyframes[i].content->camera);
-    bundle.views.push_back({team_.keyframes[i].team_from_camera(), static_cast<std::uint32_t>(i),
+    bundle.views.push_back({view_of(team_.keyframes[i].team_from_camera()), static_cast<std::uint32_t>(i),
                             (i == 0 && moves_all) || !team_.is_free[i]});
   }
   bundle.points = team_.points;
@@ -150,9 +150,12 @@ void TeamBundle::adjust(const std::vector<SharedSighting>& found, double radius_
   graph::BundleOptions adjusting;
   adjusting.least_gain = extent == BundleExtent::shared ? kRoughGain : kLeastGain;
   graph::adjust(bundle, adjusting);
-  for (std::size_t i = 0; i < team_.keyframes.size(); ++i)
-    team_.keyframes[i].team_from_node = compose(
-        bundle.views[i].map_from_camera, inverse(team_.keyframes[i].content->content->geometry->robot_from_camera));
+  for (std::size_t i = 0; i < team_.keyframes.size(); ++i) {
+    TeamKeyframe& keyframe = team_.keyframes[i];
+    const graph::BundleView& moved = bundle.views[i];
+    keyframe.team_from_node = compose(moved.fixed ? keyframe.team_from_camera() : pose_of(moved.view),
+                                      inverse(keyframe.content->content->geometry->robot_from_camera));
+  }
   team_.place_landmarks();
   if (extent == BundleExtent::shared) return;
   for (std::size_t i = 0; i < team_.points.size(); ++i)

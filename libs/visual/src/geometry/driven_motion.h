@@ -2,9 +2,8 @@
 // How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on
 // the wall, and then only the motion between them tells them apart.
 
-#include "view.h"
-
 #include <mapweave/core/stamp.h>
+#include <mapweave/core/view.h>
 #include <mapweave/visual/client_options.h>
 
 #include <limits>

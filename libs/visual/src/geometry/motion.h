@@ -1,9 +1,8 @@
 #pragma once
 // The camera's motion while a picture is read row by row.
 
-#include "view.h"
-
-#include <mapweave/visual/camera.h>
+#include <mapweave/core/pinhole.h>
+#include <mapweave/core/view.h>
 
 namespace mapweave::visual {
 

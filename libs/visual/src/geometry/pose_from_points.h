@@ -1,9 +1,8 @@
 #pragma once
 // Where the camera is, given points of the map and where it sees them.
 
-#include "view.h"
-
-#include <mapweave/visual/camera.h>
+#include <mapweave/core/pinhole.h>
+#include <mapweave/core/view.h>
 
 #include <limits>
 #include <vector>

@@ -1,5 +1,7 @@
 #include "map_correction.h"
 
+#include "bundle_sighting.h"
+
 #include <mapweave/graph/spatial_graph.h>
 
 #include <algorithm>
@@ -21,8 +23,7 @@ bool sees(const Landmark& landmark, int keyframe) {
 
 }  // namespace
 
-MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px)
-    : camera_(map.camera), loop_(std::move(loop)) {
+MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigma_px) : loop_(std::move(loop)) {
   const int session = map.keyframe(loop_.newest).session;
   std::vector<int> view_of_keyframe(map.keyframes.size(), -1);
   const int first = first_of(map, session);
@@ -31,8 +32,7 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     if (keyframe.gone || keyframe.session != session) continue;
     view_of_keyframe[static_cast<std::size_t>(number)] = static_cast<int>(keyframes_.size());
     keyframes_.push_back({number, keyframe.serial});
-    bundle_.views.push_back(keyframe.view);
-    bundle_.fixed.push_back(number == first ? 1 : 0);
+    bundle_.views.push_back({keyframe.view, 0, number == first});
   }
   const auto view_number = [&](int keyframe) { return view_of_keyframe[static_cast<std::size_t>(keyframe)]; };
   newest_ = static_cast<std::size_t>(view_number(loop_.newest)),
@@ -45,16 +45,17 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
     const Landmark& landmark = map.landmark(id);
     if (landmark.gone || landmark.borrowed || landmark.seen.empty() || view_number(landmark.seen.front().keyframe) < 0)
       continue;
-    const auto point = static_cast<int>(landmarks_.size());
+    const std::size_t point = landmarks_.size();
     landmarks_.push_back({id, landmark.serial});
     bundle_.points.push_back(landmark.point);
     anchors_.push_back(view_number(landmark.seen.front().keyframe));
     for (const Observation& o : landmark.seen)
-      bundle_.observations.push_back({view_number(o.keyframe), point, o.sighting, true});
+      bundle_.sightings.push_back(bundle_sighting(view_number(o.keyframe), point, o.sighting));
     const Match* match = in_loop[static_cast<std::size_t>(id)];
     if (match != nullptr && !sees(landmark, loop_.newest))
-      bundle_.observations.push_back({static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px), true});
+      bundle_.sightings.push_back(bundle_sighting(static_cast<int>(newest_), point, map.sighting_of(*match, sigma_px)));
   }
+  bundle_.cameras.push_back(map.camera);
   bundle_.calibration = map.calibration;
   monocular_ = map.monocular;
   stretches_ = stretches_of(map);
@@ -124,8 +125,8 @@ void MapCorrection::run() {
   std::vector<Pose3> poses;
   std::uint32_t fixed = 0;
   for (std::size_t i = 0; i < bundle_.views.size(); ++i) {
-    poses.push_back(pose_of(bundle_.views[i]));
-    if (bundle_.fixed[i]) fixed = static_cast<std::uint32_t>(i);
+    poses.push_back(pose_of(bundle_.views[i].view));
+    if (bundle_.views[i].fixed) fixed = static_cast<std::uint32_t>(i);
   }
   std::vector<graph::SpatialEdge> edges;
   std::vector<graph::SimilarityEdge> drifting;
@@ -156,19 +157,19 @@ void MapCorrection::run() {
     poses = graph::solve(poses, edges, kIterations, fixed).poses;
   }
 
-  const std::vector<View> before = bundle_.views;
-  for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i] = view_of(poses[i]);
-  for (WindowBundleObservation& o : bundle_.observations) {
-    o.sighting.inverse_depth /= scales_[static_cast<std::size_t>(o.view)];
-    o.sighting.inverse_depth_sigma /= scales_[static_cast<std::size_t>(o.view)];
+  const std::vector<graph::BundleView> before = bundle_.views;
+  for (std::size_t i = 0; i < before.size(); ++i) bundle_.views[i].view = view_of(poses[i]);
+  for (graph::BundleSighting& seen : bundle_.sightings) {
+    seen.inverse_depth /= scales_[seen.view];
+    seen.inverse_depth_sigma /= scales_[seen.view];
   }
   for (std::size_t i = 0; i < bundle_.points.size(); ++i) {
     const auto anchor = static_cast<std::size_t>(anchors_[i]);
-    bundle_.points[i] = bundle_.views[anchor].inverse() * (scales_[anchor] * (before[anchor] * bundle_.points[i]));
+    bundle_.points[i] =
+        bundle_.views[anchor].view.inverse() * (scales_[anchor] * (before[anchor].view * bundle_.points[i]));
   }
-  WindowBundleOptions options;
-  options.most_steps = 8;
-  adjust(bundle_, camera_, options);
+  constexpr int kSteps = 8;
+  graph::adjust(bundle_, bundle_options(kSteps));
 }
 
 std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
@@ -176,7 +177,7 @@ std::vector<double> MapCorrection::apply(LandmarkMap& map) const {
   for (std::size_t i = 0; i < keyframes_.size(); ++i) {
     const Keyframe& keyframe = map.keyframe(keyframes_[i].slot);
     if (!keyframe.gone && keyframe.serial == keyframes_[i].serial)
-      motions.push_back({keyframes_[i].slot, bundle_.views[i], scales_[i]});
+      motions.push_back({keyframes_[i].slot, bundle_.views[i].view, scales_[i]});
   }
   auto scales = move_keyframes(map, map.keyframe(keyframes_.front().slot).session, motions);
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {

@@ -3,9 +3,9 @@
 // meanwhile. First the essential graph (ORB-SLAM, section VII-C; CORB-SLAM 2.1), then bundle adjustment of all that is
 // kept.
 
-#include "geometry/bundle.h"
 #include "loop_closer.h"
 
+#include <mapweave/graph/bundle_adjustment.h>
 #include <mapweave/maps/map_update.h>
 
 namespace mapweave::visual {
@@ -25,13 +25,12 @@ class MapCorrection {
     std::uint32_t serial;
   };
   std::vector<double> stretches_of(const LandmarkMap& map) const;
-  Pinhole camera_;
   FoundLoop loop_;
   std::vector<Name> keyframes_, landmarks_;           // of the bundle's views and points
   std::vector<int> anchors_;                          // of the points: views
   std::vector<CovisibilityEdge> covisibility_edges_;  // of views
   std::size_t newest_ = 0, earlier_ = 0;              // views
-  WindowBundle bundle_;
+  graph::Bundle bundle_;
   bool monocular_ = false;
   std::vector<double> stretches_, scales_;  // of the views: as wheels have it, as it came out
 };

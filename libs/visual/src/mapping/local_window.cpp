@@ -1,6 +1,6 @@
 #include "local_window.h"
 
-#include "geometry/bundle.h"
+#include "geometry/bundle_sighting.h"
 
 #include <algorithm>
 
@@ -10,8 +10,8 @@ namespace {
 constexpr int kLeastShared = 15;    // landmarks, of a keyframe in the window
 constexpr int kLeastBorrowed = 20;  // landmarks, that hold a window
 
-CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
-  CalibrationPrior prior;
+graph::CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& options) {
+  graph::CalibrationPrior prior;
   if (options.learn_readout) prior.readout_step_s = 0.002, prior.readout_s = 0.02;
   if (options.learn_depth_offset && !map.monocular) {
     constexpr double kBaselineOfDepthCameras_m = 0.075;
@@ -43,12 +43,12 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     if (static_cast<int>(chosen.size()) < options.keyframes && shared.landmarks >= kLeastShared)
       chosen.push_back(shared.keyframe);
 
-  WindowBundle bundle;
+  graph::Bundle bundle;
+  bundle.cameras.push_back(map.camera);
   std::vector<int> view_of_keyframe(map.keyframes.size(), kNoView);
   const auto add_view = [&](int number, bool fixed) {
     view_of_keyframe[static_cast<std::size_t>(number)] = static_cast<int>(bundle.views.size());
-    bundle.views.push_back(map.keyframe(number).view);
-    bundle.fixed.push_back(fixed ? 1 : 0);
+    bundle.views.push_back({map.keyframe(number).view, 0, fixed});
   };
   std::vector<int> ids;
   for (int number : chosen)
@@ -72,19 +72,21 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
   int held = 0;
   for (const CovisibleKeyframe& other : most_first(std::move(others)))
     if (held++ < options.fixed_keyframes) add_view(other.keyframe, true);
-  if (!held_by_borrowed && std::find(bundle.fixed.begin(), bundle.fixed.end(), 1) == bundle.fixed.end())
-    bundle.fixed[chosen.size() - 1] = 1;
-
+  auto fixed_views =
+      std::count_if(bundle.views.begin(), bundle.views.end(), [](const graph::BundleView& view) { return view.fixed; });
+  if (!held_by_borrowed && fixed_views == 0) {
+    bundle.views[chosen.size() - 1].fixed = true;
+    ++fixed_views;
+  }
   // Where nothing measures depth, two views hold the scale.
-  for (auto fixed = std::count(bundle.fixed.begin(), bundle.fixed.end(), 1);
-       map.monocular && !held_by_borrowed && fixed < 2; ++fixed) {
+  for (; map.monocular && !held_by_borrowed && fixed_views < 2; ++fixed_views) {
     std::size_t oldest = chosen.size();
     for (std::size_t i = 0; i < chosen.size(); ++i)
-      if (!bundle.fixed[i] &&
+      if (!bundle.views[i].fixed &&
           (oldest == chosen.size() || map.keyframe(chosen[i]).serial < map.keyframe(chosen[oldest]).serial))
         oldest = i;
     if (oldest == chosen.size()) break;
-    bundle.fixed[oldest] = 1;
+    bundle.views[oldest].fixed = true;
   }
   ids.erase(std::remove_if(ids.begin(), ids.end(),
                            [&](int id) { return !is_held(map.landmark(id), view_of_keyframe, knows_depth); }),
@@ -96,24 +98,24 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
     for (const Observation& seen : landmark.seen) {
       const int view = view_of_keyframe[static_cast<std::size_t>(seen.keyframe)];
       if (view == kNoView) continue;
-      bundle.observations.push_back({view, static_cast<int>(bundle.points.size()), seen.sighting, true});
-      if (!knows_depth) bundle.observations.back().sighting.inverse_depth_sigma = 0.0;
+      bundle.sightings.push_back(bundle_sighting(view, bundle.points.size(), seen.sighting));
+      if (!knows_depth) bundle.sightings.back().inverse_depth_sigma = 0.0;
       origin.emplace_back(id, seen.keyframe);
     }
-    bundle.points.push_back(landmark.point), bundle.fixed_points.push_back(landmark.borrowed ? 1 : 0);
+    bundle.points.push_back(landmark.point);
+    bundle.fixed_points.push_back(landmark.borrowed ? 1 : 0);
   }
   bundle.calibration = map.calibration;
-  WindowBundleOptions bundle_options;
-  bundle_options.most_steps = options.steps;
-  bundle_options.prior = prior_of(map, options);
-  adjust(bundle, map.camera, bundle_options);
+  graph::BundleOptions adjusting = bundle_options(options.steps);
+  adjusting.prior = prior_of(map, options);
+  graph::adjust(bundle, adjusting);
 
   map.calibration = bundle.calibration;
   map.calibration.readout_s = std::max(0.0, map.calibration.readout_s);  // rows are read downwards
-  for (std::size_t i = 0; i < chosen.size(); ++i) map.keyframe(chosen[i]).view = bundle.views[i];
+  for (std::size_t i = 0; i < chosen.size(); ++i) map.keyframe(chosen[i]).view = bundle.views[i].view;
   for (std::size_t i = 0; i < ids.size(); ++i) map.landmark(ids[i]).point = bundle.points[i];
-  for (std::size_t i = 0; i < bundle.observations.size(); ++i)
-    if (!bundle.observations[i].fits) map.forget(origin[i].first, origin[i].second);
+  for (std::size_t i = 0; i < bundle.sightings.size(); ++i)
+    if (!bundle.sightings[i].fits) map.forget(origin[i].first, origin[i].second);
 }
 
 }  // namespace mapweave::visual

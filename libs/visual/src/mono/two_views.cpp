@@ -1,6 +1,6 @@
 #include "two_views.h"
 
-#include "geometry/bundle.h"
+#include "geometry/bundle_sighting.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -135,29 +135,29 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
                  View motion, const TwoViewOptions& options) {
   TwoViews result;
   for (double wider : {4.0, 1.5}) {
-    WindowBundle bundle;
-    bundle.views = {View(), motion}, bundle.fixed = {1, 0};
+    graph::Bundle bundle;
+    bundle.cameras.push_back(camera);
+    bundle.views = {{View(), 0, true}, {motion, 0, false}};
     std::vector<std::size_t> pair_of_point;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto point = agreed_point(rays[i], motion, wider * options.gate_sigmas);
       if (!point) continue;
-      const int number = static_cast<int>(bundle.points.size());
       const std::array<Eigen::Vector2d, 2> pixels{pairs[i].first, pairs[i].second};
       for (int side = 0; side < 2; ++side) {
-        WindowBundleObservation seen;
-        seen.view = side, seen.point = number;
-        seen.sighting.pixel = pixels[static_cast<std::size_t>(side)], seen.sighting.sigma_px = pairs[i].sigma_px;
-        bundle.observations.push_back(seen);
+        Sighting seen;
+        seen.pixel = pixels[static_cast<std::size_t>(side)];
+        seen.sigma_px = pairs[i].sigma_px;
+        bundle.sightings.push_back(bundle_sighting(side, bundle.points.size(), seen));
       }
       bundle.points.push_back(*point);
       pair_of_point.push_back(i);
     }
-    WindowBundleOptions adjusting;
-    adjusting.most_steps = 10, adjusting.gate_sigmas = options.gate_sigmas;
-    adjust(bundle, camera, adjusting);
-    const double length = bundle.views[1].translation.norm();
+    graph::BundleOptions adjusting = bundle_options(10);
+    adjusting.gate_sigmas = options.gate_sigmas;
+    graph::adjust(bundle, adjusting);
+    const double length = bundle.views[1].view.translation.norm();
     if (!(length > 1e-9)) break;
-    motion = bundle.views[1];
+    motion = bundle.views[1].view;
     motion.translation /= length;
     result = TwoViews();
     result.second_from_first = motion;
@@ -166,7 +166,7 @@ TwoViews settled(const std::vector<PixelPair>& pairs, const std::vector<RayPair>
     const Vector3d centre = motion.centre();
     for (std::size_t p = 0; p < bundle.points.size(); ++p) {
       const Vector3d point = bundle.points[p] / length;
-      if (!bundle.observations[2 * p].fits || !bundle.observations[2 * p + 1].fits) continue;
+      if (!bundle.sightings[2 * p].fits || !bundle.sightings[2 * p + 1].fits) continue;
       result.points[pair_of_point[p]] = point, result.fits[pair_of_point[p]] = 1;
       ++result.count;
       angles.push_back(std::atan2(point.cross(point - centre).norm(), point.dot(point - centre)));
@@ -242,13 +242,22 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   return result;
 }
 
-std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
-                                     const TwoViewOptions& options) {
-  constexpr std::size_t kEssential = 8, kHomography = 4;
-  if (pairs.size() < std::max(kEssential, static_cast<std::size_t>(options.least_pairs))) return std::nullopt;
+namespace {
+
+std::vector<RayPair> rays_of(const std::vector<PixelPair>& pairs, const Pinhole& camera) {
   std::vector<RayPair> rays;
   for (const PixelPair& pair : pairs)
     rays.push_back({camera.ray(pair.first), camera.ray(pair.second), pair.sigma_px / std::sqrt(camera.fx * camera.fy)});
+  return rays;
+}
+
+}  // namespace
+
+std::vector<View> propose_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                  const TwoViewOptions& options) {
+  constexpr std::size_t kEssential = 8, kHomography = 4;
+  if (pairs.size() < kEssential) return {};
+  const std::vector<RayPair> rays = rays_of(pairs, camera);
   const Model essential = best_model(rays, kEssential, options, essential_of, [](const Matrix3d& e) {
     return [e](const RayPair& pair) { return essential_error(e, pair); };
   });
@@ -259,6 +268,12 @@ std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const 
   if (essential.score > 0.0) proposed = motions_of_essential(essential.matrix);
   if (homography.score > 0.0)
     for (const View& motion : motions_of_homography(homography.matrix)) proposed.push_back(motion);
+  return proposed;
+}
+
+std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                    const std::vector<View>& proposed, const TwoViewOptions& options) {
+  const std::vector<RayPair> rays = rays_of(pairs, camera);
   std::vector<int> counts;
   for (const View& motion : proposed) counts.push_back(count_in_front(rays, motion, options));
 
@@ -277,6 +292,12 @@ std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const 
     if (other.count > options.distinct * best->count && !is_alike(other.second_from_first, best->second_from_first))
       return std::nullopt;
   return std::move(*best);
+}
+
+std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                     const TwoViewOptions& options) {
+  if (pairs.size() < static_cast<std::size_t>(options.least_pairs)) return std::nullopt;
+  return best_motion(pairs, camera, propose_motions(pairs, camera, options), options);
 }
 
 }  // namespace mapweave::visual

@@ -39,6 +39,12 @@ struct TwoViews {
 std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
                                      const TwoViewOptions& options);
 
+// Its two halves: motions worth a try (translations of length 1), and the one that explains the pairs.
+std::vector<View> propose_motions(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                  const TwoViewOptions& options);
+std::optional<TwoViews> best_motion(const std::vector<PixelPair>& pairs, const Pinhole& camera,
+                                    const std::vector<View>& proposed, const TwoViewOptions& options);
+
 // What two rays (any length; the second's frame is reached by second_from_first) meet in, in the first's frame, by
 // least squares of angles' sines. nullopt where they run apart, or together without parallax.
 std::optional<Eigen::Vector3d> meet(const Eigen::Vector3d& ray_in_first, const Eigen::Vector3d& ray_in_second,

@@ -2,8 +2,9 @@
 // How the camera moved between two pictures, from the grey values around points of known depth (sparse image alignment:
 // Forster et al., SVO, ICRA 2014, section IV-A; here coarse to fine, with gain and bias between the pictures).
 
-#include "geometry/view.h"
 #include "pictures/pyramid.h"
+
+#include <mapweave/core/view.h>
 
 namespace mapweave::visual {
 

@@ -1,5 +1,6 @@
 #pragma once
-// A rectified camera. Frame `camera`: x right, y down, z forward. Pixels: the centre of the upper left one is (0, 0).
+// A rectified camera, and what its sensor does wrong. Frame `camera`: x right, y down, z forward. Pixels: the centre of
+// the upper left one is (0, 0).
 
 #include <Eigen/Core>
 
@@ -17,6 +18,12 @@ struct Pinhole {
   bool shows(const Eigen::Vector2d& pixel) const {
     return pixel.x() >= 0.0 && pixel.y() >= 0.0 && pixel.x() <= width - 1.0 && pixel.y() <= height - 1.0;
   }
+};
+
+// Systematic errors of a sensor: unknown beforehand, estimated with the map.
+struct SensorCalibration {
+  double readout_s = 0.0;             // from the first row to the last (rolling shutter)
+  double inverse_depth_offset = 0.0;  // measured less true, 1/m
 };
 
 }  // namespace mapweave

@@ -10,8 +10,8 @@
 
 namespace mapweave::graph {
 
-// kSize: rows of a block; 3 (poses in the plane) or 6 (in space). The same pattern factorised again and again is
-// analysed once. One thread; the same input gives the same bytes.
+// kSize: rows of a block; 3 (poses in the plane), 6 (in space) or 7 (with scale). The same pattern factorised again and
+// again is analysed once. One thread; the same input gives the same bytes.
 template <int kSize>
 class BlockCholesky {
  public:
@@ -43,5 +43,6 @@ class BlockCholesky {
 
 extern template class BlockCholesky<3>;
 extern template class BlockCholesky<6>;
+extern template class BlockCholesky<7>;
 
 }  // namespace mapweave::graph

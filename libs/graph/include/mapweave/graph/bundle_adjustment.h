@@ -1,10 +1,11 @@
 #pragma once
-// Bundle adjustment of whole maps: cameras' poses and points that agree best with where the cameras saw them.
-// Levenberg-Marquardt, the points eliminated (Schur complement; Triggs et al., Bundle Adjustment: A Modern Synthesis,
-// 2000), what is left sparse. Cold start, one thread, iteration budgets: the same input gives the same bytes.
+// Bundle adjustment: cameras' poses and points that agree best with where the cameras saw them, of the window around a
+// camera, a rig, or a team's maps. Levenberg-Marquardt, the points eliminated (Schur complement; Triggs et al., Bundle
+// Adjustment: A Modern Synthesis, 2000), what is left sparse. Cold start, one thread, iteration budgets: the same input
+// gives the same bytes.
 
-#include <mapweave/core/geometry.h>
 #include <mapweave/core/pinhole.h>
+#include <mapweave/core/view.h>
 
 #include <cstdint>
 #include <vector>
@@ -12,7 +13,7 @@
 namespace mapweave::graph {
 
 struct BundleView {
-  Pose3 map_from_camera;
+  View view;
   std::uint32_t camera = 0;
   bool fixed = false;
 };
@@ -20,6 +21,8 @@ struct BundleView {
 struct BundleSighting {
   std::uint32_t view = 0, point = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  // How the pixel moved with the camera while rows were read: pixels per second of readout.
+  Eigen::Vector2d row_flow = Eigen::Vector2d::Zero();
   double sigma_px = 1.0;
   double inverse_depth = 0.0, inverse_depth_sigma = 0.0;  // 1/m, along the optical axis; with sigma 0 there is none
   bool fits = true;                                       // those that do not are left out
@@ -33,18 +36,28 @@ struct RelativePoseConstraint {
 };
 
 struct Bundle {
-  std::vector<Pinhole> cameras;  // of any width and height: pixels may lie outside
+  std::vector<Pinhole> cameras;   // of any width and height: pixels may lie outside
+  SensorCalibration calibration;  // of all of them
   std::vector<BundleView> views;
   std::vector<Eigen::Vector3d> points;
+  std::vector<char> fixed_points;         // of each point; empty: none is
   std::vector<BundleSighting> sightings;  // by rising point
   std::vector<RelativePoseConstraint> relative_poses;
 };
 
+// How far the calibration may change from what it was, and from none. A step of 0: it is not learnt.
+struct CalibrationPrior {
+  double readout_step_s = 0.0, readout_s = 0.02;
+  double inverse_depth_step = 0.0, inverse_depth = 0.0;  // 1/m
+};
+
 struct BundleOptions {
   int iterations = 15;
-  double least_gain = 1e-5;  // share of the cost; an iteration that gains less is the last
-  double soft_sigmas = 2.0;  // farther off, an error counts linearly (Huber)
-  double gate_sigmas = 5.0;  // farther off at the end, a sighting does not fit
+  double least_gain = 1e-5;         // share of the cost; an iteration that gains less is the last
+  double soft_sigmas = 2.0;         // farther off, an error counts linearly (Huber)
+  double gate_sigmas = 5.0;         // farther off at the end, a sighting does not fit
+  bool gates_inverse_depth = true;  // or pixels alone
+  CalibrationPrior prior;
 };
 
 struct BundleReport {

@@ -17,10 +17,4 @@ struct Distortion {
   }
 };
 
-// Systematic errors of a sensor: unknown beforehand, estimated with the map.
-struct SensorCalibration {
-  double readout_s = 0.0;             // from the first row to the last (rolling shutter)
-  double inverse_depth_offset = 0.0;  // measured less true, 1/m
-};
-
 }  // namespace mapweave::visual

@@ -1,6 +1,6 @@
-#include "view.h"
+#include <mapweave/core/view.h>
 
-namespace mapweave::visual {
+namespace mapweave {
 
 View moved(const View& view, const Eigen::Matrix<double, 6, 1>& motion) {
   const Eigen::Vector3d turn = motion.tail<3>();
@@ -19,4 +19,4 @@ View view_of(const Pose3& map_from_camera) {
 
 Pose3 pose_of(const View& view) { return {view.centre(), Eigen::Quaterniond(view.rotation.transpose()).normalized()}; }
 
-}  // namespace mapweave::visual
+}  // namespace mapweave

@@ -3,7 +3,7 @@
 
 #include <mapweave/core/geometry.h>
 
-namespace mapweave::visual {
+namespace mapweave {
 
 struct View {  // camera_from_map
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
@@ -16,15 +16,10 @@ struct View {  // camera_from_map
   Eigen::Vector3d centre() const { return -(rotation.transpose() * translation); }  // of the camera, in the map
 };
 
-// A view from another one whose scale grows: its translation is so much longer.
-inline View stretched(View view, double scale) {
-  view.translation *= scale;
-  return view;
-}
 // exp of a small motion (translation, rotation vector) in the camera's frame, applied from the left: the new
 // camera_from_map.
 View moved(const View& view, const Eigen::Matrix<double, 6, 1>& motion);
 View view_of(const Pose3& map_from_camera);
 Pose3 pose_of(const View& view);  // map_from_camera
 
-}  // namespace mapweave::visual
+}  // namespace mapweave
