@@ -77,11 +77,12 @@ void CoordinatedRobots::report_robots(double now_s) {
 
 void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const NetworkOptions& network = plan_.network;
-  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkOptions& otherwise) {
+  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkModelOptions& otherwise) {
     auto wire = wires_.find({from, to});
     if (wire == wires_.end())
-      wire = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(network, from, to, otherwise), 0))
-                 .first;
+      wire =
+          wires_.emplace(std::make_pair(from, to), transport::LinkModel(wire_between(network, from, to, otherwise), 0))
+              .first;
     return wire->second.state_at(now_s);
   };
   const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;

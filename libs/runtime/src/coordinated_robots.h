@@ -30,7 +30,7 @@ class CoordinatedRobots {
   const RunConfiguration& configuration_;
   RunPlan& plan_;
   tiers::Coordinator coordinator_;
-  std::map<std::pair<std::string, std::string>, transport::Link> wires_;
+  std::map<std::pair<std::string, std::string>, transport::LinkModel> wires_;
   CoordinationReport report_;
 };
 
