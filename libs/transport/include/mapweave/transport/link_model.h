@@ -1,6 +1,7 @@
 #pragma once
 // A model of a wire that messages of known size go over, in virtual time: when does the last byte arrive? Carries
 // nothing. For runs whose tiers share a process but not, in what is reported of them, a place.
+
 #include <mapweave/core/options.h>
 #include <mapweave/transport/profiles.h>
 
