@@ -63,6 +63,10 @@ CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunP
   decide(0.0);
 }
 
+void CoordinatedRobots::send(const CoordinatorEvent& event) {
+  coordinator_.receive(decode_coordinator_event(encode(event), "what the coordinator receives"));
+}
+
 void CoordinatedRobots::report_robots(double now_s) {
   for (const PlannedRobot& robot : plan_.robots) {
     const RobotEntry entry = robot_entry(configuration_, robot.id);
@@ -70,8 +74,8 @@ void CoordinatedRobots::report_robots(double now_s) {
     std::vector<scheduling::Waypoint> route;
     for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
     const double range_m = configuration_.coordinator.route_range_m;
-    coordinator_.receive(tiers::RobotComes{
-        robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
+    send(RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)),
+                    robot.edge});
   }
 }
 
@@ -89,23 +93,23 @@ void CoordinatedRobots::report_edges_and_wires(double now_s) {
   for (const TierId& id : plan_.edges) {
     const EdgeEntry entry = edge_entry(configuration_, id);
     if (now_s < entry.from_s || (entry.until_s > 0.0 && now_s >= entry.until_s)) {
-      coordinator_.receive(tiers::EdgeGoes{id});
+      send(EdgeGoes{id});
       continue;
     }
-    scheduling::EdgeResources resources;
-    resources.id = id;
-    resources.speed = configuration_.processors.edge_speed() * entry.speed;
-    resources.bandwidth_bytes_per_s = kAnyBytesPerS, resources.delay_s = 0.0;  // where the cloud is
+    EdgeIs edge;
+    edge.edge = id;
+    edge.speed = configuration_.processors.edge_speed() * entry.speed;
+    edge.bytes_per_s = kAnyBytesPerS, edge.delay_s = 0.0;  // where the cloud is
     if (id.str() != cloud) {
       const transport::LinkState wire = state(id.str(), cloud, network.edge_cloud);
-      resources.bandwidth_bytes_per_s = bytes_per_s(wire), resources.delay_s = wire.delay_s;
+      edge.bytes_per_s = bytes_per_s(wire), edge.delay_s = wire.delay_s;
     }
-    if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
-    coordinator_.receive(tiers::EdgeIs{resources});
+    if (entry.capacity > 0) edge.capacity = static_cast<std::uint32_t>(entry.capacity);
+    send(edge);
     for (const PlannedRobot& robot : plan_.robots) {
       if (coordinator_.edge_of().count(robot.id) == 0) continue;
       const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
-      coordinator_.receive(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
+      send(LinkIs{robot.id, id, bytes_per_s(wire), wire.delay_s});
     }
   }
 }
@@ -170,10 +174,9 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
     report_robots(now_s);
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (reports[i].empty()) continue;
-      MapReport report = decode_map_report(reports[i], "the report of robot " + names[i].str());
       report_.summary_bytes += reports[i].size();
-      coordinator_.receive(tiers::RobotReports{report.robot, report.scans, std::move(report.summary)});
-      if (!all[i]->next()) coordinator_.receive(tiers::RobotGoes{names[i]});
+      coordinator_.receive(decode_coordinator_event(reports[i], "the report of robot " + names[i].str()));
+      if (!all[i]->next()) send(RobotGoes{names[i]});
     }
     report_edges_and_wires(now_s);
     decide(now_s, tasks, pool);
