@@ -1,6 +1,7 @@
 #include "live_server_state.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/tiers/subjects.h>
 
 #include <future>
 
@@ -10,13 +11,24 @@ namespace {
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
 constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
 
+namespace subject = tiers::subject;
+
+void post(ClientWire& wire, transport::Envelope answer, ClientCounts& more) {
+  more.sent_bytes += answer.bytes.size();
+  wire.channel->send(std::move(answer));
+}
+
+void refuse(ClientWire& wire, const Error& why, ClientCounts& more) {
+  post(wire, {subject::kRefusal, encode(Refusal{why}), {}, 0, true}, more);
+}
+
 }  // namespace
 
 std::shared_ptr<LiveMapServer::State::Wire> LiveMapServer::State::next() {
   std::shared_ptr<Wire> best;
   for (const auto& wire : wires) {
     if (wire->is_handled || wire->waiting.empty() || (best && best->spent_s <= wire->spent_s)) continue;
-    if (wire->waiting.front().message.kind == ClientMessage::Kind::update && saver->unsaved_bytes() >= kMostUnsaved)
+    if (wire->waiting.front().delivery.envelope.subject == subject::kUpdate && saver->unsaved_bytes() >= kMostUnsaved)
       continue;
     best = wire;
   }
@@ -30,7 +42,7 @@ void LiveMapServer::State::handle() {
     has_work.wait(lock, [&] { return handling_ends || (wire = next()) != nullptr; });
     if (handling_ends) return;
     const Wire::Waiting taken = std::move(wire->waiting.front());
-    wire->waiting.pop_front(), wire->waiting_bytes -= taken.message.bytes.size();
+    wire->waiting.pop_front();
     wire->is_handled = true;
     turn_s = wire->spent_s;
     ClientCounts more;
@@ -48,60 +60,67 @@ void LiveMapServer::State::handle() {
 }
 
 void LiveMapServer::State::handle(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more) {
-  const std::string& bytes = taken.message.bytes;
+  const std::string &subject = taken.delivery.envelope.subject, &bytes = taken.delivery.envelope.bytes;
   more.received_bytes += bytes.size();
-  const SessionId from = more.session;
-  const auto post = [&](ServerMessage::Kind kind, std::string answer) {
-    more.sent_bytes += answer.size();
-    wire->post({kind, std::move(answer), {}});
-  };
   try {
-    switch (taken.message.kind) {
-      case ClientMessage::Kind::hello: return greet(wire, from, bytes);
-      case ClientMessage::Kind::update: return update(wire, from, taken, more);
-      case ClientMessage::Kind::view: {
-        ++more.views;
-        std::optional<Share> share;
-        {
-          const Spending spending(more.retrieval_s);
-          const ClientView view = decode_client_view(bytes, to_string(from));
-          const bool has_room = wire->has_room(most_answer_bytes());
-          const Hold hold(*this);
-          if (has_room)
-            share = maps.share(from, view);
-          else
-            maps.note(from, view);
-        }
-        if (const Hold hold(*this); true) advance();
-        if (!share) return;
-        ++more.shares;
-        const Spending spending(more.sending_s);
-        return post(ServerMessage::Kind::share, encode(*share));
-      }
-      case ClientMessage::Kind::place_request: {
-        ++more.places;
-        if (!wire->has_room(most_answer_bytes())) return;
-        const Spending spending(more.place_s);
-        if (auto answer = place(from, decode_place_request(bytes, to_string(from))))
-          post(ServerMessage::Kind::place, encode(*answer));
-        more.longest_place_s = seconds_since(taken.since);
-      }
-    }
+    if (subject == subject::kUpdate) return update(wire, taken, more);  // which acknowledges it
+    if (subject == subject::kHello)
+      greet(wire, more.session, bytes);
+    else if (subject == subject::kView)
+      answer_view(*wire, bytes, more);
+    else if (subject == subject::kPlaceRequest)
+      answer_place_request(*wire, taken, more);
+    else
+      throw Error(ErrorCode::kBadInput, "a client sends no '" + subject + "'", to_string(more.session));
   } catch (const Interrupted& interrupted) {
-    post(ServerMessage::Kind::refused, interrupted.message());
+    refuse(*wire, Error(ErrorCode::kInternal, interrupted.message()), more);
+  } catch (const Error& error) {
+    ++more.refused;
+    refuse(*wire, error, more);
   } catch (const std::exception& error) {
     ++more.refused;
-    post(ServerMessage::Kind::refused, error.what());
+    refuse(*wire, Error(ErrorCode::kInternal, error.what()), more);
   }
+  wire->channel->acknowledge(taken.delivery.number);
+}
+
+void LiveMapServer::State::answer_view(Wire& wire, const std::string& bytes, ClientCounts& more) {
+  ++more.views;
+  std::optional<Share> share;
+  {
+    const Spending spending(more.retrieval_s);
+    const ClientView view = decode_client_view(bytes, to_string(more.session));
+    const bool has_room = wire.channel->under_way() < most_answer_bytes();
+    const Hold hold(*this);
+    if (has_room)
+      share = maps.share(more.session, view);
+    else
+      maps.note(more.session, view);
+  }
+  if (const Hold hold(*this); true) advance();
+  if (!share) return;
+  ++more.shares;
+  const Spending spending(more.sending_s);
+  post(wire, {subject::kShare, encode(*share)}, more);
+}
+
+void LiveMapServer::State::answer_place_request(Wire& wire, const Wire::Waiting& taken, ClientCounts& more) {
+  ++more.places;
+  if (wire.channel->under_way() >= most_answer_bytes()) return;
+  const Spending spending(more.place_s);
+  const std::string& bytes = taken.delivery.envelope.bytes;
+  if (auto answer = place(more.session, decode_place_request(bytes, to_string(more.session))))
+    post(wire, {subject::kPlace, encode(*answer)}, more);
+  more.longest_place_s = seconds_since(taken.since);
 }
 
 void LiveMapServer::State::greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes) {
   const Hello hello = decode_hello(bytes, "a client's hello");
   if (before != SessionId{})
     throw Error(ErrorCode::kBadInput, "it has said hello as " + to_string(before) + " before", to_string(hello.session),
-                "each run of a client has a link of its own, and one hello on it");
+                "each run of a client has a channel of its own, and one hello on it");
   const Hold hold(*this);
-  ServerMessage welcome{ServerMessage::Kind::welcome, {}, maps.greet(hello)};
+  transport::Envelope welcome{subject::kWelcome, encode(maps.greet(hello))};
   {
     const std::lock_guard lock(mutex);
     for (const auto& other : wires)
@@ -109,22 +128,25 @@ void LiveMapServer::State::greet(const std::shared_ptr<Wire>& wire, const Sessio
     wire->counts.session = hello.session;
     prune();
   }
-  saver->save({}, [wire, welcome = std::move(welcome)] { wire->post(welcome); });
+  saver->save({}, [wire, welcome = std::move(welcome)] { wire->channel->send(welcome); });
   for (const SessionId& session : who_left()) maps.leave(session);
 }
 
-void LiveMapServer::State::update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken,
-                                  ClientCounts& more) {
+void LiveMapServer::State::update(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more) {
+  const SessionId& from = more.session;
+  const std::string& bytes = taken.delivery.envelope.bytes;
   const double waited_s = seconds_since(taken.since);
   ++more.updates, more.waited_s += waited_s, more.longest_wait_s = waited_s;
   const Spending spending(more.update_s);
-  MapUpdate decoded = decode_map_update(taken.message.bytes, to_string(from));
+  MapUpdate decoded = decode_map_update(bytes, to_string(from));
   const Hold hold(*this);
-  auto received = maps.receive(from, std::move(decoded), taken.message.bytes);
+  auto received = maps.receive(from, std::move(decoded), bytes);
   std::vector<mapdb::JournalEntry> entries;
   for (std::string& stored : received.stored) entries.push_back({from, std::move(stored)});
-  saver->save(std::move(entries), [wire, receipt = received.receipt] {
-    wire->post({ServerMessage::Kind::receipts, {}, {receipt}});
+  saver->save(std::move(entries), [wire, receipt = received.receipt, number = taken.delivery.number] {
+    const std::string& map = receipt.origin.map.str();
+    wire->channel->send({subject::kReceipts, encode(std::vector<Receipt>{receipt}), map, 0, true});
+    wire->channel->acknowledge(number);
   });
   if (saver->is_long())
     saver->replace(

@@ -1,5 +1,7 @@
 #include "live_server_state.h"
 
+#include <mapweave/transport/in_process_channel.h>
+
 namespace mapweave::runtime {
 namespace {
 
@@ -11,8 +13,8 @@ constexpr std::size_t kMostGone = 1000;  // clients that left, counted each on i
 void LiveMapServer::State::close(Wire& wire) {
   if (wire.is_closed) return;
   wire.is_closed = true;
-  wire.waiting.clear(), wire.waiting_bytes = 0;
-  wire.end();
+  wire.waiting.clear();
+  wire.channel->close();
 }
 
 void LiveMapServer::State::prune() {
@@ -42,17 +44,43 @@ std::set<SessionId> LiveMapServer::State::who_left() {
   return result;
 }
 
-std::shared_ptr<LiveMapServer::Link> LiveMapServer::connect() {
-  auto wire = std::make_shared<Link::Wire>();
-  const std::lock_guard lock(state_->mutex);
-  state_->prune();
-  if (state_->wires.size() >= kMostLinks)
-    throw Error(ErrorCode::kBadInput, "this server has " + std::to_string(kMostLinks) + " clients on the wire already");
-  if (state_->handling_ends)
-    wire->is_closed = true, wire->end();
-  else
+void LiveMapServer::State::take_what_came(const std::shared_ptr<Wire>& wire) {
+  const std::lock_guard lock(mutex);
+  if (wire->is_closed) return;
+  for (transport::Channel::Delivery& delivery : wire->channel->receive(std::chrono::milliseconds(0))) {
+    if (wire->waiting.empty() && !wire->is_handled) wire->spent_s = std::max(wire->spent_s, turn_s);
+    wire->waiting.push_back({std::move(delivery), Clock::now()});
+    has_work.notify_one();
+  }
+  if (!wire->channel->is_closed()) return;
+  close(*wire);
+  prune();
+}
+
+std::shared_ptr<transport::Channel> LiveMapServer::connect() {
+  const std::size_t most = static_cast<std::size_t>(state_->options.queue_kb);
+  const auto channel = transport::make_in_process_channel({most << 10, most});
+  serve(channel.second);
+  return channel.first;
+}
+
+void LiveMapServer::serve(std::shared_ptr<transport::Channel> client) {
+  const auto wire = std::make_shared<ClientWire>();
+  wire->channel = std::move(client);
+  {
+    const std::lock_guard lock(state_->mutex);
+    state_->prune();
+    if (state_->wires.size() >= kMostLinks)
+      throw Error(ErrorCode::kBadInput,
+                  "this server has " + std::to_string(kMostLinks) + " clients on the wire already");
+    if (state_->handling_ends) return wire->channel->close();
     state_->wires.push_back(wire);
-  return std::shared_ptr<Link>(new Link(std::move(wire), state_));
+  }
+  wire->channel->set_listener([server = std::weak_ptr(state_), its = std::weak_ptr(wire)] {
+    const auto state = server.lock();
+    const auto known = its.lock();
+    if (state && known) state->take_what_came(known);
+  });
 }
 
 ServerCounts LiveMapServer::counts() const {
@@ -77,39 +105,5 @@ ServerCounts LiveMapServer::counts() const {
   for (const auto& [session, client] : clients) counts.clients.push_back(client);
   return counts;
 }
-
-LiveMapServer::Link::Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server)
-    : wire_(std::move(wire)), server_(std::move(server)) {}
-
-LiveMapServer::Link::~Link() {
-  if (const auto server = server_.lock()) {
-    const std::lock_guard lock(server->mutex);
-    server->close(*wire_);
-    server->prune();
-  }
-}
-
-LiveMapServer::Link::Sent LiveMapServer::Link::send(ClientMessage message) {
-  const auto server = server_.lock();
-  if (!server) return Sent::never;
-  const std::size_t bytes = message.bytes.size(), most = static_cast<std::size_t>(server->options.queue_kb) << 10;
-  const std::lock_guard lock(server->mutex);
-  if (wire_->is_closed || bytes > most) return Sent::never;
-  if (wire_->waiting_bytes + bytes > most || wire_->waiting.size() >= most >> 10) {
-    ++wire_->counts.put_off;
-    return Sent::later;
-  }
-  if (wire_->waiting.empty() && !wire_->is_handled) wire_->spent_s = std::max(wire_->spent_s, server->turn_s);
-  wire_->waiting_bytes += bytes;
-  wire_->waiting.push_back({std::move(message), Clock::now()});
-  server->has_work.notify_one();
-  return Sent::taken;
-}
-
-std::vector<ServerMessage> LiveMapServer::Link::take(std::chrono::milliseconds patience) {
-  return wire_->take(patience);
-}
-
-bool LiveMapServer::Link::is_closed() const { return wire_->is_over(); }
 
 }  // namespace mapweave::runtime

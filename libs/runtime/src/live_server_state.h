@@ -19,7 +19,7 @@
 namespace mapweave::runtime {
 
 struct LiveMapServer::State {
-  using Wire = Link::Wire;
+  using Wire = ClientWire;
   const LiveServerOptions options;
   WorkerPool alone{1};
   std::optional<WorkerPool> merge_pool;
@@ -71,9 +71,11 @@ struct LiveMapServer::State {
   std::shared_ptr<Wire> next();
   void handle();
   void handle(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more);
+  void answer_view(Wire& wire, const std::string& bytes, ClientCounts& more);
+  void answer_place_request(Wire& wire, const Wire::Waiting& taken, ClientCounts& more);
   std::size_t most_answer_bytes() const { return static_cast<std::size_t>(options.answers_kb) << 10; }
   void greet(const std::shared_ptr<Wire>& wire, const SessionId& before, const std::string& bytes);
-  void update(const std::shared_ptr<Wire>& wire, const SessionId& from, const Wire::Waiting& taken, ClientCounts& more);
+  void update(const std::shared_ptr<Wire>& wire, const Wire::Waiting& taken, ClientCounts& more);
   bool has_ended();
   void veto(const Hash& judgement);
   std::optional<PlaceAnswer> place(const SessionId& from, PlaceRequest request);
@@ -84,7 +86,8 @@ struct LiveMapServer::State {
   // What could not be merged now may be once there is more: clients go on, and what was merged before stays.
   void note_merge(double spent_s, double lasted_s, const std::string& trouble, std::vector<std::string> notes);
 
-  // --- Links, under `mutex`.
+  // --- Links, under `mutex`, but for the first.
+  void take_what_came(const std::shared_ptr<Wire>& wire);
   void close(Wire& wire);
   void prune();
   // Since it was asked last, and did not come back on another link.

@@ -1,7 +1,7 @@
 #pragma once
 // One origin's updates, stored in the order of their numbers whatever order they come in.
 
-#include <mapweave/maps/map_update.h>
+#include <mapweave/maps/receipt.h>
 
 #include <atomic>
 #include <map>
@@ -10,13 +10,6 @@
 #include <vector>
 
 namespace mapweave::tiers {
-
-// What a receiver has of one origin.
-struct Receipt {
-  Origin origin;
-  std::uint64_t stored = 0;   // every update up to this one
-  std::uint64_t awaited = 0;  // 0, or the number of the update that is missing: later ones have come
-};
 
 class UpdateInbox {
  public:
