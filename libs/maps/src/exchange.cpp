@@ -244,8 +244,10 @@ Share decode_share(std::string_view bytes, const std::string& where) {
 
 Sensed decode_sensed(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read_exchange(bytes, reader, where, form::Exchange::kSensed);
-  const auto& content = form.sensed();
+  return sensed_of(read_exchange(bytes, reader, where, form::Exchange::kSensed).sensed(), reader);
+}
+
+Sensed sensed_of(const form::Sensed& content, FormReader& reader) {
   if (content.robot().empty() || content.sequence() == 0) reader.corrupt("it says neither whose it is nor which");
   Sensed sensed{
       RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};

@@ -14,6 +14,8 @@ std::string written(form::Exchange& form, const SessionTable& sessions = {});
 form::Exchange read_exchange(std::string_view bytes, FormReader& reader, const std::string& where,
                              std::optional<form::Exchange::ContentCase> content);
 
+Sensed sensed_of(const form::Sensed& content, FormReader& reader);
+
 // Names that have to be there.
 template <class Name>
 Name name_in(const std::string& text, const char* of_what, const FormReader& reader) {
