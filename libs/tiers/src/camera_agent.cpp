@@ -17,7 +17,8 @@ std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_
   KeyframeFeatures few{whole.geometry, {}, {}};
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t from = i * whole.points.size() / count;
-    few.points.push_back(whole.points[from]), few.descriptors.push_back(whole.descriptors[from]);
+    few.points.push_back(whole.points[from]);
+    few.descriptors.push_back(whole.descriptors[from]);
   }
   return std::make_shared<const Payload>(std::move(few));
 }

@@ -134,10 +134,12 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
     const auto edge =
         std::find_if(problem.edges.begin(), problem.edges.end(), [&](const EdgeResources& e) { return e.id == at; });
     const auto place = static_cast<std::uint32_t>(edge - problem.edges.begin());
-    if (edge == problem.edges.end() || !has_room(*edge, there[place].size()))
+    if (edge == problem.edges.end() || !has_room(*edge, there[place].size())) {
       homeless.push_back(robot);
-    else
-      there[place].push_back(robot), result.edge_of[robot] = place;
+    } else {
+      there[place].push_back(robot);
+      result.edge_of[robot] = place;
+    }
   }
   for (const std::uint32_t robot : homeless) {
     std::size_t fewest = std::numeric_limits<std::size_t>::max();
@@ -149,7 +151,10 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
       if (there[edge].size() != fewest || !has_room(problem.edges[edge], fewest)) continue;
       auto with = there[edge];
       with.insert(std::lower_bound(with.begin(), with.end(), robot), robot);
-      if (const double seconds = latency.edge_seconds(with, edge); seconds < least) least = seconds, chosen = edge;
+      if (const double seconds = latency.edge_seconds(with, edge); seconds < least) {
+        least = seconds;
+        chosen = edge;
+      }
     }
     there[chosen].insert(std::lower_bound(there[chosen].begin(), there[chosen].end(), robot), robot);
     result.edge_of[robot] = chosen;

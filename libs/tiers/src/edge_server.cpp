@@ -89,7 +89,8 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
     if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
       throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here",
                   "edge " + edge_.str());
-    needed.insert(pair.a), needed.insert(pair.b);
+    needed.insert(pair.a);
+    needed.insert(pair.b);
   }
   for (const MapId& id : needed)
     if (const Map* map = maps_.find(id)) input.maps.push_back(*map);

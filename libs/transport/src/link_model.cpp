@@ -59,7 +59,8 @@ LinkTrace read_link_trace(const std::filesystem::path& path, const LinkState& ot
     if (values.size() > 2) state.delay_s = values[2];
     if (values.size() > 3) state.jitter_s = values[3];
     if (values.size() > 4) state.loss = values[4];
-    trace.from_s.push_back(values[0]), trace.states.push_back(state);
+    trace.from_s.push_back(values[0]);
+    trace.states.push_back(state);
   }
   if (trace.states.empty())
     throw Error(ErrorCode::kBadInput, "a link's trace says nothing", {path.string()}, "write at least one line");
@@ -110,7 +111,8 @@ double LinkModel::send(double at_s, std::size_t bytes) {
   while (fresh > 0 || !lost.empty()) {
     double size = kPacketBytes;
     if (!lost.empty() && (fresh == 0 || lost.top().first <= now_s)) {
-      now_s = std::max(now_s, lost.top().first), size = lost.top().second;
+      now_s = std::max(now_s, lost.top().first);
+      size = lost.top().second;
       lost.pop();
     } else if (--fresh == 0) {
       size = last_bytes;

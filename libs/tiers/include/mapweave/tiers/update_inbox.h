@@ -26,8 +26,11 @@ class UpdateInbox {
   // here now, if less than kMostWaitingBytes.
   std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where,
                                  std::size_t most_waiting_bytes = kMostWaitingBytes);
-  std::size_t waiting_bytes() const { return waiting_bytes_; }   // with what keeping each one takes
-  void drop_waiting() { waiting_.clear(), waiting_bytes_ = 0; }  // they will be awaited
+  std::size_t waiting_bytes() const { return waiting_bytes_; }  // with what keeping each one takes
+  void drop_waiting() {
+    waiting_.clear();
+    waiting_bytes_ = 0;
+  }  // they will be awaited
 
   // Changes when an update is stored.
   const Map& map() const { return kept_->map; }
