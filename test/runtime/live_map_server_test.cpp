@@ -1,6 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/live_map_server.h>
+#include <mapweave/transport/in_process_channel.h>
 #include <support/killed.h>
 #include <support/live_channel.h>
 #include <support/received_updates.h>
@@ -34,7 +35,9 @@ std::uint64_t sequence_of(const std::string& update) { return decode_map_update(
 // asks for shared landmarks.
 class Client {
  public:
-  Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
+  Client(LiveMapServer& server, const SessionId& session) : Client(server.connect(), session) {}
+  Client(std::shared_ptr<transport::Channel> channel, const SessionId& session)
+      : session_(session), link_(std::move(channel)) {
     link_->send({subject::kHello, encode(hello_of(session))});
     for (bool welcomed = false; !welcomed && !link_->is_closed();)
       for (const test::Heard& message : take(*link_, 10s)) {
@@ -229,6 +232,46 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   EXPECT_EQ(answers.front().subject, subject::kRefusal);
   server.finish();
   EXPECT_TRUE(after.link().is_closed());
+}
+
+// The server's end of a channel that carries updates twice, as networks may.
+class Twice : public transport::Channel {
+ public:
+  explicit Twice(std::shared_ptr<transport::Channel> once) : once_(std::move(once)) {}
+  Sent send(transport::Envelope envelope) override { return once_->send(std::move(envelope)); }
+  std::size_t under_way() const override { return once_->under_way(); }
+  std::vector<Delivery> receive(std::chrono::milliseconds patience) override {
+    std::vector<Delivery> all;
+    for (const Delivery& one : once_->receive(patience))
+      for (int i = 0; i < (one.envelope.subject == subject::kUpdate ? 2 : 1); ++i) all.push_back(one);
+    return all;
+  }
+  void acknowledge(std::uint64_t delivery) override { once_->acknowledge(delivery); }
+  void set_listener(std::function<void()> listener) override { once_->set_listener(std::move(listener)); }
+  void close() override { once_->close(); }
+  bool is_closed() const override { return once_->is_closed(); }
+
+ private:
+  std::shared_ptr<transport::Channel> once_;
+};
+
+TEST(LiveMapServer, takes_any_channel_and_updates_that_come_twice) {
+  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
+  for (const SessionId& session : sessions()) {
+    const auto channel = transport::make_in_process_channel();
+    server.serve(std::make_shared<Twice>(channel.second));
+    Client client(channel.first, session);
+    client.tell_all();
+    EXPECT_EQ(client.link().send({"picture", "x"}), Sent::taken);
+    bool is_refused = false;  // it knows no such subject
+    while (!is_refused) {
+      const auto answers = take(client.link(), 10s);
+      ASSERT_FALSE(answers.empty());
+      for (const test::Heard& answer : answers) is_refused = is_refused || answer.subject == subject::kRefusal;
+    }
+  }
+  EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
+  for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 1U);
 }
 
 // The journal as it grows; written anew all the time.

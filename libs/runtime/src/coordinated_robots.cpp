@@ -127,7 +127,9 @@ bool CoordinatedRobots::decide(double now_s) {
 
 void CoordinatedRobots::decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool& pool) {
   if (!decide(now_s)) return;
-  const auto& moves = report_.decisions.back().moves;
+  std::vector<RobotMove> moves;
+  for (const RobotMove& move : report_.decisions.back().moves)
+    moves.push_back(decode_robot_move(encode(move), "what robots receive"));
   pool.for_each(moves.size(), [&](std::size_t i) {
     const auto task = tasks.find(moves[i].robot);
     if (task != tasks.end()) task->second.move();
