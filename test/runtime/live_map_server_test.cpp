@@ -239,7 +239,7 @@ class Twice : public transport::Channel {
  public:
   explicit Twice(std::shared_ptr<transport::Channel> once) : once_(std::move(once)) {}
   Sent send(transport::Envelope envelope) override { return once_->send(std::move(envelope)); }
-  std::size_t under_way() const override { return once_->under_way(); }
+  std::size_t in_flight_bytes() const override { return once_->in_flight_bytes(); }
   std::vector<Delivery> receive(std::chrono::milliseconds patience) override {
     std::vector<Delivery> all;
     for (const Delivery& one : once_->receive(patience))

@@ -39,13 +39,13 @@ TEST(InProcessChannel, makes_room_when_the_receiver_has_done_with_it) {
   EXPECT_EQ(robot->send({"update", "123"}), Sent::later);
   const auto there = edge->receive(0ms);
   EXPECT_EQ(robot->send({"update", "123"}), Sent::later) << "received is not done";
-  EXPECT_EQ(robot->under_way(), 8U);
+  EXPECT_EQ(robot->in_flight_bytes(), 8U);
   edge->acknowledge(there.at(0).number);
   edge->acknowledge(there.at(0).number);
-  EXPECT_EQ(robot->under_way(), 0U);
+  EXPECT_EQ(robot->in_flight_bytes(), 0U);
   EXPECT_EQ(robot->send({"update", "1"}), Sent::taken);
   EXPECT_EQ(robot->send({"update", "2"}), Sent::taken);
-  EXPECT_EQ(robot->send({"update", "3"}), Sent::later) << "two are under way";
+  EXPECT_EQ(robot->send({"update", "3"}), Sent::later) << "two are in flight";
 }
 
 TEST(InProcessChannel, keeps_the_last_where_only_that_counts) {
@@ -57,7 +57,7 @@ TEST(InProcessChannel, keeps_the_last_where_only_that_counts) {
   EXPECT_EQ(edge->send({"share", "b"}), Sent::taken);
   EXPECT_EQ(send("c1", "c"), Sent::taken);
   for (const char* bytes : {"a2", "a33", "a4"}) EXPECT_EQ(send(bytes, "a"), Sent::taken) << "in the place of another";
-  EXPECT_EQ(edge->under_way(), 5U);
+  EXPECT_EQ(edge->in_flight_bytes(), 5U);
   EXPECT_THAT(received(*robot), ElementsAre("a4", "b", "c1"));
   EXPECT_EQ(send("a5", "a"), Sent::later) << "the one before was received";
 }
@@ -110,7 +110,7 @@ TEST(InProcessChannel, loses_nothing_between_threads) {
       ++count;
     }
   for (std::thread& sender : senders) sender.join();
-  EXPECT_EQ(robot->under_way(), 0U);
+  EXPECT_EQ(robot->in_flight_bytes(), 0U);
 }
 
 }  // namespace

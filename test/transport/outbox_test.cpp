@@ -23,7 +23,7 @@ TEST(MemoryOutbox, keeps_what_nobody_has_confirmed_and_sends_it_once) {
   EXPECT_FALSE(outbox.has_room());
   EXPECT_EQ(outbox.bytes(), 11U);
   EXPECT_THAT(due(outbox), ElementsAre("alpha1", "beta1"));
-  EXPECT_THAT(due(outbox), IsEmpty()) << "they are under way";
+  EXPECT_THAT(due(outbox), IsEmpty()) << "they are in flight";
   outbox.append({"update", "alpha2", "alpha", 2});
   EXPECT_THAT(due(outbox), ElementsAre("alpha2"));
   outbox.forget("alpha", 1);

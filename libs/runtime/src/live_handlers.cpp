@@ -90,7 +90,7 @@ void LiveMapServer::State::answer_view(Wire& wire, const std::string& bytes, Cli
   {
     const Spending spending(more.retrieval_s);
     const ClientView view = decode_client_view(bytes, to_string(more.session));
-    const bool has_room = wire.channel->under_way() < most_answer_bytes();
+    const bool has_room = wire.channel->in_flight_bytes() < most_answer_bytes();
     const Hold hold(*this);
     if (has_room)
       share = maps.share(more.session, view);
@@ -106,7 +106,7 @@ void LiveMapServer::State::answer_view(Wire& wire, const std::string& bytes, Cli
 
 void LiveMapServer::State::answer_place_request(Wire& wire, const Wire::Waiting& taken, ClientCounts& more) {
   ++more.places;
-  if (wire.channel->under_way() >= most_answer_bytes()) return;
+  if (wire.channel->in_flight_bytes() >= most_answer_bytes()) return;
   const Spending spending(more.place_s);
   const std::string& bytes = taken.delivery.envelope.bytes;
   if (auto answer = place(more.session, decode_place_request(bytes, to_string(more.session))))

@@ -15,7 +15,7 @@ namespace {
 struct Direction {
   ChannelLimits limits;
   std::deque<Channel::Delivery> waiting;
-  std::map<std::uint64_t, std::size_t> under_way;  // bytes by number, waiting or received
+  std::map<std::uint64_t, std::size_t> in_flight;  // bytes by number, waiting or received
   std::size_t bytes = 0;                           // of those
   std::uint64_t numbered = 0;
   std::condition_variable changed;
@@ -29,14 +29,14 @@ struct Direction {
              one.envelope.sender == envelope.sender;
     });
     if (replaced != waiting.end()) {
-      std::size_t& before = under_way.at(replaced->number);
+      std::size_t& before = in_flight.at(replaced->number);
       bytes += size - before;
       before = size;
       replaced->envelope = std::move(envelope);
       return Channel::Sent::taken;
     }
-    if (bytes + size > limits.bytes || under_way.size() >= limits.messages) return Channel::Sent::later;
-    under_way.emplace(++numbered, size);
+    if (bytes + size > limits.bytes || in_flight.size() >= limits.messages) return Channel::Sent::later;
+    in_flight.emplace(++numbered, size);
     bytes += size;
     waiting.push_back({std::move(envelope), numbered});
     return Channel::Sent::taken;
@@ -45,14 +45,14 @@ struct Direction {
 
 struct Shared {
   std::mutex mutex;
-  std::array<Direction, 2> ways;  // by the end that sends
+  std::array<Direction, 2> directions;  // by the end that sends
   bool is_closed = false;
 };
 
 class End : public Channel {
  public:
   End(std::shared_ptr<Shared> shared, std::size_t side)
-      : shared_(std::move(shared)), out_(shared_->ways[side]), in_(shared_->ways[1 - side]) {}
+      : shared_(std::move(shared)), out_(shared_->directions[side]), in_(shared_->directions[1 - side]) {}
   ~End() override {
     set_listener(nullptr);
     close();
@@ -71,7 +71,7 @@ class End : public Channel {
     return Sent::taken;
   }
 
-  std::size_t under_way() const override {
+  std::size_t in_flight_bytes() const override {
     const std::lock_guard lock(shared_->mutex);
     return out_.bytes;
   }
@@ -87,10 +87,10 @@ class End : public Channel {
 
   void acknowledge(std::uint64_t delivery) override {
     const std::lock_guard lock(shared_->mutex);
-    const auto known = in_.under_way.find(delivery);
-    if (known == in_.under_way.end()) return;
+    const auto known = in_.in_flight.find(delivery);
+    if (known == in_.in_flight.end()) return;
     in_.bytes -= known->second;
-    in_.under_way.erase(known);
+    in_.in_flight.erase(known);
   }
 
   void set_listener(std::function<void()> listener) override {
@@ -127,8 +127,8 @@ class End : public Channel {
 
 InProcessChannel make_in_process_channel(ChannelLimits from_first, ChannelLimits from_second) {
   const auto shared = std::make_shared<Shared>();
-  shared->ways[0].limits = from_first;
-  shared->ways[1].limits = from_second;
+  shared->directions[0].limits = from_first;
+  shared->directions[1].limits = from_second;
   return {std::make_shared<End>(shared, 0), std::make_shared<End>(shared, 1)};
 }
 

@@ -15,17 +15,17 @@ void MemoryOutbox::append(Envelope envelope) {
 std::vector<Envelope> MemoryOutbox::take_due() {
   std::vector<Envelope> due;
   for (Kept& one : kept_)
-    if (!std::exchange(one.is_under_way, true)) due.push_back(one.envelope);
+    if (!std::exchange(one.is_in_flight, true)) due.push_back(one.envelope);
   return due;
 }
 
 void MemoryOutbox::repeat(const std::string& sender, std::uint64_t sequence) {
   for (Kept& one : kept_)
-    if (one.envelope.sequence == sequence && one.envelope.sender == sender) one.is_under_way = false;
+    if (one.envelope.sequence == sequence && one.envelope.sender == sender) one.is_in_flight = false;
 }
 
 void MemoryOutbox::repeat_all() {
-  for (Kept& one : kept_) one.is_under_way = false;
+  for (Kept& one : kept_) one.is_in_flight = false;
 }
 
 void MemoryOutbox::forget(const std::string& sender, std::uint64_t up_to) {

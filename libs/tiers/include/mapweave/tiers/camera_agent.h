@@ -39,7 +39,7 @@ class CameraAgent {
   // Whose messages these are, once the client has begun; before, there is nothing to say.
   const std::optional<SessionId>& session() const { return session_; }
   // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated.
-  // Nothing new while too much is under way that nobody has confirmed: the client keeps it together meanwhile. None is
+  // Nothing new while too much is in flight that nobody has confirmed: the client keeps it together meanwhile. None is
   // longer than the shortest queue of a live server, but for one of a single keyframe that is. `now`: of data.
   std::vector<transport::Envelope> updates(visual::VisualClient& client, Stamp now);
   // Of those, one that did not get onto the wire: it is sent again.

@@ -1,6 +1,6 @@
 #pragma once
 // How messages get from one tier to another, whatever carries them: queues of one process (in_process_channel.h), or a
-// network. Delivery is at least once: what a closed channel had under way the sender sends again from its Outbox, and
+// network. Delivery is at least once: what a closed channel had in flight the sender sends again from its Outbox, and
 // the receiver takes a message that it has already for nothing new, by its sender and number.
 
 #include <chrono>
@@ -26,12 +26,12 @@ class Channel {
  public:
   virtual ~Channel() = default;
 
-  // taken: it will be received, after those before it, unless the channel closes. later: too much is under way.
+  // taken: it will be received, after those before it, unless the channel closes. later: too much is in flight.
   // never: it is too long, or the channel is closed. Never waits.
   enum class Sent { taken, later, never };
   virtual Sent send(Envelope envelope) = 0;
   // Bytes of what was sent and is not acknowledged.
-  virtual std::size_t under_way() const = 0;
+  virtual std::size_t in_flight_bytes() const = 0;
 
   struct Delivery {
     Envelope envelope;

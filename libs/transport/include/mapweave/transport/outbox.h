@@ -16,7 +16,7 @@ class Outbox {
   // false: the sender keeps together what is new until there is room.
   virtual bool has_room() const = 0;
   virtual void append(Envelope envelope) = 0;
-  // Those that are not under way, in the order in which they were appended; they are from now on.
+  // Those that are not in flight, in the order in which they were appended; they are from now on.
   virtual std::vector<Envelope> take_due() = 0;
   // It did not get there, or is awaited: it is due again.
   virtual void repeat(const std::string& sender, std::uint64_t sequence) = 0;
@@ -43,7 +43,7 @@ class MemoryOutbox : public Outbox {
  private:
   struct Kept {
     Envelope envelope;
-    bool is_under_way = false;
+    bool is_in_flight = false;
   };
   std::size_t most_bytes_, bytes_ = 0;
   std::deque<Kept> kept_;
