@@ -1,3 +1,4 @@
+#include <mapweave/maps/pair_to_judge.h>
 #include <mapweave/tiers/cloud_merger.h>
 
 #include <gmock/gmock.h>
