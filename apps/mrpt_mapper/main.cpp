@@ -34,10 +34,10 @@ void write_all(int stream, std::string_view bytes) {
   }
 }
 
-// The next frame; the stream's end before `end` means that the program is gone.
-protocol::MapperFrame next_frame(protocol::FrameParser& parser) {
+// The next message; the stream's end before the last one means that the program is gone.
+MapperInput next_message(protocol::FrameParser& parser) {
   while (true) {
-    if (auto frame = parser.next()) return std::move(*frame);
+    if (const auto frame = parser.next()) return decode_mapper_input(*frame, protocol::kStream);
     static std::array<char, 65536> bytes;
     const auto count = ::read(STDIN_FILENO, bytes.data(), bytes.size());
     if (count < 0 && errno == EINTR) continue;
@@ -68,48 +68,40 @@ void limit_memory(const protocol::EngineOptions& options) {
 
 void serve(int output) {
   protocol::FrameParser parser;
-  const protocol::MapperFrame first = next_frame(parser);
-  if (first.kind != protocol::Kind::start)
-    protocol::fail("the first frame is of kind " + std::to_string(static_cast<int>(first.kind)));
-  const protocol::EngineOptions options = protocol::decode_start(first.body);
+  const MapperInput first = next_message(parser);
+  const auto* start = std::get_if<EngineStart>(&first);
+  if (start == nullptr) protocol::fail("the first message names no engine");
+  const protocol::EngineOptions options = protocol::options_of(*start);
   limit_memory(options);
   const auto engine = std::visit([](const auto& chosen) { return mrpt_mapper::make_engine(chosen); }, options);
 
-  std::vector<protocol::ScanPose> poses;
+  std::vector<ScanPose> poses;
   mrpt_mapper::ScanMotion motion([&](const mrpt_mapper::MovedScan& scan) {
     engine->add(scan);
     poses.push_back({{}, scan.previous_from_this, scan.by_wheels});
-    write_all(output, protocol::encode_count(protocol::Kind::progress, poses.size()));
+    write_all(output, protocol::framed(MapperProgress{poses.size()}));
   });
   std::shared_ptr<const ScanGeometry> geometry;
   for (bool more = true; more;) {
-    const protocol::MapperFrame frame = next_frame(parser);
-    switch (frame.kind) {
-      case protocol::Kind::geometry:
-        geometry = std::make_shared<const ScanGeometry>(protocol::decode_geometry(frame.body));
-        break;
-      case protocol::Kind::scan: {
-        auto [stamp, scan] = protocol::decode_scan(frame.body, geometry);
-        motion.add_scan(stamp, std::move(scan));
-        break;
-      }
-      case protocol::Kind::odometry: {
-        const auto [stamp, odometry_from_robot] = protocol::decode_odometry(frame.body);
-        motion.add_odometry(stamp, odometry_from_robot);
-        break;
-      }
-      case protocol::Kind::end:
-        if (!frame.body.empty()) protocol::fail("the last frame is not empty");
-        more = false;
-        break;
-      default:
-        protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the helper");
+    MapperInput message = next_message(parser);
+    auto* sensed = std::get_if<Sensed>(&message);
+    if (sensed == nullptr) protocol::fail("a second engine");
+    if (auto* scan = std::get_if<PackedScan>(&sensed->body)) {
+      if (geometry && *scan->geometry == *geometry)
+        scan->geometry = geometry;  // one for all
+      else
+        protocol::expect_usable(*(geometry = scan->geometry));
+      motion.add_scan(sensed->stamp, std::move(*scan));
+    } else if (const auto* odometry = std::get_if<Pose3>(&sensed->body)) {
+      motion.add_odometry(sensed->stamp, planar(*odometry));
+    } else {
+      more = !std::holds_alternative<StreamEnd>(sensed->body);
     }
   }
   motion.finish();
   const auto trajectory = engine->trajectory();
   for (std::size_t i = 0; i < poses.size(); ++i) poses[i].map_from_robot = trajectory[i];
-  write_all(output, protocol::encode_poses(poses) + protocol::encode_count(protocol::Kind::done, poses.size()));
+  write_all(output, protocol::frames_of(poses));
 }
 
 }  // namespace
@@ -136,6 +128,6 @@ int main() {
     failure = error.what();
   }
   if (failure.size() > 4000) failure.resize(4000);
-  write_all(output, protocol::framed(protocol::Kind::failed, failure));
+  write_all(output, protocol::framed(Refusal{Error(ErrorCode::kHelperFailed, failure)}));
   std::_Exit(EXIT_FAILURE);
 }

@@ -240,53 +240,5 @@ TEST(Exchange, survives_bytes_that_are_flipped) {
   }
 }
 
-MapReport small_report() {
-  MapReport report{RobotId("alpha"), 1200, {}};
-  report.summary.left = -3;
-  report.summary.bottom = 2;
-  report.summary.columns = 3;
-  report.summary.rows = 2;
-  using Cell = MapSummary::Cell;
-  report.summary.cells = {Cell::wall, Cell::free, Cell::unknown, Cell::free, Cell::free, Cell::wall};
-  report.summary.looks.push_back({-120, 55, {1, 2, 3}});
-  return report;
-}
-
-TEST(MapReport, comes_back_as_it_was) {
-  const MapReport report = small_report(), back = decode_map_report(encode(report), "test");
-  EXPECT_EQ(back.robot, report.robot);
-  EXPECT_EQ(back.scans, 1200u);
-  EXPECT_EQ(back.summary.cells, report.summary.cells);
-  EXPECT_EQ(back.summary.known(), 5u);
-  EXPECT_EQ(back.summary.at(-3, 2), MapSummary::Cell::wall);
-  EXPECT_EQ(back.summary.at(-1, 3), MapSummary::Cell::wall);
-  EXPECT_EQ(back.summary.at(-4, 2), MapSummary::Cell::unknown);
-  ASSERT_EQ(back.summary.looks.size(), 1u);
-  EXPECT_EQ(back.summary.looks[0].walls, report.summary.looks[0].walls);
-  EXPECT_EQ(back.summary.looks[0].x_cm, -120);
-  EXPECT_EQ(encode(back), encode(report));
-}
-
-TEST(MapReport, refuses_what_cannot_be) {
-  MapReport short_of_cells = small_report();
-  short_of_cells.summary.cells.pop_back();
-  EXPECT_THROW(encode(short_of_cells), ContractViolation);
-  EXPECT_THROW(decode_map_report(encode(share()), "test"), Error);
-  const std::string bytes = encode(small_report());
-  int refused = 0;
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    for (const unsigned char flip : {0x01, 0x80, 0xff}) {
-      std::string damaged = bytes;
-      damaged[i] = static_cast<char>(static_cast<unsigned char>(damaged[i]) ^ flip);
-      try {
-        const MapSummary got = decode_map_report(damaged, "test").summary;
-        EXPECT_EQ(got.cells.size(), static_cast<std::size_t>(got.columns) * static_cast<std::size_t>(got.rows));
-      } catch (const Error&) {
-        ++refused;
-      }
-    }
-  EXPECT_GT(refused, 20);
-}
-
 }  // namespace
 }  // namespace mapweave

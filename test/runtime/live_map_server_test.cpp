@@ -1,7 +1,9 @@
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/update_journal.h>
 #include <mapweave/runtime/live_map_server.h>
+#include <mapweave/transport/in_process_channel.h>
 #include <support/killed.h>
+#include <support/live_channel.h>
 #include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
@@ -13,11 +15,12 @@
 namespace mapweave::runtime {
 namespace {
 
-using Sent = LiveMapServer::Link::Sent;
-using Kind = ClientMessage::Kind;
+using Sent = transport::Channel::Sent;
+namespace subject = tiers::subject;
 using test::hello_of;
 using test::received_updates;
 using test::ReceivedUpdate;
+using test::take;
 using namespace std::chrono_literals;
 
 std::set<SessionId> sessions() {
@@ -32,11 +35,13 @@ std::uint64_t sequence_of(const std::string& update) { return decode_map_update(
 // asks for shared landmarks.
 class Client {
  public:
-  Client(LiveMapServer& server, const SessionId& session) : session_(session), link_(server.connect()) {
-    link_->send({Kind::hello, encode(hello_of(session))});
+  Client(LiveMapServer& server, const SessionId& session) : Client(server.connect(), session) {}
+  Client(std::shared_ptr<transport::Channel> channel, const SessionId& session)
+      : session_(session), link_(std::move(channel)) {
+    link_->send({subject::kHello, encode(hello_of(session))});
     for (bool welcomed = false; !welcomed && !link_->is_closed();)
-      for (const ServerMessage& message : link_->take(10s)) {
-        if (message.kind != ServerMessage::Kind::welcome) continue;
+      for (const test::Heard& message : take(*link_, 10s)) {
+        if (message.subject != subject::kWelcome) continue;
         welcomed = true;
         for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
       }
@@ -47,26 +52,26 @@ class Client {
       if (one.from != session_) continue;
       const MapUpdate update = decode_map_update(one.bytes, "test");
       while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
-        ASSERT_EQ(link_->send({Kind::update, one.bytes}), Sent::taken);
+        ASSERT_EQ(link_->send({subject::kUpdate, one.bytes}), Sent::taken);
         if (looks && !update.nodes.empty()) look(update);
         hear(update.sequence, acknowledged);
       }
     }
   }
   std::uint64_t stored(const MapId& map) { return stored_[map]; }
-  LiveMapServer::Link& link() { return *link_; }
+  transport::Channel& link() { return *link_; }
 
  private:
   // From where it was last.
   void look(const MapUpdate& update) {
     const Node& node = update.nodes.back();
-    EXPECT_NE(link_->send({Kind::view, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}),
+    EXPECT_NE(link_->send({subject::kView, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}),
               Sent::later);
   }
   void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
-      for (const ServerMessage& message : link_->take(10s)) {
-        EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
+      for (const test::Heard& message : take(*link_, 10s)) {
+        EXPECT_NE(message.subject, subject::kRefusal) << message.bytes;
         for (const auto& receipt : message.receipts) {
           stored_[receipt.origin.map] = receipt.stored;
           is_there = is_there || receipt.stored >= awaited;
@@ -76,7 +81,7 @@ class Client {
   }
 
   SessionId session_;
-  std::shared_ptr<LiveMapServer::Link> link_;
+  std::shared_ptr<transport::Channel> link_;
   std::map<MapId, std::uint64_t> stored_;
 };
 
@@ -127,10 +132,10 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
   std::atomic<bool> ends{false};
   std::atomic<int> put_off{0};
   std::vector<std::thread> hostile;
-  const auto flood = [&](const char* robot, bool greets, const ClientMessage& message) {
+  const auto flood = [&](const char* robot, bool greets, const transport::Envelope& message) {
     hostile.emplace_back([&, robot, greets, message] {
       const auto link = server.connect();
-      if (greets) link->send({Kind::hello, encode(hello_of(stranger(robot)))});
+      if (greets) link->send({subject::kHello, encode(hello_of(stranger(robot)))});
       while (!ends)
         if (link->send(message) == Sent::later) {
           ++put_off;
@@ -142,11 +147,11 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
   std::string garbage(3000, ' '), spoilt = received_updates().front().bytes;
   for (char& letter : garbage) letter = static_cast<char>(random());
   spoilt[spoilt.size() / 2] ^= 0x10;
-  flood("garbage", true, {Kind::update, garbage});
-  flood("spoilt", true, {Kind::update, spoilt});
-  flood("rude", false, {Kind::view, garbage});
-  flood("thief", true, {Kind::update, received_updates().front().bytes});  // another's map
-  flood("echo", true, {Kind::hello, encode(hello_of(stranger("echo")))});
+  flood("garbage", true, {subject::kUpdate, garbage});
+  flood("spoilt", true, {subject::kUpdate, spoilt});
+  flood("rude", false, {subject::kView, garbage});
+  flood("thief", true, {subject::kUpdate, received_updates().front().bytes});  // another's map
+  flood("echo", true, {subject::kHello, encode(hello_of(stranger("echo")))});
   while (put_off < 3) std::this_thread::sleep_for(1ms);
   tell_all(server);
   ends = true;
@@ -193,13 +198,13 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
   for (std::uint32_t views = 0; landmarks < 100 && views < 2000;) {
     for (int i = 0; i < 200; ++i) {
       Sent sent = Sent::later;
-      while (sent == Sent::later) sent = beta.link().send({Kind::view, encode(view_of(map, ++views))});
+      while (sent == Sent::later) sent = beta.link().send({subject::kView, encode(view_of(map, ++views))});
       ASSERT_EQ(sent, Sent::taken);
     }
     while (server.counts().clients.back().views < views) std::this_thread::sleep_for(1ms);
     std::size_t bytes = 0;
-    for (const ServerMessage& message : beta.link().take(0ms)) {
-      ASSERT_EQ(message.kind, ServerMessage::Kind::share);
+    for (const test::Heard& message : take(beta.link(), 0ms)) {
+      ASSERT_EQ(message.subject, subject::kShare);
       bytes += message.bytes.size();
       for (const DescribedLandmark& one : decode_share(message.bytes, "test").landmarks) {
         EXPECT_NE(one.id.session, map.nodes.front().first.session);
@@ -214,10 +219,10 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
 
   Client gamma(server, stranger("gamma"));
   const Node& asked = map.nodes.find(map.nodes.front().first)[0];
-  gamma.link().send({Kind::place_request, encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
-  const auto answers = gamma.link().take(30s);
+  gamma.link().send({subject::kPlaceRequest, encode(PlaceRequest{asked.stamp, *keyframe_of(asked)})});
+  const auto answers = take(gamma.link(), 30s);
   ASSERT_EQ(answers.size(), 1U);
-  ASSERT_EQ(answers.front().kind, ServerMessage::Kind::place);
+  ASSERT_EQ(answers.front().subject, subject::kPlace);
   const PlaceAnswer answer = decode_place_answer(answers.front().bytes, "test");
   EXPECT_EQ(answer.stamp, asked.stamp);
   EXPECT_LT((answer.map_from_robot.t - asked.map_from_node.t).norm(), 0.1);
@@ -228,15 +233,55 @@ TEST(LiveMapServer, closes_the_link_that_a_client_has_left) {
   const SessionId session = *sessions().begin();
   Client before(server, session), after(server, session);
   EXPECT_TRUE(before.link().is_closed());
-  EXPECT_EQ(before.link().send({Kind::update, "x"}), Sent::never);
+  EXPECT_EQ(before.link().send({subject::kUpdate, "x"}), Sent::never);
   EXPECT_FALSE(after.link().is_closed());
-  EXPECT_EQ(after.link().send({Kind::update, std::string(std::size_t{5} << 20, 'x')}), Sent::never);
-  after.link().send({Kind::hello, encode(hello_of(stranger("other")))});
-  const auto answers = after.link().take(10s);
+  EXPECT_EQ(after.link().send({subject::kUpdate, std::string(std::size_t{5} << 20, 'x')}), Sent::never);
+  after.link().send({subject::kHello, encode(hello_of(stranger("other")))});
+  const auto answers = take(after.link(), 10s);
   ASSERT_EQ(answers.size(), 1U);
-  EXPECT_EQ(answers.front().kind, ServerMessage::Kind::refused);
+  EXPECT_EQ(answers.front().subject, subject::kRefusal);
   server.finish();
   EXPECT_TRUE(after.link().is_closed());
+}
+
+// The server's end of a channel that carries updates twice, as networks may.
+class Twice : public transport::Channel {
+ public:
+  explicit Twice(std::shared_ptr<transport::Channel> once) : once_(std::move(once)) {}
+  Sent send(transport::Envelope envelope) override { return once_->send(std::move(envelope)); }
+  std::size_t in_flight_bytes() const override { return once_->in_flight_bytes(); }
+  std::vector<Delivery> receive(std::chrono::milliseconds patience) override {
+    std::vector<Delivery> all;
+    for (const Delivery& one : once_->receive(patience))
+      for (int i = 0; i < (one.envelope.subject == subject::kUpdate ? 2 : 1); ++i) all.push_back(one);
+    return all;
+  }
+  void acknowledge(std::uint64_t delivery) override { once_->acknowledge(delivery); }
+  void set_listener(std::function<void()> listener) override { once_->set_listener(std::move(listener)); }
+  void close() override { once_->close(); }
+  bool is_closed() const override { return once_->is_closed(); }
+
+ private:
+  std::shared_ptr<transport::Channel> once_;
+};
+
+TEST(LiveMapServer, takes_any_channel_and_updates_that_come_twice) {
+  LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
+  for (const SessionId& session : sessions()) {
+    const auto channel = transport::make_in_process_channel();
+    server.serve(std::make_shared<Twice>(channel.second));
+    Client client(channel.first, session);
+    client.tell_all();
+    EXPECT_EQ(client.link().send({"picture", "x"}), Sent::taken);
+    bool is_refused = false;  // it knows no such subject
+    while (!is_refused) {
+      const auto answers = take(client.link(), 10s);
+      ASSERT_FALSE(answers.empty());
+      for (const test::Heard& answer : answers) is_refused = is_refused || answer.subject == subject::kRefusal;
+    }
+  }
+  EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
+  for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 1U);
 }
 
 // The journal as it grows; written anew all the time.

@@ -1,5 +1,6 @@
 // What the live map server knows of a robot with two cameras, each a client of its own.
 #include <mapweave/runtime/live_map_server.h>
+#include <support/live_channel.h>
 #include <support/received_updates.h>
 
 #include <gmock/gmock.h>
@@ -9,9 +10,10 @@
 namespace mapweave::runtime {
 namespace {
 
-using Kind = ClientMessage::Kind;
-using Sent = LiveMapServer::Link::Sent;
+namespace subject = tiers::subject;
+using Sent = transport::Channel::Sent;
 using test::hello_of;
+using test::take;
 using namespace std::chrono_literals;
 
 const RobotId kAlpha("alpha");
@@ -44,14 +46,14 @@ const std::map<SessionId, std::vector<std::string>>& told_well() {
   return all;
 }
 
-std::shared_ptr<LiveMapServer::Link> greeted(LiveMapServer& server, const SessionId& session) {
+std::shared_ptr<transport::Channel> greeted(LiveMapServer& server, const SessionId& session) {
   auto link = server.connect();
-  link->send({Kind::hello, encode(hello_of(session))});
-  EXPECT_EQ(link->take(10s).size(), 1U);
+  link->send({subject::kHello, encode(hello_of(session))});
+  EXPECT_EQ(take(*link, 10s).size(), 1U);
   return link;
 }
 
-void send(LiveMapServer::Link& link, const ClientMessage& message) {
+void send(transport::Channel& link, const transport::Envelope& message) {
   Sent sent = Sent::later;
   while ((sent = link.send(message)) == Sent::later) std::this_thread::sleep_for(1ms);
   ASSERT_EQ(sent, Sent::taken);
@@ -73,14 +75,14 @@ void tell(LiveMapServer& server, const SessionId& session, const std::vector<std
   const auto link = greeted(server, session);
   std::uint64_t views = counts_of(server, session).views;
   for (const std::string& bytes : updates) {
-    send(*link, {Kind::update, bytes});
+    send(*link, {subject::kUpdate, bytes});
     const MapUpdate update = decode_map_update(bytes, "test");
     for (const Node& node : update.nodes) {
-      send(*link, {Kind::view, encode(view_at(node, update.origin.map))});
+      send(*link, {subject::kView, encode(view_at(node, update.origin.map))});
       ++views;
     }
-    for (const ServerMessage& message : link->take(apart))
-      EXPECT_NE(message.kind, ServerMessage::Kind::refused) << message.bytes;
+    for (const test::Heard& message : take(*link, apart))
+      EXPECT_NE(message.subject, subject::kRefusal) << message.bytes;
   }
   while (counts_of(server, session).views < views) std::this_thread::sleep_for(1ms);
 }
@@ -151,7 +153,7 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   for (const std::string& bytes : updates) {
     const MapUpdate update = decode_map_update(bytes, "test");
     for (const Node& node : update.nodes) {
-      send(*link, {Kind::view, encode(view_at(node, update.origin.map, ++views))});
+      send(*link, {subject::kView, encode(view_at(node, update.origin.map, ++views))});
       while (counts_of(server, session).views < before.views + views) std::this_thread::sleep_for(1ms);
       const auto answer = server.robot(kAlpha);
       ASSERT_TRUE(answer);

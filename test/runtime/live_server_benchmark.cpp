@@ -27,7 +27,7 @@
 #include <thread>
 
 using namespace mapweave;
-using runtime::ClientMessage;
+namespace subject = tiers::subject;
 using runtime::LiveMapServer;
 using Clock = std::chrono::steady_clock;
 
@@ -89,7 +89,7 @@ class Building {
 struct Told {
   double after_s = 0.0;
   std::uint32_t client = 0;
-  ClientMessage message;
+  transport::Envelope message;
 };
 
 // What a client tells that nobody answers but with receipts.
@@ -104,21 +104,21 @@ std::vector<Told> told_by(const Building& building, std::uint32_t client, double
   for (std::size_t i = 0; i < frames.size(); ++i) {
     camera.add(frames[i]);
     const double after_s = offset_s + static_cast<double>(i + 1) / kFramesPerSecond;
-    const auto tell = [&](ClientMessage::Kind kind, std::string bytes) {
-      told.push_back({after_s, client, {kind, std::move(bytes)}});
+    const auto tell = [&](const char* what, std::string bytes) {
+      told.push_back({after_s, client, {what, std::move(bytes)}});
     };
     if ((i + 1) % static_cast<std::size_t>(kFramesPerSecond / kShareRate_hz) != 0 || !camera.run(place)) continue;
     if (!std::exchange(greeted, true))
-      tell(ClientMessage::Kind::hello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
-    for (std::string& bytes : agent.updates(camera, frames[i].stamp)) {
-      const MapUpdate update = decode_map_update(bytes, "a client");
-      agent.stored({update.origin, update.sequence, 0});
-      tell(ClientMessage::Kind::update, std::move(bytes));
+      tell(subject::kHello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
+    for (transport::Envelope& update : agent.updates(camera, frames[i].stamp)) {
+      const MapUpdate decoded = decode_map_update(update.bytes, "a client");
+      agent.stored({decoded.origin, decoded.sequence, 0});
+      told.push_back({after_s, client, std::move(update)});
     }
     if (auto view = agent.view(camera))
-      tell(ClientMessage::Kind::view, std::move(*view));
+      tell(subject::kView, std::move(*view));
     else if (auto request = agent.place_request(camera))
-      tell(ClientMessage::Kind::place_request, std::move(*request));
+      tell(subject::kPlaceRequest, std::move(*request));
   }
   return told;
 }
@@ -133,8 +133,7 @@ void record(const std::string& path, std::size_t clients, double seconds) {
   std::stable_sort(all.begin(), all.end(), [](const Told& a, const Told& b) { return a.after_s < b.after_s; });
   std::ofstream file(path, std::ios::binary);
   for (const Told& one : all) {
-    file << one.after_s << ' ' << one.client << ' ' << static_cast<int>(one.message.kind) << ' '
-         << one.message.bytes.size() << '\n';
+    file << one.after_s << ' ' << one.client << ' ' << one.message.subject << ' ' << one.message.bytes.size() << '\n';
     file.write(one.message.bytes.data(), static_cast<std::streamsize>(one.message.bytes.size()));
   }
   std::printf("%zu messages of %zu clients\n", all.size(), clients);
@@ -143,10 +142,8 @@ void record(const std::string& path, std::size_t clients, double seconds) {
 std::vector<Told> read(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::vector<Told> all;
-  int kind = 0;
   std::size_t bytes = 0;
-  for (Told one; file >> one.after_s >> one.client >> kind >> bytes && file.get() == '\n';) {
-    one.message.kind = static_cast<ClientMessage::Kind>(kind);
+  for (Told one; file >> one.after_s >> one.client >> one.message.subject >> bytes && file.get() == '\n';) {
     one.message.bytes.resize(bytes);
     file.read(one.message.bytes.data(), static_cast<std::streamsize>(bytes));
     all.push_back(one);
@@ -188,7 +185,6 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
           {"shares", sum.shares},
           {"places", sum.places},
           {"refused", sum.refused},
-          {"put_off", sum.put_off},
           {"mean_wait_ms", each_ms(sum.waited_s, sum.updates)},
           {"longest_wait_ms", 1e3 * sum.longest_wait_s},
           {"longest_place_ms", 1e3 * sum.longest_place_s},
@@ -214,17 +210,18 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   const Journal journal;
   const double before_s = process_cpu_seconds(), mine_before_s = runtime::thread_cpu_seconds();
   LiveMapServer server(TierId("edge"), sharing(tiers::Sharing::view), {}, {}, journal.path);
-  std::vector<std::shared_ptr<LiveMapServer::Link>> links;
+  std::vector<std::shared_ptr<transport::Channel>> links;
   for (std::size_t i = 0; i < clients; ++i) links.push_back(server.connect());
   const Clock::time_point begin = Clock::now();
   double seconds = 0.0;
-  std::uint64_t told = 0;  // updates
+  std::uint64_t told = 0, put_off = 0;  // told: updates
   for (const Told& one : all) {
     if (one.client >= clients) continue;
     std::this_thread::sleep_until(begin + std::chrono::duration<double>(one.after_s));
-    links[one.client]->take(std::chrono::milliseconds(0));
+    take(*links[one.client], std::chrono::milliseconds(0));
     const auto sent = links[one.client]->send(one.message);
-    told += sent == LiveMapServer::Link::Sent::taken && one.message.kind == ClientMessage::Kind::update;
+    put_off += sent == transport::Channel::Sent::later;
+    told += sent == transport::Channel::Sent::taken && one.message.subject == subject::kUpdate;
     seconds = one.after_s;
   }
   while (!has_done_all(server.counts(), told)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
@@ -235,6 +232,7 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
                              {"cpu_s_per_client_minute", cpu_s / minutes},
                              {"cores", cpu_s / seconds}};
   row.update(costs(server.counts(), clients, seconds));
+  row["put_off"] = put_off;
   const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
   for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
@@ -253,13 +251,13 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
   for (const Told& one : all) {
     if (one.client >= clients) continue;
     auto& session = sessions[one.client];
-    if (one.message.kind == ClientMessage::Kind::hello) {
+    if (one.message.subject == subject::kHello) {
       const Hello hello = decode_hello(one.message.bytes, "a client");
       session = hello.session;
       server.greet(hello);
-    } else if (one.message.kind == ClientMessage::Kind::update) {
+    } else if (one.message.subject == subject::kUpdate) {
       server.receive(*session, one.message.bytes);
-    } else if (one.message.kind == ClientMessage::Kind::view) {
+    } else if (one.message.subject == subject::kView) {
       const ClientView view = decode_client_view(one.message.bytes, "a client");
       const double before_s = runtime::thread_cpu_seconds();
       server.share(*session, view);

@@ -3,6 +3,7 @@
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/live_map_server.h>
 #include <support/killed.h>
+#include <support/live_channel.h>
 #include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
@@ -16,22 +17,23 @@
 namespace mapweave::runtime {
 namespace {
 
-using Kind = ClientMessage::Kind;
-using Sent = LiveMapServer::Link::Sent;
+namespace subject = tiers::subject;
+using Sent = transport::Channel::Sent;
 using test::hello_of;
 using test::received_updates;
 using test::ReceivedUpdate;
+using test::take;
 using namespace std::chrono_literals;
 
 SessionId stranger(std::int64_t run) { return {{RobotId("stranger"), SensorId("camera")}, run}; }
 
 // Of what one client heard until nothing more came for so long.
-std::uint64_t stored_of(LiveMapServer::Link& link, std::chrono::milliseconds patience) {
+std::uint64_t stored_of(transport::Channel& link, std::chrono::milliseconds patience) {
   std::uint64_t stored = 0;
   while (true) {
-    const auto messages = link.take(patience);
+    const auto messages = take(link, patience);
     if (messages.empty()) return stored;
-    for (const ServerMessage& message : messages)
+    for (const test::Heard& message : messages)
       for (const auto& receipt : message.receipts) stored = std::max(stored, receipt.stored);
   }
 }
@@ -67,14 +69,14 @@ TEST(LiveServerTrouble, confirms_nothing_while_the_disk_is_full_and_all_once_the
   LiveMapServer server(TierId("edge"), {}, {}, {}, path);
   const SessionId session = received_updates().front().from;
   const auto link = server.connect();
-  link->send({Kind::hello, encode(hello_of(session))});
+  link->send({subject::kHello, encode(hello_of(session))});
   stored_of(*link, 500ms);
   std::uint64_t last = 0;
   {
     const SmallDisk full(std::filesystem::file_size(path.string() + "-wal"));
     for (const ReceivedUpdate& one : received_updates())
       if (one.from == session) {
-        while (link->send({Kind::update, one.bytes}) == Sent::later) std::this_thread::sleep_for(1ms);
+        while (link->send({subject::kUpdate, one.bytes}) == Sent::later) std::this_thread::sleep_for(1ms);
         last = decode_map_update(one.bytes, "test").sequence;
       }
     EXPECT_TRUE(comes_true([&] { return !server.counts().trouble.empty(); }));
@@ -128,21 +130,21 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   eager.fuse_after = 2;
   eager.fuse_share = 0.0;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
-  std::map<SessionId, std::shared_ptr<LiveMapServer::Link>> links;
+  std::map<SessionId, std::shared_ptr<transport::Channel>> links;
   for (const ReceivedUpdate& one : received_updates())
     if (auto& link = links[one.from]; link == nullptr) {
       link = server.connect();
-      link->send({Kind::hello, encode(hello_of(one.from))});
+      link->send({subject::kHello, encode(hello_of(one.from))});
     }
   request_interrupt();  // merges throw
   const std::size_t half = received_updates().size() / 2;
   for (std::size_t i = 0; i < half; ++i)
-    links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
+    links[received_updates()[i].from]->send({subject::kUpdate, received_updates()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return !server.counts().trouble.empty(); }));
   clear_interrupt();
   EXPECT_EQ(server.counts().merges, 0);
   for (std::size_t i = half; i < received_updates().size(); ++i)
-    links[received_updates()[i].from]->send({Kind::update, received_updates()[i].bytes});
+    links[received_updates()[i].from]->send({subject::kUpdate, received_updates()[i].bytes});
   EXPECT_TRUE(comes_true([&] { return server.counts().merges > 0 && server.counts().trouble.empty(); }));
   for (auto& [session, link] : links) EXPECT_GT(stored_of(*link, 200ms), 0U);
   for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 0U);
@@ -152,10 +154,10 @@ TEST(LiveServerTrouble, keeps_nothing_of_those_who_come_and_tell_nothing) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
   for (std::int64_t run = 0; run < 10'100; ++run) {  // more than a server keeps
     const auto link = server.connect();
-    ASSERT_EQ(link->send({Kind::hello, encode(hello_of(stranger(run)))}), Sent::taken);
-    const auto messages = link->take(10s);
+    ASSERT_EQ(link->send({subject::kHello, encode(hello_of(stranger(run)))}), Sent::taken);
+    const auto messages = take(*link, 10s);
     ASSERT_EQ(messages.size(), 1U);
-    ASSERT_EQ(messages.front().kind, ServerMessage::Kind::welcome) << messages.front().bytes;
+    ASSERT_EQ(messages.front().subject, subject::kWelcome) << messages.front().bytes;
   }
   EXPECT_LE(server.counts().clients.size(), 1002U);
 }

@@ -1,7 +1,7 @@
 #include <mapweave/scheduling/overlap_estimate.h>
 
 #include <gtest/gtest.h>
-#include <mapweave/maps/exchange.h>
+#include <mapweave/maps/coordination.h>
 #include <support/simulated_maps.h>
 
 #include <cmath>

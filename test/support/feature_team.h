@@ -185,10 +185,10 @@ class FeatureTeam {
   void publish(Robot& robot) {
     if (robot.client->trajectory().empty() && !robot.client->run(robot.place)) return;
     if (now_ < robot.last) now_ = robot.last;
-    for (const std::string& bytes : robot.agent->updates(*robot.client, now_)) {
+    for (const transport::Envelope& update : robot.agent->updates(*robot.client, now_)) {
       if (robot.cut_off) continue;
       greet(robot);
-      const auto received = server.receive(*robot.agent->session(), bytes);
+      const auto received = server.receive(*robot.agent->session(), update.bytes);
       for (const std::string& stored : received.stored)
         if (overheard) overheard(robot, stored);
       robot.agent->stored(received.receipt);

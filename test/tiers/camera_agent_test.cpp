@@ -42,9 +42,12 @@ struct Drive {
   Hello hello() const { return hello_of(*client.run(robot.place)); }
   // What there is to tell, to a server that confirms it.
   std::vector<std::string> tell(VisualServer& server) {
-    const auto updates = agent.updates(client, {});
-    for (const std::string& update : updates) agent.stored(server.receive(hello().session, update).receipt);
-    return updates;
+    std::vector<std::string> told;
+    for (const transport::Envelope& update : agent.updates(client, {})) {
+      agent.stored(server.receive(hello().session, update.bytes).receipt);
+      told.push_back(update.bytes);
+    }
+    return told;
   }
   void meet(VisualServer& server) { agent.reconnected(client, server.greet(hello())); }
 };
@@ -190,14 +193,14 @@ Received received_over(double bytes_per_s) {
     drive.go(6);
     received.corrections += received.rounds % 20 == 19 && correct(drive);
     const Stamp now = drive.client.trajectory().back().stamp;
-    for (const std::string& update : drive.agent.updates(drive.client, now)) {
-      for (const Node& node : decode_map_update(update, "test").nodes) {
+    for (const transport::Envelope& update : drive.agent.updates(drive.client, now)) {
+      for (const Node& node : decode_map_update(update.bytes, "test").nodes) {
         const std::size_t features = keyframe_of(node)->points.size();
         received.features += static_cast<double>(features);
         ++nodes;
         if (was_behind) received.most_features_behind = std::max(received.most_features_behind, features);
       }
-      drive.agent.stored(server.receive(drive.hello().session, update).receipt);
+      drive.agent.stored(server.receive(drive.hello().session, update.bytes).receipt);
     }
     received.views += drive.agent.view(drive.client).has_value();
     was_behind = lacking(drive, server) > 0;

@@ -1,3 +1,4 @@
+#include <mapweave/maps/pair_to_judge.h>
 #include <mapweave/tiers/cloud_merger.h>
 
 #include <gmock/gmock.h>
@@ -84,7 +85,7 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   std::size_t judgements = 0;
   for (EdgeServer* edge : {&north, &south}) {
     const JudgingTask& judging_task = judging_tasks.at(edge->id());
-    EXPECT_EQ(judging_task.pairs.size(), 1u);
+    EXPECT_EQ(decode_pairs_to_judge(judging_task.pairs, "test").size(), 1u);
     EXPECT_EQ(judging_task.updates.size(), 1u);
     for (const std::string& bytes : edge->step(judging_task, pool, *progress).for_cloud) {
       judgements += decode_map_update(bytes, "test").judgements.size();
@@ -98,12 +99,14 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
 TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {
   EdgeServer north(TierId("north"), {RobotId("alpha")}, {});
   north.step({RobotId("alpha"), test::make_map("alpha", 6), std::nullopt}, pool, *progress);
-  EXPECT_THROW(north.step(JudgingTask{{{MapId("beta"), MapId("gamma"), {}}}, {}}, pool, *progress), Error)
-      << "neither is here";
-  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {}}, pool, *progress), Error)
-      << "beta was not sent along";
-  EXPECT_THROW(north.step(JudgingTask{{{MapId("alpha"), MapId("beta"), {}}}, {"nonsense"}}, pool, *progress), Error);
-  EXPECT_TRUE(north.step(JudgingTask{}, pool, *progress).for_cloud.empty());
+  using Pairs = std::vector<PairToJudge>;
+  const std::string unknown = encode(Pairs{{MapId("beta"), MapId("gamma"), {}}}),
+                    half_known = encode(Pairs{{MapId("alpha"), MapId("beta"), {}}});
+  EXPECT_THROW(north.step(JudgingTask{unknown, {}}, pool, *progress), Error) << "neither is here";
+  EXPECT_THROW(north.step(JudgingTask{half_known, {}}, pool, *progress), Error) << "beta was not sent along";
+  EXPECT_THROW(north.step(JudgingTask{half_known, {"nonsense"}}, pool, *progress), Error);
+  EXPECT_THROW(north.step(JudgingTask{"nonsense", {}}, pool, *progress), Error);
+  EXPECT_TRUE(north.step(JudgingTask{encode(Pairs{}), {}}, pool, *progress).for_cloud.empty());
 }
 
 TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {

@@ -14,7 +14,7 @@ MapSummary corridor(double from_x, double to_x) {
 }
 
 EdgeIs edge(const char* id, double bytes_per_s = 1e6, std::optional<std::uint32_t> capacity = {}) {
-  return {{TierId(id), bytes_per_s, 1.0, capacity}};
+  return {TierId(id), bytes_per_s, 1.0, capacity};
 }
 
 // Robots a and b drive one corridor, c and d another one.
@@ -100,9 +100,9 @@ TEST(Coordinator, decides_anew_where_an_edge_becomes_otherwise) {
     EXPECT_GT(decision->expected_s, before_s) << what;
     before_s = decision->expected_s;
   };
-  change((north.resources.bandwidth_bytes_per_s = 1e5, "bandwidth"));
-  change((north.resources.speed = 0.1, "speed"));
-  change((north.resources.delay_s = 9.0, "delay"));
+  change((north.bytes_per_s = 1e5, "bandwidth"));
+  change((north.speed = 0.1, "speed"));
+  change((north.delay_s = 9.0, "delay"));
 }
 
 TEST(Coordinator, moves_robots_off_an_edge_that_takes_fewer_than_it_holds) {
@@ -139,10 +139,10 @@ TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
     coordinator.decide(0.0);
     const auto before = coordinator.edge_of();
     // From now on a sees what c sees, b what d sees; a and b, who drove far, are fused on one edge.
-    coordinator.receive(RobotReports{RobotId("a"), 2000, corridor(100, 120)});
-    coordinator.receive(RobotReports{RobotId("b"), 2000, corridor(200, 220)});
-    coordinator.receive(RobotReports{RobotId("d"), 100, corridor(200, 220)});
-    coordinator.receive(RobotReports{RobotId("c"), 100, corridor(100, 120)});
+    coordinator.receive(MapReport{RobotId("a"), 2000, corridor(100, 120)});
+    coordinator.receive(MapReport{RobotId("b"), 2000, corridor(200, 220)});
+    coordinator.receive(MapReport{RobotId("d"), 100, corridor(200, 220)});
+    coordinator.receive(MapReport{RobotId("c"), 100, corridor(100, 120)});
     const auto decision = coordinator.decide(10.0);
     ASSERT_TRUE(decision);
     EXPECT_EQ(decision->is_new_plan, hysteresis == 0.0);
@@ -160,12 +160,12 @@ TEST(Coordinator, leaves_a_robot_where_moving_saves_little) {
 TEST(Coordinator, moves_a_robot_whose_wire_became_slow) {
   Coordinator coordinator = two_corridors();
   for (const char* robot : {"a", "b", "c", "d"})
-    for (const char* at : {"north", "south"}) coordinator.receive(LinkIs{RobotId(robot), TierId(at), {1e6, 0.01}});
+    for (const char* at : {"north", "south"}) coordinator.receive(LinkIs{RobotId(robot), TierId(at), 1e6, 0.01});
   coordinator.decide(0.0);
   const TierId before = at(coordinator, "a");
-  coordinator.receive(LinkIs{RobotId("a"), before, {1e6, 0.01}});
+  coordinator.receive(LinkIs{RobotId("a"), before, 1e6, 0.01});
   EXPECT_FALSE(coordinator.decide(1.0)) << "as it was";
-  coordinator.receive(LinkIs{RobotId("a"), before, {1e3, 0.01}});
+  coordinator.receive(LinkIs{RobotId("a"), before, 1e3, 0.01});
   const auto decision = coordinator.decide(2.0);
   ASSERT_TRUE(decision);
   EXPECT_THAT(decision->because, ElementsAre(HasSubstr("the wire from a to " + before.str())));
@@ -189,7 +189,7 @@ TEST(Coordinator, decides_the_same_whoever_speaks_first) {
 TEST(Coordinator, knows_nothing_of_robots_that_never_came) {
   Coordinator coordinator{CoordinatorOptions()};
   EXPECT_THROW(coordinator.receive(RobotGoes{RobotId("a")}), ContractViolation);
-  EXPECT_THROW(coordinator.receive(RobotReports{RobotId("a"), 1, {}}), ContractViolation);
+  EXPECT_THROW(coordinator.receive(MapReport{RobotId("a"), 1, {}}), ContractViolation);
   EXPECT_FALSE(coordinator.decide(0.0));
 }
 

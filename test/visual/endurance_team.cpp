@@ -14,7 +14,6 @@
 #include <ctime>
 #include <fstream>
 #include <set>
-#include <sstream>
 
 namespace mapweave::endurance {
 namespace {
@@ -81,17 +80,6 @@ class Wire {
   int file_;
 };
 
-std::string encoded(const tiers::Receipt& receipt) {
-  return std::to_string(receipt.stored) + ' ' + std::to_string(receipt.awaited) + ' ' + receipt.origin.map.str();
-}
-tiers::Receipt decoded(const std::string& bytes) {
-  tiers::Receipt receipt;
-  std::string map;
-  std::istringstream(bytes) >> receipt.stored >> receipt.awaited >> map;
-  receipt.origin.map = MapId(map);
-  return receipt;
-}
-
 class Robot {
  public:
   Robot(const visual::ClientPlace& place, const Pinhole& camera, const simulation::FeatureRecording& recording,
@@ -124,7 +112,7 @@ class Robot {
     if (client_.run(place_)) {
       if (!std::exchange(greeted_, true))
         server.say(Kind::hello, encode(Hello{*client_.run(place_), matching::shipped_vocabulary().hash()}));
-      for (const std::string& bytes : agent_.updates(client_, now)) server.say(Kind::update, bytes);
+      for (const auto& update : agent_.updates(client_, now)) server.say(Kind::update, update.bytes);
       if (const auto view = agent_.view(client_))
         server.say(Kind::view, *view);
       else if (const auto request = agent_.place_request(client_))
@@ -132,7 +120,8 @@ class Robot {
     }
     server.say(Kind::over, std::to_string(now.ns));
     for (Message message = server.receive(); message.kind != Kind::over; message = server.receive()) {
-      if (message.kind == Kind::receipt) agent_.stored(decoded(message.bytes));
+      if (message.kind == Kind::receipt)
+        for (const Receipt& receipt : decode_receipts(message.bytes, "receipt")) agent_.stored(receipt);
       if (message.kind == Kind::share) agent_.receive_share(client_, message.bytes);
       if (message.kind == Kind::place_answer) agent_.receive_place(client_, message.bytes);
     }
@@ -197,7 +186,7 @@ class Server {
         session = hello.session;
         server_.greet(hello);
       } else if (message.kind == Kind::update) {
-        robot.say(Kind::receipt, encoded(server_.receive(*session, message.bytes).receipt));
+        robot.say(Kind::receipt, encode(std::vector<Receipt>{server_.receive(*session, message.bytes).receipt}));
       } else if (message.kind == Kind::view) {
         if (const auto share = server_.share(*session, decode_client_view(message.bytes, "a robot")))
           robot.say(Kind::share, encode(*share));

@@ -62,7 +62,7 @@ ExternalMapper::ExternalMapper(ClientId client, std::variant<RbpfOptions, IcpOpt
   map_.id = MapId(client_.robot.str());
   start(path_of_helper(options_.helper));
   try {
-    send(protocol::encode_start(engine));
+    send(protocol::framed(protocol::start_of(engine)));
   } catch (...) {
     end_helper();
     throw;
@@ -112,26 +112,22 @@ void ExternalMapper::add(const LaserInput& input) {
   const Stamp stamp = std::visit([](const auto& any) { return any.stamp; }, input);
   if (!first_stamp_) first_stamp_ = stamp;
   if (const auto* odometry = std::get_if<OdometryInput>(&input)) {
-    send(protocol::encode_odometry(stamp, planar(odometry->odometry_from_robot)));
-    return;
+    return send(stamp, odometry->odometry_from_robot);
   }
   const PackedScan& scan = std::get<ScanInput>(input).scan;
   MAPWEAVE_EXPECT(scan.geometry && scan.geometry->ray_count == scan.ranges.size(),
                   "a scan has as many ranges as its geometry says");
-  std::string frames;
-  if (sent_geometry_ != scan.geometry) frames = protocol::encode(*scan.geometry);
-  sent_geometry_ = scan.geometry;
-  send(frames + protocol::encode_scan(stamp, scan));
+  send(stamp, scan);
   scans_.push_back({stamp, scan});
 }
 
 void ExternalMapper::finish() {
   MAPWEAVE_EXPECT(!finished_, "finish() is called once");
-  send(protocol::framed(protocol::Kind::end));
+  send({}, StreamEnd{});
   std::string_view nothing;
-  while (!pose_count_)
+  while (!is_done_)
     if (!exchange(nothing, true)) fail();
-  if (*pose_count_ != scans_.size() || poses_.size() != scans_.size()) {
+  if (poses_.size() != scans_.size()) {
     failure_ =
         "it answered with " + std::to_string(poses_.size()) + " poses for " + std::to_string(scans_.size()) + " scans";
     fail();
@@ -149,6 +145,10 @@ void ExternalMapper::finish() {
   map_ = cut_into_submaps(map_.id, SessionId{client_, first_stamp_ ? first_stamp_->ns : 0}, std::move(tracked),
                           options_.submaps);
   finished_ = true;
+}
+
+void ExternalMapper::send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed) {
+  send(protocol::framed(Sensed{client_.robot, ++sent_, stamp, std::move(sensed)}));
 }
 
 void ExternalMapper::send(std::string_view bytes) {
@@ -175,7 +175,7 @@ bool ExternalMapper::exchange(std::string_view& outgoing, bool wait) {
   if (received == 0) return false;
   try {
     incoming_.feed({bytes.data(), static_cast<std::size_t>(received)});
-    while (const auto frame = incoming_.next()) take(*frame);
+    while (const auto frame = incoming_.next()) take(decode_mapper_output(*frame, protocol::kStream));
   } catch (const Error& error) {
     failure_ = error.problem();
     return false;
@@ -183,19 +183,16 @@ bool ExternalMapper::exchange(std::string_view& outgoing, bool wait) {
   return true;
 }
 
-void ExternalMapper::take(const protocol::MapperFrame& frame) {
-  switch (frame.kind) {
-    case protocol::Kind::progress: finished_scans_ = protocol::decode_count(frame.body); return;
-    case protocol::Kind::poses: {
-      const auto poses = protocol::decode_poses(frame.body);
-      if (poses_.size() + poses.size() > scans_.size()) protocol::fail("more poses than scans");
-      poses_.insert(poses_.end(), poses.begin(), poses.end());
-      return;
-    }
-    case protocol::Kind::done: pose_count_ = protocol::decode_count(frame.body); return;
-    case protocol::Kind::failed: failure_ = frame.body; return;
-    default:
-      protocol::fail("a frame of kind " + std::to_string(static_cast<int>(frame.kind)) + " is not for the program");
+void ExternalMapper::take(const MapperOutput& output) {
+  if (const auto* progress = std::get_if<MapperProgress>(&output)) {
+    finished_scans_ = progress->scans;
+  } else if (const auto* refusal = std::get_if<Refusal>(&output)) {
+    failure_ = refusal->why.problem();
+  } else {
+    const auto& [poses, is_last] = std::get<ScanPoses>(output);
+    if (is_done_ || poses_.size() + poses.size() > scans_.size()) protocol::fail("more poses than scans");
+    poses_.insert(poses_.end(), poses.begin(), poses.end());
+    is_done_ = is_last;
   }
 }
 

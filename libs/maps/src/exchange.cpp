@@ -1,5 +1,5 @@
 #include "bulk.h"
-#include "form.h"
+#include "exchange_form.h"
 #include "soundness.h"
 
 #include <cmath>
@@ -7,9 +7,6 @@
 namespace mapweave {
 namespace {
 
-// 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units.
-constexpr std::uint32_t kVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
-constexpr std::size_t kMostBytes = std::size_t{16} << 20;
 constexpr double kNearest_m = 0.05, kLeastSigma_m = 1e-4,
                  kGrowth = 1.06;  // of distances and deviations from one number to the next
 constexpr double kHalf = 127.0;   // of the 8 bits of an octahedron's side
@@ -60,18 +57,6 @@ void fill_landmarks(Repeated& form, const std::vector<DescribedLandmark>& landma
   for (const DescribedLandmark& landmark : landmarks) *form.Add() = form_of(landmark, sessions);
 }
 
-std::string written(form::Exchange& form, const SessionTable& sessions = {}) {
-  const auto& sensed = form.sensed();
-  const bool sweeps = sensed.geometry().first_ray_s() != 0.0 || sensed.geometry().ray_step_s() != 0.0;
-  form.set_version(form.has_map_report()                             ? kReportVersion
-                   : sweeps || sensed.has_inertial_yaw_rad()         ? kVersion
-                   : form.has_sensed()                               ? kSensedVersion
-                   : form.place_request().features().dense().empty() ? 1
-                                                                     : kDenseVersion);
-  for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
-  return form.SerializeAsString();
-}
-
 SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks,
                          const std::vector<MovedNode>& corrected = {}) {
   SessionTable sessions;
@@ -85,25 +70,6 @@ SessionTable sessions_of(const std::vector<DescribedLandmark>& landmarks,
   }
   sessions.sort();
   return sessions;
-}
-
-form::Exchange read(std::string_view bytes, FormReader& reader, const std::string& where,
-                    form::Exchange::ContentCase content) {
-  if (bytes.size() > kMostBytes)
-    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) +
-                   " are expected");
-  form::Exchange form;
-  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
-    reader.corrupt("these bytes are not what they should be");
-  if (form.version() > kVersion)
-    throw Error(ErrorCode::kUnsupported,
-                "it is in form " + std::to_string(form.version()) + "; this program knows forms up to " +
-                    std::to_string(kVersion),
-                where, "read it with a newer mapweave");
-  if (form.version() == 0 || form.content_case() != content)
-    reader.corrupt("it is another message than the one expected");
-  for (const auto& session : form.sessions()) reader.take_session(session);
-  return form;
 }
 
 MapId map_name(const std::string& name, const FormReader& reader) {
@@ -232,58 +198,22 @@ std::string encode(const Sensed& sensed) {
     MAPWEAVE_EXPECT(std::isfinite(inertial->yaw_rad), "only sound values are sent: a heading is not finite");
     content.set_inertial_yaw_rad(inertial->yaw_rad);
   } else {
-    auto& end = *content.mutable_end();
-    if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) {
-      end.set_code(1 + static_cast<std::uint32_t>(trouble->code()));
-      end.set_problem(trouble->problem());
-      end.set_where(trouble->where());
-      end.set_remedy(trouble->remedy());
-    }
+    content.mutable_end();
+    if (const auto& trouble = std::get<StreamEnd>(sensed.body).trouble) fill_error(*content.mutable_end(), *trouble);
   }
-  return written(form);
-}
-
-std::string encode(const MapReport& report) {
-  const MapSummary& summary = report.summary;
-  MAPWEAVE_EXPECT(is_valid_name(report.robot.str()), "a map is a robot's");
-  MAPWEAVE_EXPECT(
-      summary.columns >= 0 && summary.rows >= 0 && summary.looks.size() <= MapSummary::kMostLooks &&
-          summary.cells.size() == static_cast<std::size_t>(summary.columns) * static_cast<std::size_t>(summary.rows) &&
-          summary.cells.size() <= static_cast<std::size_t>(MapSummary::kMostCells),
-      "a summary has as many cells as it says");
-  form::Exchange form;
-  auto& content = *form.mutable_map_report();
-  content.set_robot(report.robot.str());
-  content.set_scans(report.scans);
-  content.set_left(summary.left);
-  content.set_bottom(summary.bottom);
-  content.set_columns(static_cast<std::uint32_t>(summary.columns));
-  content.set_rows(static_cast<std::uint32_t>(summary.rows));
-  std::string cells((summary.cells.size() + 3) / 4, '\0');
-  for (std::size_t i = 0; i < summary.cells.size(); ++i)
-    cells[i / 4] = static_cast<char>(static_cast<unsigned char>(cells[i / 4]) | static_cast<unsigned>(summary.cells[i])
-                                                                                    << 2 * (i % 4));
-  content.set_cells(std::move(cells));
-  for (const MapSummary::Look& look : summary.looks) {
-    auto& line = *content.add_looks();
-    line.set_x_cm(look.x_cm);
-    line.set_y_cm(look.y_cm);
-    line.set_walls(std::string(look.walls.begin(), look.walls.end()));
-  }
-  content.set_is_in_team_frame(summary.is_in_team_frame);
   return written(form);
 }
 
 Hello decode_hello(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kHello);
+  const auto form = read_exchange(bytes, reader, where, form::Exchange::kHello);
   reader.take_session(form.hello().session());
   return {reader.session(0), reader.hash(form.hello().vocabulary())};
 }
 
 ClientView decode_client_view(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kView);
+  const auto form = read_exchange(bytes, reader, where, form::Exchange::kView);
   return {map_name(form.view().map(), reader),
           {form.view().stamp_ns()},
           reader.pose(form.view().map_from_robot()),
@@ -292,7 +222,7 @@ ClientView decode_client_view(std::string_view bytes, const std::string& where) 
 
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kPlaceRequest);
+  const auto form = read_exchange(bytes, reader, where, form::Exchange::kPlaceRequest);
   reader.take_camera(form.place_request().camera());
   PlaceRequest request{{form.place_request().stamp_ns()}, reader.keyframe(form.place_request().features())};
   if (const std::string problem = flaw(Node{{}, {}, {}, std::make_shared<const Payload>(request.features)});
@@ -303,7 +233,7 @@ PlaceRequest decode_place_request(std::string_view bytes, const std::string& whe
 
 PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kPlaceAnswer);
+  const auto form = read_exchange(bytes, reader, where, form::Exchange::kPlaceAnswer);
   const auto& content = form.place_answer();
   return {{content.stamp_ns()},
           map_name(content.map(), reader),
@@ -313,7 +243,7 @@ PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where
 
 Share decode_share(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kShare);
+  const auto form = read_exchange(bytes, reader, where, form::Exchange::kShare);
   Share share;
   share.map = map_name(form.share().map(), reader);
   share.landmarks = landmarks_of(form.share().landmarks(), reader);
@@ -325,8 +255,10 @@ Share decode_share(std::string_view bytes, const std::string& where) {
 
 Sensed decode_sensed(std::string_view bytes, const std::string& where) {
   FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kSensed);
-  const auto& content = form.sensed();
+  return sensed_of(read_exchange(bytes, reader, where, form::Exchange::kSensed).sensed(), reader);
+}
+
+Sensed sensed_of(const form::Sensed& content, FormReader& reader) {
   if (content.robot().empty() || content.sequence() == 0) reader.corrupt("it says neither whose it is nor which");
   Sensed sensed{
       RobotId(reader.name_or_nothing(content.robot(), "robot")), content.sequence(), {content.stamp_ns()}, StreamEnd{}};
@@ -341,54 +273,11 @@ Sensed decode_sensed(std::string_view bytes, const std::string& where) {
       sensed.body = InertialYaw{content.inertial_yaw_rad()};
       break;
     case form::Sensed::kEnd:
-      if (content.end().code() > 1 + static_cast<std::uint32_t>(ErrorCode::kInternal))
-        reader.corrupt("an error of no known kind");
-      if (content.end().code() > 0)
-        sensed.body = StreamEnd{Error(static_cast<ErrorCode>(content.end().code() - 1), content.end().problem(),
-                                      content.end().where(), content.end().remedy())};
+      if (content.end().code() > 0) sensed.body = StreamEnd{error_of(content.end(), reader)};
       break;
     case form::Sensed::BODY_NOT_SET: reader.corrupt("a robot that says nothing");
   }
   return sensed;
-}
-
-MapReport decode_map_report(std::string_view bytes, const std::string& where) {
-  FormReader reader(where);
-  const auto form = read(bytes, reader, where, form::Exchange::kMapReport);
-  const auto& content = form.map_report();
-  if (content.robot().empty()) reader.corrupt("it does not say whose map it is of");
-  const std::uint64_t cells = std::uint64_t{content.columns()} * content.rows();
-  constexpr std::int32_t kFarthest = 1 << 24;  // cells from the origin
-  if (content.columns() > kFarthest || content.rows() > kFarthest ||
-      cells > static_cast<std::uint64_t>(MapSummary::kMostCells) || content.cells().size() != (cells + 3) / 4)
-    reader.corrupt(std::to_string(content.columns()) + " x " + std::to_string(content.rows()) + " cells in " +
-                   std::to_string(content.cells().size()) + " bytes");
-  if (std::abs(std::int64_t{content.left()}) > kFarthest || std::abs(std::int64_t{content.bottom()}) > kFarthest)
-    reader.corrupt("a map that lies thousands of kilometres from its origin");
-  if (static_cast<std::size_t>(content.looks_size()) > MapSummary::kMostLooks)
-    reader.corrupt("more viewpoints than a summary has");
-  MapReport report{RobotId(reader.name_or_nothing(content.robot(), "robot")), content.scans(), {}};
-  MapSummary& summary = report.summary;
-  summary.left = content.left();
-  summary.bottom = content.bottom();
-  summary.columns = static_cast<std::int32_t>(content.columns());
-  summary.rows = static_cast<std::int32_t>(content.rows());
-  summary.cells.reserve(cells);
-  for (std::size_t i = 0; i < cells; ++i) {
-    const unsigned cell = static_cast<unsigned char>(content.cells()[i / 4]) >> 2 * (i % 4) & 3U;
-    if (cell > static_cast<unsigned>(MapSummary::Cell::wall))
-      reader.corrupt("a cell that is neither unknown, free nor a wall");
-    summary.cells.push_back(static_cast<MapSummary::Cell>(cell));
-  }
-  for (const auto& line : content.looks()) {
-    MapSummary::Look look{line.x_cm(), line.y_cm(), {}};
-    if (line.walls().size() != look.walls.size())
-      reader.corrupt("a viewpoint with " + std::to_string(line.walls().size()) + " rings");
-    std::copy(line.walls().begin(), line.walls().end(), look.walls.begin());
-    summary.looks.push_back(look);
-  }
-  summary.is_in_team_frame = content.is_in_team_frame();
-  return report;
 }
 
 }  // namespace mapweave

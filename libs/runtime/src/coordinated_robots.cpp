@@ -63,6 +63,10 @@ CoordinatedRobots::CoordinatedRobots(const RunConfiguration& configuration, RunP
   decide(0.0);
 }
 
+void CoordinatedRobots::send(const CoordinatorEvent& event) {
+  coordinator_.receive(decode_coordinator_event(encode(event), "what the coordinator receives"));
+}
+
 void CoordinatedRobots::report_robots(double now_s) {
   for (const PlannedRobot& robot : plan_.robots) {
     const RobotEntry entry = robot_entry(configuration_, robot.id);
@@ -70,41 +74,42 @@ void CoordinatedRobots::report_robots(double now_s) {
     std::vector<scheduling::Waypoint> route;
     for (const RoutePoint& point : entry.route) route.push_back({point.x_m, point.y_m});
     const double range_m = configuration_.coordinator.route_range_m;
-    coordinator_.receive(tiers::RobotComes{
-        robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)), robot.edge});
+    send(RobotComes{robot.id, route.empty() ? std::nullopt : std::optional(summary_of_route(route, range_m)),
+                    robot.edge});
   }
 }
 
 void CoordinatedRobots::report_edges_and_wires(double now_s) {
   const NetworkOptions& network = plan_.network;
-  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkOptions& otherwise) {
+  const auto state = [&](const std::string& from, const std::string& to, const transport::LinkModelOptions& otherwise) {
     auto wire = wires_.find({from, to});
     if (wire == wires_.end())
-      wire = wires_.emplace(std::make_pair(from, to), transport::Link(wire_between(network, from, to, otherwise), 0))
-                 .first;
+      wire =
+          wires_.emplace(std::make_pair(from, to), transport::LinkModel(wire_between(network, from, to, otherwise), 0))
+              .first;
     return wire->second.state_at(now_s);
   };
   const std::string cloud = configuration_.cloud.at.empty() ? "cloud" : configuration_.cloud.at;
   for (const TierId& id : plan_.edges) {
     const EdgeEntry entry = edge_entry(configuration_, id);
     if (now_s < entry.from_s || (entry.until_s > 0.0 && now_s >= entry.until_s)) {
-      coordinator_.receive(tiers::EdgeGoes{id});
+      send(EdgeGoes{id});
       continue;
     }
-    scheduling::EdgeResources resources;
-    resources.id = id;
-    resources.speed = configuration_.processors.edge_speed() * entry.speed;
-    resources.bandwidth_bytes_per_s = kAnyBytesPerS, resources.delay_s = 0.0;  // where the cloud is
+    EdgeIs edge;
+    edge.edge = id;
+    edge.speed = configuration_.processors.edge_speed() * entry.speed;
+    edge.bytes_per_s = kAnyBytesPerS, edge.delay_s = 0.0;  // where the cloud is
     if (id.str() != cloud) {
       const transport::LinkState wire = state(id.str(), cloud, network.edge_cloud);
-      resources.bandwidth_bytes_per_s = bytes_per_s(wire), resources.delay_s = wire.delay_s;
+      edge.bytes_per_s = bytes_per_s(wire), edge.delay_s = wire.delay_s;
     }
-    if (entry.capacity > 0) resources.capacity = static_cast<std::uint32_t>(entry.capacity);
-    coordinator_.receive(tiers::EdgeIs{resources});
+    if (entry.capacity > 0) edge.capacity = static_cast<std::uint32_t>(entry.capacity);
+    send(edge);
     for (const PlannedRobot& robot : plan_.robots) {
       if (coordinator_.edge_of().count(robot.id) == 0) continue;
       const transport::LinkState wire = state(robot.id.str(), id.str(), network.robot_edge);
-      coordinator_.receive(tiers::LinkIs{robot.id, id, {bytes_per_s(wire), wire.delay_s}});
+      send(LinkIs{robot.id, id, bytes_per_s(wire), wire.delay_s});
     }
   }
 }
@@ -122,7 +127,9 @@ bool CoordinatedRobots::decide(double now_s) {
 
 void CoordinatedRobots::decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool& pool) {
   if (!decide(now_s)) return;
-  const auto& moves = report_.decisions.back().moves;
+  std::vector<RobotMove> moves;
+  for (const RobotMove& move : report_.decisions.back().moves)
+    moves.push_back(decode_robot_move(encode(move), "what robots receive"));
   pool.for_each(moves.size(), [&](std::size_t i) {
     const auto task = tasks.find(moves[i].robot);
     if (task != tasks.end()) task->second.move();
@@ -169,10 +176,9 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
     report_robots(now_s);
     for (std::size_t i = 0; i < reports.size(); ++i) {
       if (reports[i].empty()) continue;
-      MapReport report = decode_map_report(reports[i], "the report of robot " + names[i].str());
       report_.summary_bytes += reports[i].size();
-      coordinator_.receive(tiers::RobotReports{report.robot, report.scans, std::move(report.summary)});
-      if (!all[i]->next()) coordinator_.receive(tiers::RobotGoes{names[i]});
+      coordinator_.receive(decode_coordinator_event(reports[i], "the report of robot " + names[i].str()));
+      if (!all[i]->next()) send(RobotGoes{names[i]});
     }
     report_edges_and_wires(now_s);
     decide(now_s, tasks, pool);

@@ -22,7 +22,8 @@ class CoordinatedRobots {
   CoordinationReport take_report() { return std::move(report_); }
 
  private:
-  void report_robots(double now_s);  // those that come
+  void send(const CoordinatorEvent& event);  // by its bytes
+  void report_robots(double now_s);          // those that come
   void report_edges_and_wires(double now_s);
   void decide(double now_s, std::map<RobotId, LaserTask>& tasks, WorkerPool&);
   bool decide(double now_s);
@@ -30,7 +31,7 @@ class CoordinatedRobots {
   const RunConfiguration& configuration_;
   RunPlan& plan_;
   tiers::Coordinator coordinator_;
-  std::map<std::pair<std::string, std::string>, transport::Link> wires_;
+  std::map<std::pair<std::string, std::string>, transport::LinkModel> wires_;
   CoordinationReport report_;
 };
 

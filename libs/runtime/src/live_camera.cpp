@@ -1,17 +1,23 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/log.h>
 #include <mapweave/runtime/live_camera.h>
+#include <mapweave/tiers/subjects.h>
 
 #include <utility>
 
 namespace mapweave::runtime {
 
-using Kind = ClientMessage::Kind;
+namespace subject = tiers::subject;
+namespace {
+
+constexpr char kServer[] = "the map server";
+
+}  // namespace
 
 LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double baseline_m, LiveCameraOptions options,
-                       std::shared_ptr<LiveMapServer::Link> link)
+                       std::shared_ptr<transport::Channel> channel)
     : place_(std::move(place)),
-      link_(std::move(link)),
+      channel_(std::move(channel)),
       agent_(place_, options.uplink),
       vocabulary_(options.vocabulary.get().hash()),
       client_(camera, baseline_m, std::move(options.client), options.vocabulary.get(),
@@ -24,9 +30,9 @@ LiveCamera::LiveCamera(visual::ClientPlace place, const Pinhole& camera, double 
                 ask(client);
               }) {}
 
-void LiveCamera::reconnect(std::shared_ptr<LiveMapServer::Link> link) {
+void LiveCamera::reconnect(std::shared_ptr<transport::Channel> channel) {
   const std::lock_guard lock(mutex_);
-  next_link_ = std::move(link);
+  next_channel_ = std::move(channel);
 }
 
 visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
@@ -36,20 +42,20 @@ visual::VisualClient& LiveCamera::finish(std::chrono::milliseconds patience) {
   bool more = client.run(place_).has_value();
   while (more && std::chrono::steady_clock::now() < end) {
     more = (last_ && publish(client, *last_)) || !welcome_ || agent_.waiting_bytes() > 0;
-    if (link_->is_closed()) break;
+    if (channel_->is_closed()) break;
     if (more) receive(client, std::chrono::milliseconds(50));
   }
   return client;
 }
 
-bool LiveCamera::send(Kind kind, std::string bytes) {
-  const std::size_t size = bytes.size();
-  const auto sent = link_->send({kind, std::move(bytes)});
-  if (sent == LiveMapServer::Link::Sent::never && !link_->is_closed() && !std::exchange(reported_too_long_, true))
+bool LiveCamera::send(transport::Envelope message) {
+  const std::size_t size = message.bytes.size();
+  const auto sent = channel_->send(std::move(message));
+  if (sent == transport::Channel::Sent::never && !channel_->is_closed() && !std::exchange(reported_too_long_, true))
     refused(
         "a message of " + std::to_string(size) +
         " bytes is longer than the server's queue; give the server a larger queue_kb, or the camera fewer features");
-  return sent == LiveMapServer::Link::Sent::taken;
+  return sent == transport::Channel::Sent::taken;
 }
 
 void LiveCamera::refused(const std::string& why) {
@@ -60,16 +66,17 @@ void LiveCamera::refused(const std::string& why) {
 bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
   {
     const std::lock_guard lock(mutex_);
-    if (next_link_) link_ = std::move(next_link_), next_link_.reset(), greeted_ = welcome_ = reported_too_long_ = false;
+    if (next_channel_)
+      channel_ = std::move(next_channel_), next_channel_.reset(), greeted_ = welcome_ = reported_too_long_ = false;
   }
   const auto run = client.run(place_);
   if (!run) return false;
-  if (!greeted_) greeted_ = send(Kind::hello, encode(Hello{*run, vocabulary_}));
+  if (!greeted_) greeted_ = send({subject::kHello, encode(Hello{*run, vocabulary_})});
   if (!welcome_) return true;  // what the server has already is not published again
   bool is_taken = true;
-  const std::vector<std::string> updates = agent_.updates(client, now);
-  for (const std::string& update : updates) {
-    is_taken = is_taken && send(Kind::update, update);
+  const std::vector<transport::Envelope> updates = agent_.updates(client, now);
+  for (const transport::Envelope& update : updates) {
+    is_taken = is_taken && send(update);
     if (!is_taken) agent_.put_back(update);
   }
   return !updates.empty();
@@ -78,28 +85,32 @@ bool LiveCamera::publish(visual::VisualClient& client, Stamp now) {
 void LiveCamera::ask(visual::VisualClient& client) {
   if (!welcome_) return;
   if (auto view = agent_.view(client))
-    send(Kind::view, std::move(*view));
+    send({subject::kView, std::move(*view)});
   else if (auto request = agent_.place_request(client))
-    send(Kind::place_request, std::move(*request));
+    send({subject::kPlaceRequest, std::move(*request)});
 }
 
 void LiveCamera::receive(visual::VisualClient& client, std::chrono::milliseconds patience) {
-  for (const ServerMessage& message : link_->take(patience)) try {
-      switch (message.kind) {
-        case ServerMessage::Kind::welcome:
-          agent_.reconnected(client, message.receipts);
-          welcome_ = true;
-          break;
-        case ServerMessage::Kind::receipts:
-          for (const tiers::Receipt& receipt : message.receipts) agent_.stored(receipt);
-          break;
-        case ServerMessage::Kind::share: agent_.receive_share(client, message.bytes); break;
-        case ServerMessage::Kind::place: agent_.receive_place(client, message.bytes); break;
-        case ServerMessage::Kind::refused: refused(message.bytes);
+  for (const transport::Channel::Delivery& delivery : channel_->receive(patience)) {
+    const std::string &subject = delivery.envelope.subject, &bytes = delivery.envelope.bytes;
+    try {
+      if (subject == subject::kWelcome) {
+        agent_.reconnected(client, decode_receipts(bytes, kServer));
+        welcome_ = true;
+      } else if (subject == subject::kReceipts) {
+        for (const Receipt& receipt : decode_receipts(bytes, kServer)) agent_.stored(receipt);
+      } else if (subject == subject::kShare) {
+        agent_.receive_share(client, bytes);
+      } else if (subject == subject::kPlace) {
+        agent_.receive_place(client, bytes);
+      } else if (subject == subject::kRefusal) {
+        refused(decode_refusal(bytes, kServer).why.what());
       }
     } catch (const Error& error) {  // the client goes on without it
       log(LogLevel::warning, error.what());
     }
+    channel_->acknowledge(delivery.number);
+  }
 }
 
 }  // namespace mapweave::runtime

@@ -80,12 +80,12 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
   tiers.push_back(cloud_tier().str());
   std::vector<std::string> all = robots;
   all.insert(all.end(), tiers.begin(), tiers.end());
-  const auto locate = [&](transport::LinkOptions& link, const std::string& where) {
+  const auto locate = [&](transport::LinkModelOptions& link, const std::string& where) {
     if (link.trace.empty()) return;
     const auto path =
         std::filesystem::absolute(origins.file_of(where + ".trace").parent_path() / link.trace).lexically_normal();
     link.trace = path.string();
-    transport::Link(link, 0);  // says now what is wrong with it
+    transport::LinkModel(link, 0);  // says now what is wrong with it
   };
   locate(network.robot_edge, "network.robot_edge"), locate(network.robot_cloud, "network.robot_cloud");
   locate(network.edge_cloud, "network.edge_cloud");

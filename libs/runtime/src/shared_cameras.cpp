@@ -25,10 +25,14 @@ class Link {
     const auto run = client_->run(place_);
     if (!run) return;
     if (!greeted_) {
-      agent_.reconnected(*client_, server.greet(decode_hello(encode(Hello{*run, vocabulary_}), "hello")));
+      const std::string hello = encode(Hello{*run, vocabulary_});
+      agent_.reconnected(*client_, decode_receipts(encode(server.greet(decode_hello(hello, "hello"))), "welcome"));
       greeted_ = true;
     }
-    for (const std::string& update : agent_.updates(*client_, now)) agent_.stored(server.receive(*run, update).receipt);
+    for (const transport::Envelope& update : agent_.updates(*client_, now)) {
+      const std::string answer = encode(std::vector<Receipt>{server.receive(*run, update.bytes).receipt});
+      for (const Receipt& receipt : decode_receipts(answer, "receipt")) agent_.stored(receipt);
+    }
     has_place_ = false;
     if (const auto view = agent_.view(*client_)) {
       has_place_ = true;

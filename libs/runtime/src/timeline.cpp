@@ -17,7 +17,7 @@ class Wires {
  public:
   explicit Wires(const TimelineOptions& options) : options_(options) {}
 
-  double send(const std::string& from, const std::string& to, const transport::LinkOptions& otherwise, double at_s,
+  double send(const std::string& from, const std::string& to, const transport::LinkModelOptions& otherwise, double at_s,
               std::uint64_t bytes) {
     auto known = wires_.find({from, to});
     if (known == wires_.end()) {
@@ -25,7 +25,7 @@ class Wires {
       for (const char letter : from + ">" + to) seed = mixed(seed ^ static_cast<unsigned char>(letter));
       known = wires_
                   .emplace(std::make_pair(from, to),
-                           transport::Link(wire_between(options_.network, from, to, otherwise), seed))
+                           transport::LinkModel(wire_between(options_.network, from, to, otherwise), seed))
                   .first;
     }
     return known->second.send(options_.recorded_s + at_s, bytes) - options_.recorded_s;
@@ -33,13 +33,13 @@ class Wires {
 
  private:
   const TimelineOptions& options_;
-  std::map<std::pair<std::string, std::string>, transport::Link> wires_;
+  std::map<std::pair<std::string, std::string>, transport::LinkModel> wires_;
 };
 
 }  // namespace
 
-const transport::LinkOptions& wire_between(const NetworkOptions& network, const std::string& from,
-                                           const std::string& to, const transport::LinkOptions& otherwise) {
+const transport::LinkModelOptions& wire_between(const NetworkOptions& network, const std::string& from,
+                                                const std::string& to, const transport::LinkModelOptions& otherwise) {
   const auto named = std::find_if(network.links.begin(), network.links.end(),
                                   [&](const LinkEntry& entry) { return entry.from == from && entry.to == to; });
   return named != network.links.end() ? *named : otherwise;

@@ -1,13 +1,14 @@
 #include "update_parts.h"
 
 #include <mapweave/tiers/camera_agent.h>
+#include <mapweave/tiers/subjects.h>
 
 #include <algorithm>
 
 namespace mapweave::tiers {
 namespace {
 
-constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes
+constexpr std::size_t kMostWaiting = std::size_t{1} << 20;  // bytes in memory
 constexpr std::size_t kMostUpdate = std::size_t{48} << 10;  // bytes: a live server's queue may be as short as 64 KB
 constexpr double kFeatureBytes = 37.0;
 
@@ -16,26 +17,27 @@ std::shared_ptr<const Payload> thinned(const KeyframeFeatures& whole, std::size_
   KeyframeFeatures few{whole.geometry, {}, {}};
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t from = i * whole.points.size() / count;
-    few.points.push_back(whole.points[from]), few.descriptors.push_back(whole.descriptors[from]);
+    few.points.push_back(whole.points[from]);
+    few.descriptors.push_back(whole.descriptors[from]);
   }
   return std::make_shared<const Payload>(std::move(few));
 }
 
 }  // namespace
 
-CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options)
-    : place_(std::move(place)), options_(options) {}
+CameraAgent::CameraAgent(visual::ClientPlace place, UplinkOptions options, std::unique_ptr<transport::Outbox> outbox)
+    : place_(std::move(place)),
+      options_(options),
+      outbox_(outbox ? std::move(outbox) : std::make_unique<transport::MemoryOutbox>(kMostWaiting)) {}
 
 std::string CameraAgent::counted(std::string bytes) {
-  sent_bytes_ += bytes.size();
-  allowance_.spend(bytes.size());
+  count(bytes);
   return bytes;
 }
 
-std::uint64_t CameraAgent::waiting_bytes() const {
-  std::uint64_t bytes = 0;
-  for (const Message& message : outbox_) bytes += message.bytes.size();
-  return bytes;
+void CameraAgent::count(const std::string& bytes) {
+  sent_bytes_ += bytes.size();
+  allowance_.spend(bytes.size());
 }
 
 MapUpdate CameraAgent::fitted(MapUpdate update, double room_bytes) const {
@@ -65,53 +67,37 @@ void CameraAgent::enqueue(MapUpdate update) {
   update.base = update.base == 0 ? 0 : published;
   update.sequence = published + 1;
   for (std::string& bytes : encoded_in_parts(fitted(std::move(update), allowance_.bytes()), kMostUpdate))
-    outbox_.push_back({map, ++published, std::move(bytes)});
+    outbox_->append({subject::kUpdate, std::move(bytes), map.str(), ++published});
 }
 
-void CameraAgent::forget(const MapId& map, std::uint64_t up_to) {
-  outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
-                               [&](const Message& m) { return m.map == map && m.sequence <= up_to; }),
-                outbox_.end());
-}
-
-std::vector<std::string> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
+std::vector<transport::Envelope> CameraAgent::updates(visual::VisualClient& client, Stamp now) {
   const double bytes_per_s = options_.most_bytes_per_s;
   if (bytes_per_s > 0.0) allowance_.wait_until(now, bytes_per_s);
-  std::vector<std::string> sent;
-  const bool has_room = bytes_per_s == 0.0 || allowance_.bytes() > 0.0;
-  if (has_room && waiting_bytes() < kMostWaiting) {
+  const bool may_send = bytes_per_s == 0.0 || allowance_.bytes() > 0.0;
+  if (may_send && outbox_->has_room()) {
     session_ = client.run(place_);
     for (MapUpdate& update : client.take_updates(place_, visual::PublishedDetail::light)) enqueue(std::move(update));
   }
-  for (Message& message : outbox_) {
-    if (message.in_flight) continue;
-    message.in_flight = true;
-    sent.push_back(counted(message.bytes));
-  }
-  return sent;
+  std::vector<transport::Envelope> due = outbox_->take_due();
+  for (const transport::Envelope& update : due) count(update.bytes);
+  return due;
 }
 
-void CameraAgent::put_back(const std::string& update) {
-  for (Message& message : outbox_) {
-    if (!message.in_flight || message.bytes != update) continue;
-    message.in_flight = false;
-    sent_bytes_ -= update.size();
-    allowance_.give_back(update.size());
-    return;
-  }
+void CameraAgent::put_back(const transport::Envelope& update) {
+  outbox_->repeat(update.sender, update.sequence);
+  sent_bytes_ -= update.bytes.size();
+  allowance_.give_back(update.bytes.size());
 }
 
 void CameraAgent::stored(const Receipt& receipt) {
-  forget(receipt.origin.map, receipt.stored);
+  outbox_->forget(receipt.origin.map.str(), receipt.stored);
   if (const auto known = numbers_.find(receipt.origin.map); known != numbers_.end())
     known->second.confirmed = std::max(known->second.confirmed, receipt.stored);
-  if (receipt.awaited == 0) return;
-  for (Message& message : outbox_)
-    if (message.map == receipt.origin.map && message.sequence == receipt.awaited) message.in_flight = false;
+  if (receipt.awaited > 0) outbox_->repeat(receipt.origin.map.str(), receipt.awaited);
 }
 
 void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Receipt>& receipts) {
-  for (Message& message : outbox_) message.in_flight = false;
+  outbox_->repeat_all();
   std::map<MapId, std::uint64_t> stored_of;
   for (const Receipt& receipt : receipts)
     if (visual::session_of(place_.client, receipt.origin.map)) stored_of[receipt.origin.map] = receipt.stored;
@@ -119,7 +105,7 @@ void CameraAgent::reconnected(visual::VisualClient& client, const std::vector<Re
   for (auto& [map, numbers] : numbers_) {
     const std::uint64_t stored = stored_of[map];
     if (stored < numbers.confirmed || stored > numbers.published) {
-      forget(map, numbers.published);
+      outbox_->forget(map.str(), numbers.published);
       client.publish_again(place_, map);
       numbers.published = std::max(numbers.published, stored);
     }

@@ -1,4 +1,5 @@
 #include <mapweave/core/error.h>
+#include <mapweave/maps/pair_to_judge.h>
 #include <mapweave/tiers/cloud_merger.h>
 #include <mapweave/tiers/edge_server.h>
 
@@ -21,6 +22,15 @@ Map part_of(const Map& map, const std::set<SubmapId>& submaps) {
   }
   for (const NodeId& id : nodes) part.nodes.set(id, *map.nodes.find(id));
   return part;
+}
+
+PairToJudge as_sent(const fusion::FirstPair& pair) {
+  PairToJudge sent{pair.a, pair.b, {}, pair.have_cameras};
+  for (const fusion::SubmapPair& submaps : pair.submaps) {
+    const matching::WideWindow& window = submaps.a_from_b;
+    sent.submaps.push_back({submaps.a, submaps.b, window.a_from_b, window.radius_m, window.yaw_rad, window.known_part});
+  }
+  return sent;
 }
 
 }  // namespace
@@ -70,7 +80,7 @@ std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>&
     bool is_whole = false;
     std::set<SubmapId> submaps;
   };
-  std::map<TierId, JudgingTask> judging_tasks;
+  std::map<TierId, std::vector<PairToJudge>> pairs;
   std::map<TierId, std::uint64_t> load;
   std::map<TierId, std::map<MapId, SentMap>> sent;
   for (Work& one : work) {
@@ -81,8 +91,10 @@ std::map<TierId, JudgingTask> CloudMerger::judging_tasks(const std::set<TierId>&
     other.owner = first ? one.at_b : one.at_a;
     other.is_whole = other.is_whole || one.pair.have_cameras;
     for (const fusion::SubmapPair& submaps : one.pair.submaps) other.submaps.insert(first ? submaps.b : submaps.a);
-    judging_tasks[judge].pairs.push_back(std::move(one.pair));
+    pairs[judge].push_back(as_sent(one.pair));
   }
+  std::map<TierId, JudgingTask> judging_tasks;
+  for (const auto& [judge, asked] : pairs) judging_tasks[judge].pairs = encode(asked);
   for (const auto& [judge, maps] : sent)
     for (const auto& [id, what] : maps) {
       const Map& map = inboxes_.at(id).map();

@@ -13,13 +13,6 @@ using scheduling::Groups;
 using scheduling::Latency;
 using scheduling::Problem;
 
-template <class... Handlers>
-struct Overloaded : Handlers... {
-  using Handlers::operator()...;
-};
-template <class... Handlers>
-Overloaded(Handlers...) -> Overloaded<Handlers...>;
-
 bool is_same(const EdgeResources& a, const EdgeResources& b) {
   return a.bandwidth_bytes_per_s == b.bandwidth_bytes_per_s && a.speed == b.speed && a.capacity == b.capacity &&
          a.delay_s == b.delay_s;
@@ -37,54 +30,60 @@ bool has_room(const EdgeResources& edge, std::size_t robots) { return !edge.capa
 
 Coordinator::Coordinator(CoordinatorOptions options) : options_(std::move(options)) {}
 
+Coordinator::Robot& Coordinator::known(const RobotId& robot) {
+  const auto found = robots_.find(robot);
+  MAPWEAVE_EXPECT(found != robots_.end(), "robot '" + robot.str() + "' came");
+  return found->second;
+}
+
 void Coordinator::receive(CoordinatorEvent event) {
-  const auto expect_known = [&](const RobotId& robot) {
-    MAPWEAVE_EXPECT(robots_.count(robot) != 0, "robot '" + robot.str() + "' came");
-  };
-  std::visit(Overloaded{[&](RobotComes& comes) {
-                          robots_[comes.robot];
-                          edge_of_[comes.robot] = comes.edge;
-                          if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
-                          because_.push_back("robot " + comes.robot.str() + " comes");
-                        },
-                        [&](RobotReports& reports) {
-                          expect_known(reports.robot);
-                          robots_[reports.robot].scans = reports.scans;
-                          if (reports.summary.known() > 0) overlaps_.put(reports.robot, std::move(reports.summary));
-                          const std::string why = "maps have grown";
-                          if (std::find(because_.begin(), because_.end(), why) == because_.end())
-                            because_.push_back(why);
-                        },
-                        [&](const RobotGoes& goes) {
-                          expect_known(goes.robot);
-                          because_.push_back("robot " + goes.robot.str() + " has sensed all");
-                        },
-                        [&](EdgeIs& edge) {
-                          const auto known = edges_.find(edge.resources.id);
-                          if (known != edges_.end() && is_same(known->second, edge.resources)) return;
-                          because_.push_back("edge " + edge.resources.id.str() +
-                                             (known == edges_.end() ? " comes" : " is otherwise"));
-                          edges_.insert_or_assign(edge.resources.id, edge.resources);
-                        },
-                        [&](const EdgeGoes& goes) {
-                          if (edges_.erase(goes.edge) == 0) return;
-                          because_.push_back("edge " + goes.edge.str() + " goes");
-                          for (auto& [robot, edge] : edge_of_)
-                            if (edge == goes.edge) edge = TierId();
-                        },
-                        [&](const LinkIs& link) {
-                          expect_known(link.robot);
-                          const auto key = std::make_pair(link.robot, link.edge);
-                          const auto known = links_.find(key);
-                          if (known != links_.end() && known->second.bytes_per_s == link.link.bytes_per_s &&
-                              known->second.delay_s == link.link.delay_s)
-                            return;
-                          if (known != links_.end())
-                            because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() +
-                                               " is otherwise");
-                          links_.insert_or_assign(key, link.link);
-                        }},
-             event);
+  std::visit([this](auto& one) { take(one); }, event);
+}
+
+void Coordinator::take(RobotComes& comes) {
+  robots_[comes.robot];
+  edge_of_[comes.robot] = comes.edge;
+  if (comes.route) overlaps_.put(comes.robot, std::move(*comes.route));
+  because_.push_back("robot " + comes.robot.str() + " comes");
+}
+
+void Coordinator::take(MapReport& report) {
+  known(report.robot).scans = report.scans;
+  if (report.summary.known() > 0) overlaps_.put(report.robot, std::move(report.summary));
+  const std::string why = "maps have grown";
+  if (std::find(because_.begin(), because_.end(), why) == because_.end()) because_.push_back(why);
+}
+
+void Coordinator::take(const RobotGoes& goes) {
+  known(goes.robot);
+  because_.push_back("robot " + goes.robot.str() + " has sensed all");
+}
+
+void Coordinator::take(const EdgeIs& edge) {
+  const EdgeResources resources{edge.edge, edge.bytes_per_s, edge.speed, edge.capacity, edge.delay_s};
+  const auto before = edges_.find(edge.edge);
+  if (before != edges_.end() && is_same(before->second, resources)) return;
+  because_.push_back("edge " + edge.edge.str() + (before == edges_.end() ? " comes" : " is otherwise"));
+  edges_.insert_or_assign(edge.edge, resources);
+}
+
+void Coordinator::take(const EdgeGoes& goes) {
+  if (edges_.erase(goes.edge) == 0) return;
+  because_.push_back("edge " + goes.edge.str() + " goes");
+  for (auto& [robot, edge] : edge_of_)
+    if (edge == goes.edge) edge = TierId();
+}
+
+void Coordinator::take(const LinkIs& link) {
+  known(link.robot);
+  const auto key = std::make_pair(link.robot, link.edge);
+  const auto before = links_.find(key);
+  if (before != links_.end() && before->second.bytes_per_s == link.bytes_per_s &&
+      before->second.delay_s == link.delay_s)
+    return;
+  if (before != links_.end())
+    because_.push_back("the wire from " + link.robot.str() + " to " + link.edge.str() + " is otherwise");
+  links_.insert_or_assign(key, scheduling::RobotLink{link.bytes_per_s, link.delay_s});
 }
 
 // Where edges cannot hold everyone, who is on one stays first; the others map on board.
@@ -135,10 +134,12 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
     const auto edge =
         std::find_if(problem.edges.begin(), problem.edges.end(), [&](const EdgeResources& e) { return e.id == at; });
     const auto place = static_cast<std::uint32_t>(edge - problem.edges.begin());
-    if (edge == problem.edges.end() || !has_room(*edge, there[place].size()))
+    if (edge == problem.edges.end() || !has_room(*edge, there[place].size())) {
       homeless.push_back(robot);
-    else
-      there[place].push_back(robot), result.edge_of[robot] = place;
+    } else {
+      there[place].push_back(robot);
+      result.edge_of[robot] = place;
+    }
   }
   for (const std::uint32_t robot : homeless) {
     std::size_t fewest = std::numeric_limits<std::size_t>::max();
@@ -150,7 +151,10 @@ Coordinator::Candidate Coordinator::staying(const Latency& latency) const {
       if (there[edge].size() != fewest || !has_room(problem.edges[edge], fewest)) continue;
       auto with = there[edge];
       with.insert(std::lower_bound(with.begin(), with.end(), robot), robot);
-      if (const double seconds = latency.edge_seconds(with, edge); seconds < least) least = seconds, chosen = edge;
+      if (const double seconds = latency.edge_seconds(with, edge); seconds < least) {
+        least = seconds;
+        chosen = edge;
+      }
     }
     there[chosen].insert(std::lower_bound(there[chosen].begin(), there[chosen].end(), robot), robot);
     result.edge_of[robot] = chosen;

@@ -1,8 +1,21 @@
 #include <mapweave/tiers/edge_server.h>
 
 #include <mapweave/maps/map_update.h>
+#include <mapweave/maps/pair_to_judge.h>
 
 namespace mapweave::tiers {
+namespace {
+
+fusion::FirstPair as_judged(const PairToJudge& sent) {
+  fusion::FirstPair pair{sent.a, sent.b, {}, sent.have_cameras};
+  for (const SubmapsToJudge& submaps : sent.submaps)
+    pair.submaps.push_back(
+        {submaps.a, submaps.b, {submaps.a_from_b, submaps.radius_m, submaps.yaw_rad, submaps.known_part}});
+  return pair;
+}
+
+}  // namespace
+
 std::string first_update(const Map& map, const TierId& from) {
   MapUpdate update = difference(Map{}, map);
   update.origin = {from, map.id};
@@ -69,11 +82,15 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
   input.by = edge_;
   input.models = models_;
   std::set<MapId> needed;
-  for (const fusion::FirstPair& pair : judging_task.pairs) {
+  std::vector<fusion::FirstPair> pairs;
+  for (const PairToJudge& sent : decode_pairs_to_judge(judging_task.pairs, "what edge " + edge_.str() + " is to judge"))
+    pairs.push_back(as_judged(sent));
+  for (const fusion::FirstPair& pair : pairs) {
     if (!maps_.contains(pair.a) && !maps_.contains(pair.b))
       throw Error(ErrorCode::kBadInput, "neither map '" + pair.a.str() + "' nor '" + pair.b.str() + "' is here",
                   "edge " + edge_.str());
-    needed.insert(pair.a), needed.insert(pair.b);
+    needed.insert(pair.a);
+    needed.insert(pair.b);
   }
   for (const MapId& id : needed)
     if (const Map* map = maps_.find(id)) input.maps.push_back(*map);
@@ -87,7 +104,7 @@ EdgeServer::Effects EdgeServer::step(const JudgingTask& judging_task, WorkerPool
     throw Error(ErrorCode::kBadInput, "a map to be judged was not sent along", "edge " + edge_.str());
   fusion::Memo memo;
   Effects effects;
-  effects.for_cloud = updates_of(fusion::judge_pairs(input, judging_task.pairs, options_, memo, pool, progress));
+  effects.for_cloud = updates_of(fusion::judge_pairs(input, pairs, options_, memo, pool, progress));
   return effects;
 }
 

@@ -14,7 +14,10 @@ constexpr std::size_t kSettled = 5;   // later keyframes of its camera: one's co
 
 std::vector<Map> MapMerge::copies(const Snapshots& snapshots) {
   std::vector<Map> result;
-  for (const auto& [name, map] : snapshots) result.push_back(*map), result.back().id = name;
+  for (const auto& [name, map] : snapshots) {
+    result.push_back(*map);
+    result.back().id = name;
+  }
   return result;
 }
 

@@ -31,18 +31,25 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
                   "a client begins near its origin");
   };
   for (const Node& node : update.nodes) {
-    expect(node.id.session, to_string(node.id)), expect_near(node.map_from_node, node.id);
+    expect(node.id.session, to_string(node.id));
+    expect_near(node.map_from_node, node.id);
     if (keyframe_of(node) == nullptr)
       throw Error(ErrorCode::kBadInput, to_string(node.id) + " is no keyframe", where,
                   "cameras tell keyframes and landmarks");
   }
-  for (const MovedNode& moved : update.moved)
-    expect(moved.id.session, to_string(moved.id)), expect_near(moved.map_from_node, moved.id);
+  for (const MovedNode& moved : update.moved) {
+    expect(moved.id.session, to_string(moved.id));
+    expect_near(moved.map_from_node, moved.id);
+  }
   for (const NodeId& id : update.removed_nodes) expect(id.session, to_string(id));
-  for (const Landmark& landmark : update.landmarks)
-    expect(landmark.id.session, to_string(landmark.id)), expect_seen(landmark.seen);
-  for (const LandmarkChange& change : update.changed_landmarks)
-    expect(change.id.session, to_string(change.id)), expect_seen(change.seen);
+  for (const Landmark& landmark : update.landmarks) {
+    expect(landmark.id.session, to_string(landmark.id));
+    expect_seen(landmark.seen);
+  }
+  for (const LandmarkChange& change : update.changed_landmarks) {
+    expect(change.id.session, to_string(change.id));
+    expect_seen(change.seen);
+  }
   for (const LandmarkId& id : update.removed_landmarks) expect(id.session, to_string(id));
   for (const LandmarkChange& borrowed : update.borrowed) expect_seen(borrowed.seen);
   if (!update.submaps.empty() || !update.constraints.empty() || !update.judgements.empty() ||

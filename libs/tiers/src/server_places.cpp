@@ -60,7 +60,8 @@ void VisualServer::PlaceSearch::run(WorkerPool& pool) {
         one.places(state_->options.visual.vocabulary, pool).find(state_->request.features, state_->options, pool);
     if (!found || (state_->found && found->probability <= state_->found->probability)) continue;
     one.make_landmarks(pool);
-    state_->found = std::move(found), state_->component = &one;
+    state_->found = std::move(found);
+    state_->component = &one;
   }
 }
 
@@ -70,7 +71,9 @@ std::shared_ptr<VisualServer::PlaceSearch> VisualServer::place_search(const Sess
   state_->client(from);
   if (state.options.share == Sharing::none || !state.view) return nullptr;
   auto search = std::make_unique<PlaceSearch::State>();
-  search->request = std::move(request), search->view = state.view, search->options = state.fusion_options;
+  search->request = std::move(request);
+  search->view = state.view;
+  search->options = state.fusion_options;
   return std::shared_ptr<PlaceSearch>(new PlaceSearch(std::move(search)));
 }
 
@@ -92,8 +95,10 @@ std::optional<VisualServer::State::RobotPlace> VisualServer::State::place_by_rig
     const Client& rig_camera = entry->second;
     const std::optional<Whereabouts> known = robot_at(rig_camera.seen_at, when);
     if (!known || !(known->apart_s < least_s)) continue;
-    if (auto place = in_team(team, rig_camera, known->map, known->map_from_robot))
-      best = std::move(place), least_s = known->apart_s;
+    if (auto place = in_team(team, rig_camera, known->map, known->map_from_robot)) {
+      best = std::move(place);
+      least_s = known->apart_s;
+    }
   }
   return best;
 }
@@ -113,7 +118,8 @@ std::optional<PlaceAnswer> VisualServer::answer(const SessionId& from, const Pla
     const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member),
                map_from_team = inverse(team_from_map);
     PlaceAnswer answer;
-    answer.stamp = request.stamp, answer.map = client_map;
+    answer.stamp = request.stamp;
+    answer.map = client_map;
     answer.map_from_robot =
         carried(map_from_team, place->team_from_robot, keyframe_of(near)->geometry->robot_from_camera);
     for (const DescribedLandmark& one : place->component->landmarks().retrieve(

@@ -26,7 +26,8 @@ struct Cameras {
 // between: they are compared as if they had spoken together, and often.
 std::optional<rig::RobotPoseAnswer> fused(const Cameras& cameras, Stamp end, double period_s) {
   rig::RobotTrajectoryOptions policy;
-  policy.longest_gap_s = 0.5 * period_s, policy.hand_over_s = kSilentAfter * period_s;
+  policy.longest_gap_s = 0.5 * period_s;
+  policy.hand_over_s = kSilentAfter * period_s;
   rig::RobotPose robot(policy);
   const auto step_ns = static_cast<std::int64_t>(1e9 * period_s) / kStepsBetween;
   for (std::int64_t step = kRemembered * kStepsBetween; step >= 0; --step) {

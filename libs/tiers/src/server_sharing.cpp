@@ -31,8 +31,10 @@ const Node* VisualServer::State::nearest(const Client::Part& part, const TeamVie
     double least = std::numeric_limits<double>::infinity();
     for (const TeamView::Member::Placed& one : member.nodes)
       if (const double apart = ((frame == Frame::map ? one.in_map : one.in_team) - place).squaredNorm();
-          apart < least && counts(one))
-        least = apart, best = &one;
+          apart < least && counts(one)) {
+        least = apart;
+        best = &one;
+      }
     return best;
   };
   const auto node_of = [&](const TeamView::Member::Placed* one) {
@@ -80,9 +82,10 @@ void VisualServer::State::note_owners(Client::Part& part, const SessionId& to, c
                                         : part.owners.try_emplace(session, part.owners.size() + 1).first->second);
 }
 
-void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view,
-                                          const TeamView::Member& member, const Node& near, std::size_t most,
-                                          Share& share) const {
+std::vector<DescribedLandmark> VisualServer::State::landmarks_for(Client::Part& part, const SessionId& to,
+                                                                  const ClientView& client_view,
+                                                                  const TeamView::Member& member, const Node& near,
+                                                                  std::size_t most) const {
   const Sim3 team_from_map = team_from_map_at(near.id, near.map_from_node, member),
              map_from_team = inverse(team_from_map);
   ++part.shares;
@@ -94,6 +97,7 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
   };
   const matching::Frustum seen_from =
       frustum(camera, carried(team_from_map, client_view.map_from_robot, camera.robot_from_camera));
+  std::vector<DescribedLandmark> shared;
   std::vector<std::uint64_t> keys;  // of what is shared
   const auto all = landmarks.look(seen_from, options.retrieval, to.client);
   for (const matching::LandmarkIndex::Seen& seen : all) part.shared.expect(key_of(seen));
@@ -106,19 +110,23 @@ void VisualServer::State::share_landmarks(Client::Part& part, const SessionId& t
         continue;
     }
     DescribedLandmark here = matching::transformed(landmarks.landmark(seen), map_from_team);
-    if (matching::flaw(here).empty()) share.landmarks.push_back(std::move(here)), keys.push_back(key_of(seen));
+    if (matching::flaw(here).empty()) {
+      shared.push_back(std::move(here));
+      keys.push_back(key_of(seen));
+    }
   }
-  share.landmarks = thinned(std::move(share.landmarks), most), keys = thinned(std::move(keys), most);
+  shared = thinned(std::move(shared), most);
+  keys = thinned(std::move(keys), most);
   for (std::size_t i = 0; i < keys.size(); ++i) {
-    const DescribedLandmark& here = share.landmarks[i];
+    const DescribedLandmark& here = shared[i];
     part.shared.set({keys[i], here.point_in_map, static_cast<float>(std::max(kResent_m, here.sigma_m)), part.shares});
   }
-  if (part.shares % kSweepEvery != 0 && part.shared.size() <= kMostHeld) return;
+  if (part.shares % kSweepEvery != 0 && part.shared.size() <= kMostHeld) return shared;
   for (std::uint32_t patience = kHeldFor; patience == kHeldFor || part.shared.size() > kMostHeld; patience /= 2) {
-    part.shared.keep(
-        [&](const SharedLandmarkTable::Shared& shared) { return shared.wanted + patience >= part.shares; });
+    part.shared.keep([&](const SharedLandmarkTable::Shared& held) { return held.wanted + patience >= part.shares; });
     if (patience == 0) break;
   }
+  return shared;
 }
 
 void VisualServer::State::correct(Client::Part& part, const TeamView::Member& member, Share& share) const {
@@ -138,7 +146,10 @@ void VisualServer::State::correct(Client::Part& part, const TeamView::Member& me
       return;
     }
     const Pose3& team_from_node = team.nodes.find(id)->map_from_node;
-    if (first == nullptr) first = node, map_from_team = compose(node->map_from_node, inverse(team_from_node));
+    if (first == nullptr) {
+      first = node;
+      map_from_team = compose(node->map_from_node, inverse(team_from_node));
+    }
     share.corrected.push_back({id, compose(map_from_team, team_from_node)});
     square += (share.corrected.back().map_from_node.t - node->map_from_node.t).squaredNorm();
   }
@@ -158,7 +169,10 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   const auto known = client.parts.find(client_view.map);
   if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;
   Client::Part& part = known->second;
-  if (part.forgotten != client_view.forgotten) part.shared.clear(), part.forgotten = client_view.forgotten;
+  if (part.forgotten != client_view.forgotten) {
+    part.shared.clear();
+    part.forgotten = client_view.forgotten;
+  }
   const TeamView::Member* member = state.view->member(part.name);
   if (member == nullptr || member->component->content().members.size() < 2) return std::nullopt;
   const Node* near = State::nearest(part, *member, client_view.map_from_robot.t, State::Frame::map);
@@ -171,9 +185,9 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
     state.correct(part, *member, share);
   // Landmarks are shared for the map as it is: after a correction the client forgets them.
   if (share.corrected.empty())
-    state.share_landmarks(part, to, client_view, *member, *near,
-                          is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max(),
-                          share);
+    share.landmarks =
+        state.landmarks_for(part, to, client_view, *member, *near,
+                            is_limited ? landmarks_within(client.downlink) : std::numeric_limits<std::size_t>::max());
   if (share.corrected.empty() && share.landmarks.empty()) return std::nullopt;
   if (is_limited) client.downlink.spend(encode(share).size());
   return share;

@@ -65,7 +65,8 @@ struct VisualServer::Client {
       for (const auto& [node, of_keyframe] : borrowed)
         for (const auto& [id, sighting] : of_keyframe) {
           LandmarkChange& change = changes[id];
-          change.id = id, change.seen.push_back(sighting);
+          change.id = id;
+          change.seen.push_back(sighting);
         }
       std::vector<LandmarkChange> result;
       for (auto& entry : changes) result.push_back(std::move(entry.second));
@@ -127,12 +128,17 @@ struct VisualServer::State {
   void begin(Stamp now, WorkerPool& pool);
 
   // What is let go of is left to whoever holds the work.
-  void abandon() { merge.reset(), work.reset(); }
+  void abandon() {
+    merge.reset();
+    work.reset();
+  }
   void take_over() {
     work->run();
-    view = merge->view, ++views;
+    view = merge->view;
+    ++views;
     last.swap(merge);
-    merge.reset(), work.reset();
+    merge.reset();
+    work.reset();
   }
 
   // Runs of other cameras of its robot.
@@ -159,8 +165,9 @@ struct VisualServer::State {
   // By other cameras of the client's robot: they are where it is.
   std::optional<RobotPlace> place_by_rig_camera(const SessionId& lost, Stamp when, const TeamView& team) const;
   void note_owners(Client::Part& part, const SessionId& to, const TeamView::Member& member) const;
-  void share_landmarks(Client::Part& part, const SessionId& to, const ClientView& client_view,
-                       const TeamView::Member& member, const Node& near, std::size_t most, Share& share) const;
+  std::vector<DescribedLandmark> landmarks_for(Client::Part& part, const SessionId& to, const ClientView& client_view,
+                                               const TeamView::Member& member, const Node& near,
+                                               std::size_t most) const;
   // Where the team has a client's keyframes, in the frame of the client's first one: a rigid motion of all of them is
   // no correction.
   void correct(Client::Part& part, const TeamView::Member& member, Share& share) const;

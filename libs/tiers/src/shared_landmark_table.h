@@ -39,7 +39,10 @@ class SharedLandmarkTable {
   void keep(const Keeps& keeps) {
     if (size_ > 0) rebuild(slots_.size(), keeps);
   }
-  void clear() { slots_.clear(), size_ = 0; }
+  void clear() {
+    slots_.clear();
+    size_ = 0;
+  }
 
  private:
   // Of the key, or the free one where it would be; a power of two, half of it free.
@@ -56,7 +59,10 @@ class SharedLandmarkTable {
     const std::vector<Shared> before = std::exchange(slots_, std::vector<Shared>(count));
     size_ = 0;
     for (const Shared& shared : before)
-      if (shared.key != 0 && keeps(shared)) slots_[place_of(shared.key)] = shared, ++size_;
+      if (shared.key != 0 && keeps(shared)) {
+        slots_[place_of(shared.key)] = shared;
+        ++size_;
+      }
   }
 
   std::vector<Shared> slots_;

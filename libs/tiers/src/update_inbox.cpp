@@ -55,7 +55,8 @@ void UpdateInbox::store(const MapUpdate& update) {
     auto all = std::make_shared<Kept>();
     LandmarksByNode hanging;
     apply(all->map, hanging, update);
-    kept_ = std::move(all), hanging_ = std::move(hanging);
+    kept_ = std::move(all);
+    hanging_ = std::move(hanging);
   } else if (kept_->held.load(std::memory_order_acquire) == 0) {
     // Snapshots are taken here alone, so that 0 stays 0. To acquire it makes what others read before they let go of
     // theirs come before what is written now; the count of a shared_ptr promises no such order.

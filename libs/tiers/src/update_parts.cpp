@@ -77,7 +77,9 @@ class Cutter {
   // Places rise within each list, but where landmarks stand between others' keyframes: they are sorted again.
   MapUpdate part(std::size_t begin, std::size_t end) const {
     MapUpdate part;
-    part.origin = update_.origin, part.base = base_, part.sequence = sequence_;
+    part.origin = update_.origin;
+    part.base = base_;
+    part.sequence = sequence_;
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t from = pieces_[i].index;
       switch (pieces_[i].kind) {

@@ -21,7 +21,9 @@ MapMerge::Snapshots VisualServer::State::snapshots() const {
 
 fusion::FusionInput VisualServer::State::input() const {
   fusion::FusionInput input;
-  input.vetoed = vetoed, input.by = edge, input.pictures = pictures;
+  input.vetoed = vetoed;
+  input.by = edge;
+  input.pictures = pictures;
   for (const auto& [session, client] : clients)
     for (const auto& [client_map, part] : client.parts)
       for (LandmarkChange& change : part.all_borrowed()) input.borrowed.push_back(std::move(change));
@@ -42,11 +44,13 @@ bool VisualServer::State::is_due(Stamp now) {
 
 void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
   merge = std::make_shared<MapMerge>();
-  merge->input = input(), merge->rig = rig;
+  merge->input = input();
+  merge->rig = rig;
   if (last) merge->input.judged = last->kept_judgements;
   if (!std::exchange(vetoed_since, false) && last) merge->input.teams = last->teams;
   merge->due = {now.ns + static_cast<std::int64_t>(options.fuse_delay_s * 1e9)};
-  merged_keyframes = keyframes, published_since.clear();
+  merged_keyframes = keyframes;
+  published_since.clear();
   work = std::make_shared<BackgroundWork>(
       [merge = merge, last = last, maps = snapshots(), options = options, fusion_options = fusion_options,
        &pool]() mutable { merge->run(last.get(), std::move(maps), options, fusion_options, pool); });
@@ -54,7 +58,9 @@ void VisualServer::State::begin(Stamp now, WorkerPool& pool) {
 
 VisualServer::VisualServer(TierId edge, ServerOptions options, fusion::FusionOptions fusion, rig::RigOptions rig)
     : state_(new State) {
-  state_->edge = edge, state_->options = std::move(options), state_->fusion_options = std::move(fusion),
+  state_->edge = edge;
+  state_->options = std::move(options);
+  state_->fusion_options = std::move(fusion);
   state_->rig = rig;
 }
 VisualServer::~VisualServer() = default;
@@ -150,7 +156,9 @@ std::function<VisualServer::Snapshot()> VisualServer::snapshot_to_encode() const
     Snapshot result;
     for (const Kept& one : kept) {
       MapUpdate all = difference(Map{}, *one.map);
-      all.origin = one.receipt.origin, all.sequence = one.receipt.stored, all.borrowed = one.borrowed;
+      all.origin = one.receipt.origin;
+      all.sequence = one.receipt.stored;
+      all.borrowed = one.borrowed;
       result.emplace_back(one.from, encode(all));
     }
     return result;
@@ -163,7 +171,8 @@ void VisualServer::leave(const SessionId& session) {
   auto& parts = client->second.parts;
   for (auto one = parts.begin(); one != parts.end();) {
     auto& [client_map, part] = *one;
-    part.shared.clear(), part.inbox.drop_waiting();
+    part.shared.clear();
+    part.inbox.drop_waiting();
     if (part.inbox.receipt().stored > 0) {
       ++one;
       continue;
@@ -172,7 +181,8 @@ void VisualServer::leave(const SessionId& session) {
     state_->order.erase(std::find(state_->order.begin(), state_->order.end(), std::make_pair(session, client_map)));
     one = parts.erase(one);
   }
-  client->second.waiting_bytes = 0, client->second.seen_at.clear();
+  client->second.waiting_bytes = 0;
+  client->second.seen_at.clear();
   if (parts.empty()) state_->clients.erase(client);
 }
 

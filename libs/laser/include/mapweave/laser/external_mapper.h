@@ -49,7 +49,8 @@ class ExternalMapper : public LaserMapper {
   void start(const std::string& program);
   void send(std::string_view bytes);                     // and takes what comes meanwhile
   bool exchange(std::string_view& outgoing, bool wait);  // one round; false: the helper has closed its side
-  void take(const protocol::MapperFrame&);
+  void send(const Stamp& stamp, std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> sensed);
+  void take(const MapperOutput&);
   int reap(int* status, int options);  // as waitpid(2); counts the processor time
   [[noreturn]] void fail();            // the helper ended early: reaps it and says how
   void end_helper();
@@ -62,13 +63,13 @@ class ExternalMapper : public LaserMapper {
   ExternalMapperOptions options_;
   std::optional<Stamp> first_stamp_;
   int process_ = -1, stream_ = -1;
-  std::shared_ptr<const ScanGeometry> sent_geometry_;
+  std::uint64_t sent_ = 0;  // messages of what was sensed
   std::vector<Waiting> scans_;
   protocol::FrameParser incoming_;
-  std::vector<protocol::ScanPose> poses_;
+  std::vector<ScanPose> poses_;
   std::uint64_t finished_scans_ = 0;
-  std::optional<std::uint64_t> pose_count_;  // set when the helper is done
-  std::string failure_;                      // what the helper said of its own end
+  bool is_done_ = false;  // all poses are there
+  std::string failure_;   // what the helper said of its own end
   std::optional<Error> error_;
   bool finished_ = false;
   double helper_cpu_seconds_ = 0.0;

@@ -4,7 +4,6 @@
 // themselves (RecSLAM III-B), whole; and what a coordinator receives of maps.
 
 #include <mapweave/core/error.h>
-#include <mapweave/maps/map_summary.h>
 #include <mapweave/maps/map_update.h>
 
 #include <optional>
@@ -83,13 +82,6 @@ struct Sensed {
   std::variant<PackedScan, Pose3, StreamEnd, InertialYaw> body;
 };
 
-// Edge -> coordinator: a robot's map so far.
-struct MapReport {
-  RobotId robot;
-  std::uint64_t scans = 0;
-  MapSummary summary;
-};
-
 // Points to a tenth of a millimetre, directions to a degree, distances and deviations to 3 %: what comes back is
 // encoded to the same bytes. decode throws as decode_map_update does.
 std::string encode(const Hello&);
@@ -98,13 +90,11 @@ std::string encode(const PlaceRequest&);
 std::string encode(const PlaceAnswer&);
 std::string encode(const Share&);
 std::string encode(const Sensed&);
-std::string encode(const MapReport&);
 Hello decode_hello(std::string_view bytes, const std::string& where);
 ClientView decode_client_view(std::string_view bytes, const std::string& where);
 PlaceRequest decode_place_request(std::string_view bytes, const std::string& where);
 PlaceAnswer decode_place_answer(std::string_view bytes, const std::string& where);
 Share decode_share(std::string_view bytes, const std::string& where);
 Sensed decode_sensed(std::string_view bytes, const std::string& where);
-MapReport decode_map_report(std::string_view bytes, const std::string& where);
 
 }  // namespace mapweave

@@ -1,8 +1,8 @@
 #pragma once
 // A camera that does not wait, with a client of its own, on the wire to its edge's map server.
 
-#include <mapweave/runtime/live_map_server.h>
 #include <mapweave/tiers/camera_agent.h>
+#include <mapweave/transport/channel.h>
 #include <mapweave/visual/live_client.h>
 
 #include <mutex>
@@ -20,7 +20,7 @@ struct LiveCameraOptions {
 class LiveCamera {
  public:
   LiveCamera(visual::ClientPlace place, const Pinhole& camera, double baseline_m, LiveCameraOptions options,
-             std::shared_ptr<LiveMapServer::Link> link);
+             std::shared_ptr<transport::Channel> channel);
 
   // As LiveClient's: never waits, a frame that waits already is dropped.
   void add(visual::Frame frame) { client_.add(std::move(frame)); }
@@ -28,7 +28,7 @@ class LiveCamera {
   int dropped() const { return client_.dropped(); }
   // To a server that is there again, or another one: says hello, and publishes what that has not stored, its maps from
   // the beginning where need be.
-  void reconnect(std::shared_ptr<LiveMapServer::Link> link);
+  void reconnect(std::shared_ptr<transport::Channel> channel);
   // No more frames come. Publishes the rest, and waits so long for the server to confirm it. As LiveClient::finish
   // otherwise.
   visual::VisualClient& finish(std::chrono::milliseconds patience);
@@ -44,20 +44,20 @@ class LiveCamera {
   bool publish(visual::VisualClient& client, Stamp now);
   void ask(visual::VisualClient& client);
   void receive(visual::VisualClient& client, std::chrono::milliseconds patience);
-  bool send(ClientMessage::Kind kind, std::string bytes);
+  bool send(transport::Envelope message);
   void refused(const std::string& why);
 
   std::mutex mutex_;
-  std::shared_ptr<LiveMapServer::Link> next_link_;  // in place of the other
+  std::shared_ptr<transport::Channel> next_channel_;  // in place of the other
 
   // Of the tracking thread, until it has ended.
   visual::ClientPlace place_;
-  std::shared_ptr<LiveMapServer::Link> link_;
+  std::shared_ptr<transport::Channel> channel_;
   tiers::CameraAgent agent_;
   Hash vocabulary_;
   std::optional<Stamp> last_;
   bool greeted_ = false, welcome_ = false;
-  bool reported_too_long_ = false;  // that something is, for this link
+  bool reported_too_long_ = false;  // that something is, for this channel
   std::string refusal_;
   visual::LiveClient client_;
 };

@@ -2,10 +2,9 @@
 // An edge's map server with threads of its own, for cameras that do not wait (CVS III-B): a queue for each client,
 // handlers that take from them in turn, and maps that are merged aside. What it says it has stored is in its journal.
 
-#include <mapweave/maps/exchange.h>
 #include <mapweave/tiers/visual_server.h>
+#include <mapweave/transport/channel.h>
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -36,27 +35,12 @@ struct LiveServerOptions {
   }
 };
 
-// bytes: an encoded Hello, MapUpdate, ClientView or PlaceRequest.
-struct ClientMessage {
-  enum class Kind { hello, update, view, place_request } kind = Kind::hello;
-  std::string bytes;
-};
-
-// welcome: answers hello, with what is stored of all its maps; receipts: of those that were updated since; share,
-// place: encoded Share or PlaceAnswer; refused: why, in words.
-struct ServerMessage {
-  enum class Kind { welcome, receipts, share, place, refused } kind = Kind::receipts;
-  std::string bytes;
-  std::vector<tiers::Receipt> receipts;
-};
-
 // What one client's run has cost so far (CVS, table II), and how long what it said waited. Seconds: of processor time,
 // but for waiting.
 struct ClientCounts {
   SessionId session;  // empty for who never said hello, and for those beyond the 1000 that left
   std::uint64_t received_bytes = 0, sent_bytes = 0;
-  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0,
-                put_off = 0;                    // put_off: asked to repeat later
+  std::uint64_t updates = 0, views = 0, shares = 0, places = 0, refused = 0;
   double update_s = 0.0;                        // decoding them and adding them to its maps
   double retrieval_s = 0.0;                     // what to send it at its views
   double sending_s = 0.0;                       // encoding that
@@ -88,11 +72,13 @@ class LiveMapServer {
                 const std::optional<std::filesystem::path>& journal, rig::RigOptions rig = {});
   ~LiveMapServer();  // as finish()
 
-  // One client's end of the wire, from its hello on. Where the same run says hello on another link, this one is closed:
-  // a wire that broke. May outlive the server. Letting go of it closes it.
-  class Link;
-  // Throws Error(kBadInput) where there are too many.
-  std::shared_ptr<Link> connect();
+  // A client's end of a channel in this process, for one run from its hello on; subjects: tiers/subjects.h. Where the
+  // same run says hello on another channel, this one is closed: a wire that broke. May outlive the server. Letting go
+  // of it closes it. Throws as serve.
+  std::shared_ptr<transport::Channel> connect();
+  // The server's end of any channel to a client. Updates are acknowledged once they are in the journal, all else once
+  // it is handled. Throws Error(kBadInput) where there are too many; the channel is closed where the server has ended.
+  void serve(std::shared_ptr<transport::Channel> client);
 
   // A judgement that is not to be believed from the next merge on, which begins soon; in the journal when it returns.
   // Throws Error(kCannotWrite) where it cannot be saved now: it counts all the same, and is saved once there is room;
@@ -104,32 +90,12 @@ class LiveMapServer {
 
   ServerCounts counts() const;
   // What has been handled is saved, what waits in queues is dropped (no client was informed that it is stored), threads
-  // end. Links are closed. What it knows may be read from then on.
+  // end. Channels are closed. What it knows may be read from then on.
   tiers::VisualServer& finish();
 
  private:
   struct State;
   std::shared_ptr<State> state_;
-};
-
-class LiveMapServer::Link {
- public:
-  ~Link();
-  // taken: it will be handled in the order it came, and answered. later: too much waits already. never: it is too large
-  // to wait, or the link is closed. Never waits.
-  enum class Sent { taken, later, never };
-  Sent send(ClientMessage message);
-  // What there is to receive, as soon as there is something; empty when nothing came for so long, or the link is
-  // closed.
-  std::vector<ServerMessage> take(std::chrono::milliseconds patience);
-  bool is_closed() const;
-
- private:
-  friend class LiveMapServer;
-  struct Wire;
-  explicit Link(std::shared_ptr<Wire> wire, std::weak_ptr<State> server);
-  std::shared_ptr<Wire> wire_;
-  std::weak_ptr<State> server_;
 };
 
 }  // namespace mapweave::runtime

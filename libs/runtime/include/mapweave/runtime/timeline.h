@@ -5,7 +5,7 @@
 
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
-#include <mapweave/transport/link.h>
+#include <mapweave/transport/link_model.h>
 
 #include <nlohmann/json_fwd.hpp>
 
@@ -20,18 +20,18 @@ namespace mapweave::runtime {
 enum class Mode { offload, onboard, cloud_only };
 
 // A wire between two that are named.
-struct LinkEntry : transport::LinkOptions {
+struct LinkEntry : transport::LinkModelOptions {
   std::string from, to;
   template <class Visitor>
   void describe(Visitor& v) {
     v.text("from", from, "sender on the link: a robot or an edge; or 'cloud', for what the cloud sends to robots");
     v.text("to", to, "receiver on the link: an edge or 'cloud'; or a robot, for what it is sent of the team's map");
-    transport::LinkOptions::describe(v);
+    transport::LinkModelOptions::describe(v);
   }
 };
 
 struct NetworkOptions {
-  transport::LinkOptions robot_edge, robot_cloud, edge_cloud;
+  transport::LinkModelOptions robot_edge, robot_cloud, edge_cloud;
   std::vector<LinkEntry> links;
   template <class Visitor>
   void describe(Visitor& v) {
@@ -44,8 +44,8 @@ struct NetworkOptions {
 };
 
 // The wire that is named, else the common one.
-const transport::LinkOptions& wire_between(const NetworkOptions&, const std::string& from, const std::string& to,
-                                           const transport::LinkOptions& otherwise);
+const transport::LinkModelOptions& wire_between(const NetworkOptions&, const std::string& from, const std::string& to,
+                                                const transport::LinkModelOptions& otherwise);
 
 // One core of each tier, in cores of this machine.
 struct ProcessorOptions {

@@ -2,12 +2,13 @@
 // A camera client's end of the wire to its edge's map server: what it says and when, and what becomes of what it
 // receives. The client itself goes on whether or not anybody listens. A state machine: no thread, no clock, no network.
 
+#include <mapweave/maps/receipt.h>
 #include <mapweave/tiers/byte_allowance.h>
-#include <mapweave/tiers/update_inbox.h>
+#include <mapweave/transport/outbox.h>
 #include <mapweave/visual/visual_client.h>
 
-#include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,16 +32,18 @@ struct UplinkOptions {
 
 class CameraAgent {
  public:
-  explicit CameraAgent(visual::ClientPlace place, UplinkOptions options = {});
+  // outbox: empty, for what nobody has confirmed; null: in memory.
+  explicit CameraAgent(visual::ClientPlace place, UplinkOptions options = {},
+                       std::unique_ptr<transport::Outbox> outbox = nullptr);
 
   // Whose messages these are, once the client has begun; before, there is nothing to say.
   const std::optional<SessionId>& session() const { return session_; }
   // Encoded MapUpdates, in the order of their numbers: what is new of the client's maps, and what has to be repeated.
-  // Nothing new while too much is under way that nobody has confirmed: the client keeps it together meanwhile. None is
+  // Nothing new while too much is in flight that nobody has confirmed: the client keeps it together meanwhile. None is
   // longer than the shortest queue of a live server, but for one of a single keyframe that is. `now`: of data.
-  std::vector<std::string> updates(visual::VisualClient& client, Stamp now);
+  std::vector<transport::Envelope> updates(visual::VisualClient& client, Stamp now);
   // Of those, one that did not get onto the wire: it is sent again.
-  void put_back(const std::string& update);
+  void put_back(const transport::Envelope& update);
   // The client has ended: what it still has to publish is bounded by nothing.
   void lift_limit() { options_.most_bytes_per_s = 0.0; }
   // What the server has: by its answer to an update; by its answer to a greeting after a break, when all that is not
@@ -58,27 +61,21 @@ class CameraAgent {
 
   std::uint64_t sent_bytes() const { return sent_bytes_; }
   std::uint64_t received_bytes() const { return received_bytes_; }
-  std::uint64_t waiting_bytes() const;  // that nobody has confirmed
+  std::uint64_t waiting_bytes() const { return outbox_->bytes(); }  // that nobody has confirmed
 
  private:
-  struct Message {
-    MapId map;
-    std::uint64_t sequence = 0;
-    std::string bytes;
-    bool in_flight = false;
-  };
   struct Numbers {
     std::uint64_t published = 0, confirmed = 0;
   };
   MapUpdate fitted(MapUpdate update, double room_bytes) const;
   void enqueue(MapUpdate update);
-  void forget(const MapId& map, std::uint64_t up_to);
   std::string counted(std::string bytes);
+  void count(const std::string& bytes);
 
   visual::ClientPlace place_;
   UplinkOptions options_;
   std::optional<SessionId> session_;
-  std::deque<Message> outbox_;
+  std::unique_ptr<transport::Outbox> outbox_;
   std::map<MapId, Numbers> numbers_;  // of updates: theirs, not the client's, which knows nothing of parts
   ByteAllowance allowance_;
   std::uint64_t sent_bytes_ = 0, received_bytes_ = 0;

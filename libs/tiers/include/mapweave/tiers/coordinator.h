@@ -3,7 +3,7 @@
 // decides which robot's data go to which edge; again when the world changes, where that is worth it, and why. A state
 // machine: no thread, no clock, no file.
 
-#include <mapweave/maps/map_summary.h>
+#include <mapweave/maps/coordination.h>
 #include <mapweave/scheduling/overlap_estimate.h>
 #include <mapweave/scheduling/plan.h>
 
@@ -11,7 +11,6 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <variant>
 #include <vector>
 
 namespace mapweave::tiers {
@@ -22,43 +21,12 @@ struct CoordinatorOptions {
   double hysteresis = 0.1;  // robots are moved where that saves more than this share of the expected time
 };
 
-// What the coordinator receives.
-struct RobotComes {
-  RobotId robot;
-  std::optional<MapSummary> route;  // announced, before there is a map
-  TierId edge;                      // where it is already; empty: nowhere
-};
-struct RobotReports {
-  RobotId robot;
-  std::uint64_t scans = 0;
-  MapSummary summary;
-};
-struct RobotGoes {  // it senses no more; what it sensed stays where it is, and counts
-  RobotId robot;
-};
-struct EdgeIs {  // new, or changed
-  scheduling::EdgeResources resources;
-};
-struct EdgeGoes {
-  TierId edge;
-};
-struct LinkIs {
-  RobotId robot;
-  TierId edge;
-  scheduling::RobotLink link;
-};
-using CoordinatorEvent = std::variant<RobotComes, RobotReports, RobotGoes, EdgeIs, EdgeGoes, LinkIs>;
-
 // What it decided, and why.
 struct CoordinatorDecision {
-  struct Move {
-    RobotId robot;
-    TierId from, to;  // empty: nowhere; the robot maps on board
-  };
   double at_s = 0.0;
   std::vector<std::string> because;  // in words, in the order in which it was received
   bool is_new_plan = false;          // else robots stay, but for those that have no edge
-  std::vector<Move> moves;           // by robot
+  std::vector<RobotMove> moves;      // by robot
   std::map<RobotId, TierId> edge_of;
   // Of t_c (eq. 3) for what was sensed so far: as decided, had everybody stayed (those without an edge put where they
   // cost least), and what no plan undercuts.
@@ -88,6 +56,13 @@ class Coordinator {
     std::vector<std::uint32_t> edge_of;  // by robot of the problem
     double seconds = 0.0;
   };
+  Robot& known(const RobotId& robot);
+  void take(RobotComes&);
+  void take(MapReport&);
+  void take(const RobotGoes&);
+  void take(const EdgeIs&);
+  void take(const EdgeGoes&);
+  void take(const LinkIs&);
   scheduling::Problem problem(const std::vector<RobotId>& robots);
   std::vector<RobotId> those_with_room() const;
   Candidate staying(const scheduling::Latency&) const;

@@ -1,7 +1,7 @@
 #pragma once
 // One origin's updates, stored in the order of their numbers whatever order they come in.
 
-#include <mapweave/maps/map_update.h>
+#include <mapweave/maps/receipt.h>
 
 #include <atomic>
 #include <map>
@@ -10,13 +10,6 @@
 #include <vector>
 
 namespace mapweave::tiers {
-
-// What a receiver has of one origin.
-struct Receipt {
-  Origin origin;
-  std::uint64_t stored = 0;   // every update up to this one
-  std::uint64_t awaited = 0;  // 0, or the number of the update that is missing: later ones have come
-};
 
 class UpdateInbox {
  public:
@@ -33,8 +26,11 @@ class UpdateInbox {
   // here now, if less than kMostWaitingBytes.
   std::vector<MapUpdate> receive(MapUpdate update, std::size_t bytes, const std::string& where,
                                  std::size_t most_waiting_bytes = kMostWaitingBytes);
-  std::size_t waiting_bytes() const { return waiting_bytes_; }   // with what keeping each one takes
-  void drop_waiting() { waiting_.clear(), waiting_bytes_ = 0; }  // they will be awaited
+  std::size_t waiting_bytes() const { return waiting_bytes_; }  // with what keeping each one takes
+  void drop_waiting() {
+    waiting_.clear();
+    waiting_bytes_ = 0;
+  }  // they will be awaited
 
   // Changes when an update is stored.
   const Map& map() const { return kept_->map; }

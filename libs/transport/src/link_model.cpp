@@ -1,7 +1,7 @@
 #include <mapweave/core/error.h>
 #include <mapweave/core/files.h>
 #include <mapweave/core/mixed_bits.h>
-#include <mapweave/transport/link.h>
+#include <mapweave/transport/link_model.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,14 +16,14 @@ namespace {
 constexpr double kPacketBytes = 1400.0;
 constexpr double kLeastRetry_s = 1e-3;
 
-LinkTrace trace_of(const LinkOptions& options) {
+LinkTrace trace_of(const LinkModelOptions& options) {
   if (options.trace.empty()) return {{0.0}, {state_of(options)}};
   return read_link_trace(options.trace, state_of(options));
 }
 
 }  // namespace
 
-LinkState state_of(const LinkOptions& options) {
+LinkState state_of(const LinkModelOptions& options) {
   LinkState state = state_of(options.profile);
   if (options.bytes_per_s > 0.0) state.bytes_per_s = options.bytes_per_s;
   if (options.delay_s > 0.0) state.delay_s = options.delay_s;
@@ -59,7 +59,8 @@ LinkTrace read_link_trace(const std::filesystem::path& path, const LinkState& ot
     if (values.size() > 2) state.delay_s = values[2];
     if (values.size() > 3) state.jitter_s = values[3];
     if (values.size() > 4) state.loss = values[4];
-    trace.from_s.push_back(values[0]), trace.states.push_back(state);
+    trace.from_s.push_back(values[0]);
+    trace.states.push_back(state);
   }
   if (trace.states.empty())
     throw Error(ErrorCode::kBadInput, "a link's trace says nothing", {path.string()}, "write at least one line");
@@ -70,13 +71,13 @@ LinkTrace read_link_trace(const std::filesystem::path& path, const LinkState& ot
   return trace;
 }
 
-Link::Link(LinkTrace trace, std::uint64_t seed) : trace_(std::move(trace)), seed_(seed) {
+LinkModel::LinkModel(LinkTrace trace, std::uint64_t seed) : trace_(std::move(trace)), seed_(seed) {
   MAPWEAVE_EXPECT(!trace_.states.empty() && trace_.states.size() == trace_.from_s.size(), "a link is somehow");
 }
 
-Link::Link(const LinkOptions& options, std::uint64_t seed) : Link(trace_of(options), seed) {}
+LinkModel::LinkModel(const LinkModelOptions& options, std::uint64_t seed) : LinkModel(trace_of(options), seed) {}
 
-Link::Span Link::span_at(double at_s) const {
+LinkModel::Span LinkModel::span_at(double at_s) const {
   if (trace_.states.size() == 1) return {trace_.states.front(), std::numeric_limits<double>::infinity()};
   const double period_s = trace_.from_s.back(), round_s = std::floor(at_s / period_s) * period_s;
   auto next = std::upper_bound(trace_.from_s.begin(), trace_.from_s.end(), at_s - round_s);
@@ -84,7 +85,7 @@ Link::Span Link::span_at(double at_s) const {
   return {trace_.states[static_cast<std::size_t>(next - trace_.from_s.begin()) - 1], round_s + *next};
 }
 
-double Link::left(double at_s, double bytes) const {
+double LinkModel::left(double at_s, double bytes) const {
   for (;;) {
     const auto [state, until_s] = span_at(at_s);
     const bool is_still = trace_.states.size() > 1 && state.bytes_per_s == 0.0;
@@ -96,11 +97,11 @@ double Link::left(double at_s, double bytes) const {
   }
 }
 
-double Link::uniform() {
+double LinkModel::uniform() {
   return static_cast<double>(mixed(seed_ ^ mixed(++drawn_ * 0x9e3779b97f4a7c15u)) >> 11) * 0x1p-53;
 }
 
-double Link::send(double at_s, std::size_t bytes) {
+double LinkModel::send(double at_s, std::size_t bytes) {
   MAPWEAVE_EXPECT(at_s >= 0.0, "virtual time begins at 0");
   double now_s = std::max(at_s, free_s_);
   auto fresh = static_cast<std::size_t>(std::ceil(std::max(1.0, static_cast<double>(bytes)) / kPacketBytes));
@@ -110,7 +111,8 @@ double Link::send(double at_s, std::size_t bytes) {
   while (fresh > 0 || !lost.empty()) {
     double size = kPacketBytes;
     if (!lost.empty() && (fresh == 0 || lost.top().first <= now_s)) {
-      now_s = std::max(now_s, lost.top().first), size = lost.top().second;
+      now_s = std::max(now_s, lost.top().first);
+      size = lost.top().second;
       lost.pop();
     } else if (--fresh == 0) {
       size = last_bytes;

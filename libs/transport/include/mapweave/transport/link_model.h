@@ -1,6 +1,6 @@
 #pragma once
-// A wire that messages of known size go over, in virtual time: when does the last byte arrive? For runs whose tiers
-// share a process but not, in what is reported of them, a place.
+// A model of a wire that messages of known size go over, in virtual time: when does the last byte arrive? Carries
+// nothing. For runs whose tiers share a process but not, in what is reported of them, a place.
 
 #include <mapweave/core/options.h>
 #include <mapweave/transport/profiles.h>
@@ -13,7 +13,7 @@
 
 namespace mapweave::transport {
 
-struct LinkOptions {
+struct LinkModelOptions {
   LinkProfile profile = LinkProfile::none;
   double bytes_per_s = 0.0, delay_s = 0.0, jitter_s = 0.0, loss = 0.0;
   std::string trace;
@@ -43,7 +43,7 @@ struct LinkOptions {
 };
 
 // The profile, with the numbers that are given instead of its own.
-LinkState state_of(const LinkOptions&);
+LinkState state_of(const LinkModelOptions&);
 
 // What a link is like from a time on. It begins again where the last entry begins, which says no more than that; a
 // single entry lasts.
@@ -57,12 +57,12 @@ LinkTrace read_link_trace(const std::filesystem::path&, const LinkState& otherwi
 
 // Messages leave in the order in which they are handed over and arrive in it; what is lost is sent again a round trip
 // later. Not thread-safe. The same numbers for the same seed.
-class Link {
+class LinkModel {
  public:
-  Link(LinkState state, std::uint64_t seed) : Link(LinkTrace{{0.0}, {state}}, seed) {}
-  Link(LinkTrace trace, std::uint64_t seed);
+  LinkModel(LinkState state, std::uint64_t seed) : LinkModel(LinkTrace{{0.0}, {state}}, seed) {}
+  LinkModel(LinkTrace trace, std::uint64_t seed);
   // The profile, numbers and trace of the options; throws what reading the trace throws.
-  Link(const LinkOptions&, std::uint64_t seed);
+  LinkModel(const LinkModelOptions&, std::uint64_t seed);
 
   // When the last byte arrives of a message that is handed over at a time, which is never earlier than that of the
   // last.

@@ -1,0 +1,55 @@
+#include "exchange_form.h"
+
+namespace mapweave {
+namespace {
+
+// 1 knows no dense points, 2 nothing sensed, 3 no reports, 4 no sweeps and no inertial units, 5 nothing of tiers but
+// reports.
+constexpr std::uint32_t kVersion = 6, kSweepVersion = 5, kReportVersion = 4, kSensedVersion = 3, kDenseVersion = 2;
+constexpr std::size_t kMostBytes = std::size_t{16} << 20;
+
+std::uint32_t version_of(const form::Exchange& form) {
+  switch (form.content_case()) {
+    case form::Exchange::kHello:
+    case form::Exchange::kView:
+    case form::Exchange::kPlaceAnswer:
+    case form::Exchange::kShare: return 1;
+    case form::Exchange::kPlaceRequest: return form.place_request().features().dense().empty() ? 1 : kDenseVersion;
+    case form::Exchange::kSensed: {
+      const auto& geometry = form.sensed().geometry();
+      const bool sweeps = geometry.first_ray_s() != 0.0 || geometry.ray_step_s() != 0.0;
+      return sweeps || form.sensed().has_inertial_yaw_rad() ? kSweepVersion : kSensedVersion;
+    }
+    case form::Exchange::kMapReport: return kReportVersion;
+    default: return kVersion;
+  }
+}
+
+}  // namespace
+
+std::string written(form::Exchange& form, const SessionTable& sessions) {
+  form.set_version(version_of(form));
+  for (const SessionId& session : sessions.sessions()) *form.add_sessions() = form_of(session);
+  return form.SerializeAsString();
+}
+
+form::Exchange read_exchange(std::string_view bytes, FormReader& reader, const std::string& where,
+                             std::optional<form::Exchange::ContentCase> content) {
+  if (bytes.size() > kMostBytes)
+    reader.corrupt("a message of " + std::to_string(bytes.size()) + " bytes; at most " + std::to_string(kMostBytes) +
+                   " are expected");
+  form::Exchange form;
+  if (!form.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
+    reader.corrupt("these bytes are not what they should be");
+  if (form.version() > kVersion)
+    throw Error(ErrorCode::kUnsupported,
+                "it is in form " + std::to_string(form.version()) + "; this program knows forms up to " +
+                    std::to_string(kVersion),
+                where, "read it with a newer mapweave");
+  if (form.version() == 0 || (content && form.content_case() != *content))
+    reader.corrupt("it is another message than the one expected");
+  for (const auto& session : form.sessions()) reader.take_session(session);
+  return form;
+}
+
+}  // namespace mapweave
