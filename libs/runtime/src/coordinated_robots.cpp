@@ -20,7 +20,8 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
     model.pack_s_per_scan /= processors.robot_speed();
   } else {  // robots map, and send their maps
     model.pack_s_per_scan = std::exchange(model.slam_s_per_scan, 0.0) / processors.robot_speed();
-    model.scan_bytes = model.map_bytes_per_scan, model.robot_bytes_fixed = model.map_bytes_fixed;
+    model.scan_bytes = model.map_bytes_per_scan;
+    model.robot_bytes_fixed = model.map_bytes_fixed;
   }
   return model;
 }
@@ -151,8 +152,10 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   const double period_s = configuration_.coordinator.overlap_period_s;
   std::vector<std::optional<Stamp>> begin(all.size());  // of each robot's own data
   std::vector<double> from_s;
-  for (std::size_t i = 0; i < all.size(); ++i)
-    begin[i] = all[i]->next(), from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    begin[i] = all[i]->next();
+    from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  }
   double now_s = 0.0;
   for (;;) {
     double due_s = std::numeric_limits<double>::infinity();

@@ -70,7 +70,10 @@ struct LaserTask::State {
     auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
     work.mapping_s += thread_cpu_seconds() - packed_s;
     if (may_move) sensed.push_back(std::move(bytes));
-    if (ended) outcome = std::move(*ended), next.reset();
+    if (ended) {
+      outcome = std::move(*ended);
+      next.reset();
+    }
   }
 };
 
@@ -116,8 +119,10 @@ void LaserTask::move() {
     state.begin_mapping();
     for (const std::string& bytes : state.sensed) {
       state.work.repeated_bytes += bytes.size();
-      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed")))
-        state.outcome = std::move(*ended), state.next.reset();
+      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed"))) {
+        state.outcome = std::move(*ended);
+        state.next.reset();
+      }
     }
     state.work.repeated_s += thread_cpu_seconds() - before_s;
   });
@@ -127,7 +132,8 @@ Map LaserTask::map_so_far() const { return state_->slam && !state_->outcome ? st
 
 LaserOutcome LaserTask::finish() {
   State& state = *state_;
-  state.task.reset(), state.log.reset();
+  state.task.reset();
+  state.log.reset();
   LaserOutcome result;
   if (!state.slam || (state.trouble && !state.keep_going)) {
     state.outcome = {state.robot.id, std::nullopt, state.trouble};

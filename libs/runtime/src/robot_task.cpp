@@ -24,7 +24,8 @@ void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configurati
   }
   result.outcome = std::move(mapped->outcome);
   result.work = mapped->work;
-  result.work.id = robot.id, result.work.edge = robot.edge;
+  result.work.id = robot.id;
+  result.work.edge = robot.edge;
   result.report.scans = mapped->scans;
   result.report.log_seconds = mapped->log_seconds;
 }
@@ -78,7 +79,8 @@ RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configu
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;
-  result.work.id = robot.id, result.work.edge = robot.edge;
+  result.work.id = robot.id;
+  result.work.edge = robot.edge;
   const double mapped_before_s = laser ? laser->cpu_seconds : 0.0;
 
   const Stopwatch watch;

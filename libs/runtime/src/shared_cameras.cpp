@@ -48,7 +48,8 @@ class Link {
 
  private:
   void count() {
-    report_->sent_bytes = agent_.sent_bytes(), report_->received_bytes = agent_.received_bytes();
+    report_->sent_bytes = agent_.sent_bytes();
+    report_->received_bytes = agent_.received_bytes();
     report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
   }
 
