@@ -307,11 +307,12 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, con
   return TeamRun(configuration, plan, settings, pool, progress).run();
 }
 
-Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
+Report run_slam(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings,
                 WorkerPool& pool, Progress& progress) {
-  MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
+  MAPWEAVE_EXPECT(given.robots.size() == 1, "slam maps one robot");
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
+  RunPlan plan = given;
   const auto robots = map_robots(configuration, plan, nullptr, settings.keep_going, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
   const RobotResult& robot = *robots.front();
@@ -327,7 +328,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   }
   std::vector<InputFile> inputs;
   if (robot.input) inputs.push_back(*robot.input);
-  results.commit("slam", effective(configuration, plan), inputs, report);
+  results.commit("slam", effective(configuration, given), inputs, report);
   return report;
 }
 

@@ -18,21 +18,13 @@
 namespace mapweave::runtime {
 namespace {
 
-const char* name_of(visual::CameraKind kind) {
-  switch (kind) {
-    case visual::CameraKind::rgbd: return "rgbd";
-    case visual::CameraKind::stereo: return "stereo";
-    default: return "mono";
-  }
-}
-
 // A camera with its client, which begins with the first frame.
 class Camera {
  public:
   Camera(const ChosenCamera& chosen, const visual::ClientOptions& options)
-      : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
+      : chosen_(chosen), packer_({chosen.label, chosen.kind->camera}), options_(options) {
     report_.label = chosen.label;
-    report_.kind = name_of(chosen.kind);
+    report_.kind = std::string(chosen.kind->name);
   }
 
   void add(const rawlog::Record& record) {
@@ -239,8 +231,8 @@ struct CameraTask::State {
   }
 };
 
-CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration,
-                       bool keep_going, Progress& progress)
+CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
+                       Progress& progress)
     : state_(new State) {
   constexpr std::uint64_t kKilobyte = 1000;
   keep_room_for_pictures();
@@ -249,7 +241,7 @@ CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, c
   state_->keep_going = keep_going;
   visual::ClientOptions options = configuration.visual.client;
   options.seed = configuration.seed;
-  for (const ChosenCamera& camera : chosen.cameras) state_->cameras.emplace_back(camera, options);
+  for (const ChosenCamera& camera : robot.sensors.cameras) state_->cameras.emplace_back(camera, options);
   state_->guarded([&] {
     state_->log = rawlog::open_log(robot.log, configuration.reading);
     state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");

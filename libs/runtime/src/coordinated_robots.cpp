@@ -2,7 +2,6 @@
 
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/metrics.h>
-#include <mapweave/runtime/sensor_choice.h>
 
 #include <algorithm>
 #include <cmath>
@@ -135,11 +134,7 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   std::vector<LaserTask*> all;
   std::vector<RobotId> names;
   for (const PlannedRobot& robot : plan_.robots) {
-    try {
-      if (!choose_sensors(robot.log, configuration_).laser) continue;
-    } catch (const Error&) {
-      continue;  // is told where the robot is mapped
-    }
+    if (robot.sensors.scans == nullptr) continue;
     all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);
     names.push_back(robot.id);
   }

@@ -51,8 +51,8 @@ struct LaserTask::State {
   }
 
   void begin_mapping() {
-    slam.emplace(robot.id,
-                 laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+    slam.emplace(robot.id, laser::make_laser_mapper({robot.id, SensorId(std::string(robot.sensors.scans->name))},
+                                                    configuration.laser, configuration.seed));
   }
 
   // From the agent to the instance what it packs, if anything: as bytes where they are not in one place. Counts what
@@ -84,6 +84,7 @@ LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configur
   state_->guarded([&] {
     state_->begin_mapping();
     state_->log = rawlog::open_log(robot.log, configuration.reading);
+    if (const auto as_scans = robot.sensors.scans->as_scans) state_->log = as_scans(std::move(state_->log));
     state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
     state_->next = state_->log->next();
   });

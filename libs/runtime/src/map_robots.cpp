@@ -3,6 +3,7 @@
 #include "shared_cameras.h"
 
 #include <mapweave/core/interrupt.h>
+#include <mapweave/runtime/sensor_choice.h>
 
 namespace mapweave::runtime {
 namespace {
@@ -15,13 +16,14 @@ bool ends_the_run(const RobotResult& robot, bool keep_going) {
 
 }  // namespace
 
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan,
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
                                                    CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool,
                                                    Progress& progress) {
   std::atomic<bool> give_up{false};
   std::map<RobotId, CamerasOutcome> shared;
   std::map<RobotId, LaserOutcome> lasers;
   try {
+    choose_sensors(plan, configuration, pool);
     if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
     if (configuration.server.share != tiers::Sharing::none)
       shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
@@ -32,10 +34,10 @@ std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& confi
     try {
       const auto cameras = shared.find(plan.robots[i].id);
       const auto laser = lasers.find(plan.robots[i].id);
-      RobotResult result =
-          map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
-                    laser != lasers.end() ? std::optional(std::move(laser->second)) : std::nullopt,
-                    cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
+      MappedTogether mapped;
+      if (laser != lasers.end()) mapped.laser = std::move(laser->second);
+      if (cameras != shared.end()) mapped.cameras = std::move(cameras->second);
+      RobotResult result = map_robot(plan.robots[i], {configuration, keep_going, give_up, progress}, std::move(mapped));
       if (ends_the_run(result, keep_going)) give_up = true;
       return result;
     } catch (const Interrupted&) {

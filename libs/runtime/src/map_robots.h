@@ -10,10 +10,9 @@
 
 namespace mapweave::runtime {
 
-// Every robot of the plan, nullopt for those that were interrupted. `coordinated`: maps the lasers; may be null. Throws
-// the first trouble with a robot, unless it is to be lived with.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, const RunPlan&,
-                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool&,
-                                                   Progress&);
+// Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted.
+// `coordinated`: maps the lasers; may be null. Throws the first trouble with a robot, unless it is to be lived with.
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, CoordinatedRobots* coordinated,
+                                                   bool keep_going, WorkerPool&, Progress&);
 
 }  // namespace mapweave::runtime

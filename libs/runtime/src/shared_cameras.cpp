@@ -99,13 +99,8 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
   for (const TierId& edge : plan.edges) {
     std::deque<Member> members;
     for (const PlannedRobot& robot : plan.robots) {
-      if (robot.edge != edge) continue;
-      try {
-        const ChosenSensors chosen = choose_sensors(robot.log, configuration);
-        if (!chosen.cameras.empty())
-          members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
-      } catch (const Error&) {  // is told where the robot is mapped
-      }
+      if (robot.edge == edge && !robot.sensors.cameras.empty())
+        members.push_back({robot.id, CameraTask(robot, configuration, keep_going, progress), {}});
     }
     drive(members, configuration, edge, pool);
     std::vector<CamerasOutcome> finished =
