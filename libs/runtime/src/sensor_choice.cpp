@@ -41,7 +41,7 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       if (!record) break;
       if (!first) first = record->stamp;
       const bool has_laser = found.scans.count(&kLaser) != 0;
-      const bool is_preferred = has_laser || !found.cameras.empty();
+      const bool is_preferred = has_laser || !found.cameras.empty();  // to a depth sensor
       if (has_laser && laser_is_enough) break;
       if (!found.cameras.empty() && std::filesystem::is_directory(log)) break;  // a folder of pictures is of one camera
       if (is_preferred && seconds_between(*first, record->stamp) > kLook_s) break;

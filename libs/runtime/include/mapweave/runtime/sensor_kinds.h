@@ -2,6 +2,7 @@
 // Kinds of sensors that a robot can map with, in one table: it names them for `sensor` and `--sensor`, knows their
 // records, and says which task maps them. A kind that ends in planar scans or in frames is a line here and a converter.
 
+#include <mapweave/laser/depth_scans.h>
 #include <mapweave/visual/frame_input.h>
 
 #include <array>
@@ -27,7 +28,8 @@ struct SensorKind {
 };
 
 bool is_planar_scan(const mrpt::obs::CObservation&);
-bool is_picture(const mrpt::obs::CObservation&);  // of any camera
+bool is_depth_picture(const mrpt::obs::CObservation&);  // with or without colours
+bool is_picture(const mrpt::obs::CObservation&);        // of any camera
 bool is_stereo(const mrpt::obs::CObservation&);
 bool is_rgbd(const mrpt::obs::CObservation&);
 
@@ -38,6 +40,7 @@ inline constexpr SensorKind kSensorKinds[] = {
     {"rgbd", "depth camera", SensorTask::frames, is_rgbd, nullptr, visual::CameraKind::rgbd},
     {"stereo", "stereo pair", SensorTask::frames, is_stereo, nullptr, visual::CameraKind::stereo},
     {"mono", "single camera", SensorTask::frames, is_picture, nullptr, visual::CameraKind::mono},
+    {"depth", "depth sensor", SensorTask::scans, is_depth_picture, laser::depth_scans},
 };
 inline constexpr const SensorKind& kLaser = kSensorKinds[0];
 
@@ -51,9 +54,9 @@ inline constexpr auto kSensorChoices = [] {
   return names;
 }();
 inline constexpr const char* kSensorChoiceText =
-    "sensors to map with; auto: the laser if a log has one, else its cameras; cameras: all "
+    "sensors to map with; auto: the laser if a log has one, else its cameras, else its depth sensor; cameras: all "
     "cameras with all that each gives; all: laser and cameras in one pose graph; mono, stereo and rgbd use just that "
-    "of each camera";
+    "of each camera; depth: depth pictures as scans of a laser";
 
 // Null for auto, cameras and all.
 const SensorKind* sensor_kind(std::string_view name);
