@@ -21,11 +21,8 @@ Action set_up_slam(CLI::App& verb) {
   verb.add_option("LOG", arguments->log,
                   "MRPT rawlog, CARMEN log, g2o with scans, or a folder of pictures (TUM RGB-D, KITTI, EuRoC)")
       ->required();
-  verb.add_option("--sensor", arguments->sensor,
-                  "what to map with; auto: the laser where the log has one, else its cameras; cameras: all of them, "
-                  "with all that each "
-                  "gives; all: laser and cameras")
-      ->check(CLI::IsMember({"auto", "mono", "stereo", "rgbd", "cameras", "laser", "all"}));
+  verb.add_option("--sensor", arguments->sensor, runtime::kSensorChoiceText)
+      ->check(CLI::IsMember(std::vector<std::string>(runtime::kSensorChoices.begin(), runtime::kSensorChoices.end())));
   verb.add_option("--engine", arguments->engine,
                   "graph (loops closed), rbpf (MRPT's particle filter) or icp (MRPT's, no loops)")
       ->check(CLI::IsMember({"graph", "rbpf", "icp"}));

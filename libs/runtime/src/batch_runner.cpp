@@ -1,60 +1,16 @@
-#include "coordinated_robots.h"
+#include "map_robots.h"
+#include "metered_tiers.h"
 #include "results.h"
-#include "shared_cameras.h"
 
 #include <mapweave/core/interrupt.h>
 #include <mapweave/runtime/batch_runner.h>
 #include <mapweave/runtime/merge_requests.h>
-#include <mapweave/runtime/metrics.h>
-#include <mapweave/runtime/robot_task.h>
 #include <mapweave/scheduling/overlap_estimate.h>
-#include <mapweave/tiers/cloud_merger.h>
-#include <mapweave/tiers/edge_server.h>
 
 #include <algorithm>
 
 namespace mapweave::runtime {
 namespace {
-
-// Bad input is somebody's to mend before half a team's map looks like a whole one; a helper that died is not.
-bool ends_the_run(const RobotResult& robot, bool keep_going) {
-  const auto& trouble = robot.outcome.trouble;
-  return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed;
-}
-
-// Every robot of the plan, nullopt for those that were interrupted. Throws the first trouble, unless it is to be lived
-// with.
-std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, const RunPlan& plan,
-                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool,
-                                                   Progress& progress) {
-  std::atomic<bool> give_up{false};
-  std::map<RobotId, CamerasOutcome> shared;
-  std::map<RobotId, LaserOutcome> lasers;
-  try {
-    if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
-    if (configuration.server.share != tiers::Sharing::none)
-      shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
-  } catch (const Interrupted&) {
-    return std::vector<std::optional<RobotResult>>(plan.robots.size());
-  }
-  auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
-    try {
-      const auto cameras = shared.find(plan.robots[i].id);
-      const auto laser = lasers.find(plan.robots[i].id);
-      RobotResult result =
-          map_robot(plan.robots[i], configuration, keep_going, give_up, progress,
-                    laser != lasers.end() ? std::optional(std::move(laser->second)) : std::nullopt,
-                    cameras != shared.end() ? std::optional(std::move(cameras->second)) : std::nullopt);
-      if (ends_the_run(result, keep_going)) give_up = true;
-      return result;
-    } catch (const Interrupted&) {
-      return std::nullopt;
-    }
-  });
-  for (const auto& robot : robots)
-    if (robot && ends_the_run(*robot, keep_going)) throw *robot->outcome.trouble;
-  return robots;
-}
 
 // Runs what an interruption may end; false when it did.
 template <class Work>
@@ -88,6 +44,14 @@ void push(const fusion::FusionResult& team, const CloudEntry& cloud, Work& work)
   for (const std::string& name : cloud.push_to)
     if (const auto* component = component_of(team, RobotId(name)))
       work.pushes.push_back({RobotId(name), tiers::first_update(component->map, cloud_tier()).size()});
+}
+
+// By a robot's cameras: what their clients published while they mapped; else their maps, at the end.
+std::uint64_t bytes_published(const RobotReport& robot, const RobotWork& work) {
+  if (robot.cameras.empty()) return 0;
+  std::uint64_t published = 0;
+  for (const CameraReport& camera : robot.cameras) published += camera.sent_bytes;
+  return published > 0 ? published : work.map_bytes;
 }
 
 // Of robots with lasers, by how the team's maps lie.
@@ -124,185 +88,231 @@ void add(Results& results, const std::string& folder, const std::string& title, 
   if (dense && by_laser) results.add_dense(folder, title, map, cameras);
 }
 
-}  // namespace
+// A team's run. Each step leaves what the next one takes, in the order of the robots' names.
+class TeamRun {
+ public:
+  TeamRun(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings, WorkerPool& pool,
+          Progress& progress)
+      : configuration_(configuration),
+        given_(plan),
+        settings_(settings),
+        pool_(pool),
+        progress_(progress),
+        results_(settings.out, settings.force, configuration, pool, progress),
+        plan_(plan),
+        cloud_(tiers::CloudMerger(cloud_tier(), configuration.fusion)) {}
 
-Report run_batch(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings,
-                 WorkerPool& pool, Progress& progress) {
-  Results results(settings.out, settings.force, configuration, pool, progress);
-  Report report;
-  report.team.tier = cloud_tier();
-  RunPlan plan = given;
+  Report run() {
+    const bool is_whole = map();
+    const auto fuse = [this] {
+      fuse_on_edges();
+      judge_on_edges();
+      finalize();
+    };
+    if (is_whole && !finished(fuse)) acknowledge_interruption(report_, is_any_mapped());
+    write();
+    return std::move(report_);
+  }
+
+ private:
+  bool map();
+  void fuse_on_edges();
+  void judge_on_edges();
+  void finalize();
+  void write();
+
+  bool is_any_mapped() const {
+    return std::any_of(outcomes_.begin(), outcomes_.end(), [](const auto& outcome) { return outcome.map.has_value(); });
+  }
+  void take(std::vector<std::optional<RobotResult>> robots);
+  void take_starts();
+  void send_to_cloud(const std::vector<std::string>& updates, const std::string& from);
+  void send_maps_of_robots();
+  void report_work();
+  void write_edges();
+  void write_team();
+
+  const RunConfiguration& configuration_;
+  const RunPlan& given_;
+  const RunSettings& settings_;
+  WorkerPool& pool_;
+  Progress& progress_;
+  Results results_;
+  RunPlan plan_;  // with the edges that a coordinator chose
+  Report report_;
+  std::vector<InputFile> inputs_;
+  std::vector<tiers::RobotOutcome> outcomes_;
+  std::vector<CamerasOutcome> cameras_;  // of the outcomes
+  std::vector<fusion::MapPrior> priors_;
+  std::vector<MeteredEdge> edges_;
+  MeteredCloud cloud_;
+  fusion::FusionResult team_;
+};
+
+// False: an interruption left robots without maps.
+bool TeamRun::map() {
   std::optional<CoordinatedRobots> coordinated;
-  if (configuration.coordinator.method != Coordination::none) coordinated.emplace(configuration, plan);
+  if (configuration_.coordinator.method != Coordination::none) coordinated.emplace(configuration_, plan_);
   auto robots =
-      map_robots(configuration, plan, coordinated ? &*coordinated : nullptr, settings.keep_going, pool, progress);
-  if (coordinated) report.coordination = coordinated->take_report();
-
-  bool anything = false, whole = true;
-  for (const auto& robot : robots) {
-    whole = whole && robot.has_value();
-    anything = anything || (robot && robot->outcome.map);
-  }
-  if (!whole) acknowledge_interruption(report, anything);
-  for (const auto& robot : robots)
-    if (!anything && robot && robot->outcome.trouble && !settings.keep_going)
-      throw *robot->outcome.trouble;  // every helper died
-
-  std::vector<InputFile> inputs;
-  std::vector<tiers::RobotOutcome> outcomes;
-  std::vector<CamerasOutcome> cameras;  // of the outcomes
-  for (std::size_t i = 0; i < robots.size(); ++i) {
-    if (!robots[i]) continue;
-    report.robots.push_back(robots[i]->report);
-    report.stages.push_back(
-        {plan.robots[i].edge, "mapping " + plan.robots[i].id.str(), robots[i]->report.wall_seconds});
-    if (robots[i]->input) inputs.push_back(*robots[i]->input);
-    outcomes.push_back(std::move(robots[i]->outcome));
-    report.work.robots.push_back(robots[i]->work);
-    cameras.push_back(std::move(robots[i]->cameras));
-  }
-
-  // Edges, where they join, fuse what their robots left and send it to the cloud, which fuses everything again.
-  std::vector<tiers::EdgeServer> edges;
-  tiers::CloudMerger cloud(cloud_tier(), configuration.fusion);
-  std::vector<StartedMap> started;
-  for (const tiers::RobotOutcome& outcome : outcomes)
-    if (outcome.map) started.push_back({&*outcome.map, robot_entry(configuration, outcome.robot).start});
-  const std::vector<fusion::MapPrior> priors = priors_of_starts(started);
-  cloud.set_priors(priors);
-  if (const auto alone = start_alone(started)) report.notes.push_back(*alone);
-  fusion::FusionResult team;
-  const auto fuse_at_edges = [&] {
-    for (const TierId& id : plan.edges) {
-      const double before_s = process_cpu_seconds();
-      EdgeWork work{id};
-      work.speed = edge_entry(configuration, id).speed;
-      double receiving_s = 0.0;  // is the cloud's work
-      std::vector<RobotId> members;
-      for (const PlannedRobot& robot : plan.robots)
-        if (robot.edge == id) members.push_back(robot.id);
-      if (members.empty()) continue;  // the coordinator gave it none
-      tiers::EdgeServer edge(id, members, configuration.fusion);
-      edge.set_priors(priors);
-      for (tiers::RobotOutcome& outcome : outcomes) {
-        if (std::find(members.begin(), members.end(), outcome.robot) == members.end()) continue;
-        const auto effects = edge.step(outcome, pool, progress);
-        for (RobotWork& robot : report.work.robots)
-          if (robot.id == outcome.robot) robot.map_bytes = effects.map_bytes;
-        const double received_s = process_cpu_seconds();
-        for (const std::string& update : effects.for_cloud) {
-          cloud.receive(update, "update of edge " + id.str());
-          work.bytes += update.size();
-        }
-        receiving_s += process_cpu_seconds() - received_s;
-      }
-      edges.push_back(std::move(edge));
-      work.fusing_s = process_cpu_seconds() - before_s - receiving_s;
-      report.work.fusing_s += receiving_s;
-      report.work.edges.push_back(work);
-    }
-  };
-  // What lies on two edges they compare for the cloud, which joins with what they say.
-  const auto judge_at_edges = [&] {
-    std::set<TierId> names;
-    for (const tiers::EdgeServer& edge : edges) names.insert(edge.id());
-    double before_s = process_cpu_seconds();
-    const auto judging_tasks = cloud.judging_tasks(names, pool);
-    report.work.fusing_s += process_cpu_seconds() - before_s;
-    report.work.planning_s = report.work.fusing_s;
-    for (std::size_t i = 0; i < edges.size(); ++i) {
-      const auto judging_task = judging_tasks.find(edges[i].id());
-      if (judging_task == judging_tasks.end()) continue;
-      EdgeWork& work = report.work.edges[i];
-      for (const std::string& update : judging_task->second.updates) work.sent_bytes += update.size();
-      before_s = process_cpu_seconds();
-      const auto effects = edges[i].step(judging_task->second, pool, progress);
-      const double received_s = process_cpu_seconds();
-      work.judging_s = received_s - before_s;
-      for (const std::string& update : effects.for_cloud) {
-        cloud.receive(update, "update of edge " + edges[i].id().str());
-        work.judged_bytes += update.size();
-      }
-      report.work.fusing_s += process_cpu_seconds() - received_s;
-    }
-  };
-  // Who has no edge sends to the cloud; in mode cloud-only that is everyone.
-  const auto send_to_cloud = [&] {
-    for (std::size_t i = 0; i < outcomes.size(); ++i) {
-      if (configuration.mode != Mode::cloud_only && !report.work.robots[i].edge.empty()) continue;
-      const auto send_map = [&](const Map& map) {
-        const std::string update = tiers::first_update(map, TierId(outcomes[i].robot.str()));
-        cloud.receive(update, "update of robot " + outcomes[i].robot.str());
-        report.work.robots[i].map_bytes += update.size();
-      };
-      if (outcomes[i].map) send_map(*outcomes[i].map);
-      for (const Map& map : outcomes[i].apart) send_map(map);
-    }
-  };
-  const auto fuse_all = [&] {
-    if (configuration.mode != Mode::cloud_only) fuse_at_edges();
-    send_to_cloud();
-    if (configuration.cloud.edges_judge) judge_at_edges();
-    const double before_s = process_cpu_seconds();
-    if (anything) team = cloud.seal(pool, progress);
-    report.work.fusing_s += process_cpu_seconds() - before_s;
-    for (RobotWork& robot : report.work.robots) {
-      const auto line = std::find_if(report.robots.begin(), report.robots.end(),
-                                     [&](const RobotReport& r) { return r.id == robot.id; });
-      if (line->cameras.empty()) continue;
-      std::uint64_t published = 0;  // what clients published while they mapped; else their maps, at the end
-      for (const CameraReport& camera : line->cameras) published += camera.sent_bytes;
-      robot.sensed_bytes += published > 0 ? published : robot.map_bytes;
-    }
-    push(team, configuration.cloud, report.work);
-    if (report.coordination && !report.coordination->decisions.empty())
-      for (const auto& [a, b, degree] : report.coordination->decisions.back().overlaps)
-        report.work.overlaps.push_back({a, b, degree});
-    else
-      report.work.overlaps = overlaps_of(team, outcomes);
-    report.timeline = timeline({configuration.mode, plan.network, configuration.processors, configuration.cloud,
-                                report.coordination ? report.coordination->recorded_s : 0.0, configuration.seed},
-                               report.work);
-  };
-  if (whole && !finished(fuse_all)) acknowledge_interruption(report, anything);
-
-  for (std::size_t i = 0; i < outcomes.size(); ++i) {
-    if (!outcomes[i].map) continue;
-    const std::string name = outcomes[i].robot.str();
-    add(results, "robots/" + name, "robot " + name, false, *outcomes[i].map, cameras[i]);
-  }
-  std::vector<const Map*> own_maps;
-  for (const tiers::RobotOutcome& outcome : outcomes) {
-    if (outcome.map) own_maps.push_back(&*outcome.map);
-    for (const Map& map : outcome.apart) own_maps.push_back(&map);
-  }
-  results.set_own_maps(own_maps);
-  results.set_requests(kept_requests(priors, configuration.fusion));
-  for (const tiers::EdgeServer& edge : edges) {
-    report.edges.push_back(Results::report_of(edge.id(), edge.result()));
-    const std::string name = edge.id().str();
-    results.add_components(edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name, false,
-                           edge.result(), cameras, report);
-  }
-  report.team = Results::report_of(cloud_tier(), team);
-  results.add_components(cloud_tier(), "team", "team-", "team", true, team, cameras, report);
-  results.set_own_maps({});
-  for (const PushWork& pushed : report.work.pushes) {
-    const std::string name = pushed.robot.str();
-    fusion::FusionResult pushed_map;
-    pushed_map.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false,
-                           pushed_map, cameras, report);
-  }
-  results.commit("run", effective(configuration, given), inputs, report);
-  return report;
+      map_robots(configuration_, plan_, coordinated ? &*coordinated : nullptr, settings_.keep_going, pool_, progress_);
+  if (coordinated) report_.coordination = coordinated->take_report();
+  const bool is_whole = std::all_of(robots.begin(), robots.end(), [](const auto& robot) { return robot.has_value(); });
+  take(std::move(robots));
+  if (!is_whole) acknowledge_interruption(report_, is_any_mapped());
+  for (const tiers::RobotOutcome& outcome : outcomes_)
+    if (!is_any_mapped() && outcome.trouble && !settings_.keep_going) throw *outcome.trouble;  // every helper died
+  take_starts();
+  return is_whole;
 }
 
-Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
+void TeamRun::take(std::vector<std::optional<RobotResult>> robots) {
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    if (!robots[i]) continue;
+    RobotResult& robot = *robots[i];
+    report_.stages.push_back({plan_.robots[i].edge, "mapping " + plan_.robots[i].id.str(), robot.report.wall_seconds});
+    report_.robots.push_back(std::move(robot.report));
+    report_.work.robots.push_back(std::move(robot.work));
+    if (robot.input) inputs_.push_back(*robot.input);
+    outcomes_.push_back(std::move(robot.outcome));
+    cameras_.push_back(std::move(robot.cameras));
+  }
+}
+
+void TeamRun::take_starts() {
+  std::vector<StartedMap> started;
+  for (const tiers::RobotOutcome& outcome : outcomes_)
+    if (outcome.map) started.push_back({&*outcome.map, robot_entry(configuration_, outcome.robot).start});
+  priors_ = priors_of_starts(started);
+  cloud_.set_priors(priors_);
+  if (const auto alone = start_alone(started)) report_.notes.push_back(*alone);
+}
+
+void TeamRun::send_to_cloud(const std::vector<std::string>& updates, const std::string& from) {
+  for (const std::string& update : updates) cloud_.receive(update, "update of " + from);
+}
+
+// Edges fuse what their robots left, and send it to the cloud, which fuses everything again.
+void TeamRun::fuse_on_edges() {
+  if (configuration_.mode != Mode::cloud_only) {
+    for (const TierId& id : plan_.edges) {
+      std::vector<RobotId> members;
+      for (const PlannedRobot& robot : plan_.robots)
+        if (robot.edge == id) members.push_back(robot.id);
+      if (members.empty()) continue;  // the coordinator gave it none
+      tiers::EdgeServer server(id, members, configuration_.fusion);
+      server.set_priors(priors_);
+      MeteredEdge edge(std::move(server), edge_entry(configuration_, id).speed);
+      for (std::size_t i = 0; i < outcomes_.size(); ++i) {
+        if (std::find(members.begin(), members.end(), outcomes_[i].robot) == members.end()) continue;
+        const auto effects = edge.step(outcomes_[i], pool_, progress_);
+        report_.work.robots[i].map_bytes = effects.map_bytes;
+        send_to_cloud(effects.for_cloud, "edge " + id.str());
+      }
+      edges_.push_back(std::move(edge));
+    }
+  }
+  send_maps_of_robots();
+}
+
+// Of those without an edge; in mode cloud-only that is everyone.
+void TeamRun::send_maps_of_robots() {
+  for (std::size_t i = 0; i < outcomes_.size(); ++i) {
+    if (configuration_.mode != Mode::cloud_only && !report_.work.robots[i].edge.empty()) continue;
+    const std::string name = outcomes_[i].robot.str();
+    std::vector<std::string> updates;
+    if (outcomes_[i].map) updates.push_back(tiers::first_update(*outcomes_[i].map, TierId(name)));
+    for (const Map& map : outcomes_[i].apart) updates.push_back(tiers::first_update(map, TierId(name)));
+    send_to_cloud(updates, "robot " + name);
+    report_.work.robots[i].map_bytes += bytes_of(updates);
+  }
+}
+
+// Maps that lie on two edges are compared there, for the cloud.
+void TeamRun::judge_on_edges() {
+  if (!configuration_.cloud.edges_judge) return;
+  std::set<TierId> names;
+  for (const MeteredEdge& edge : edges_) names.insert(edge.id());
+  const auto tasks = cloud_.judging_tasks(names, pool_);
+  for (MeteredEdge& edge : edges_)
+    if (const auto task = tasks.find(edge.id()); task != tasks.end())
+      send_to_cloud(edge.step(task->second, pool_, progress_).for_cloud, "edge " + edge.id().str());
+}
+
+void TeamRun::finalize() {
+  if (is_any_mapped()) team_ = cloud_.seal(pool_, progress_);
+  report_work();
+  report_.timeline = timeline({configuration_.mode, plan_.network, configuration_.processors, configuration_.cloud,
+                               report_.coordination ? report_.coordination->recorded_s : 0.0, configuration_.seed},
+                              report_.work);
+}
+
+void TeamRun::report_work() {
+  Work& work = report_.work;
+  for (const MeteredEdge& edge : edges_) work.edges.push_back(edge.work());
+  work.fusing_s = cloud_.fusing_s();
+  work.planning_s = cloud_.planning_s();
+  for (std::size_t i = 0; i < work.robots.size(); ++i)
+    work.robots[i].sensed_bytes += bytes_published(report_.robots[i], work.robots[i]);
+  push(team_, configuration_.cloud, work);
+  if (report_.coordination && !report_.coordination->decisions.empty())
+    for (const auto& [a, b, degree] : report_.coordination->decisions.back().overlaps)
+      work.overlaps.push_back({a, b, degree});
+  else
+    work.overlaps = overlaps_of(team_, outcomes_);
+}
+
+void TeamRun::write() {
+  std::vector<const Map*> own_maps;
+  for (std::size_t i = 0; i < outcomes_.size(); ++i) {
+    const std::string name = outcomes_[i].robot.str();
+    if (outcomes_[i].map) {
+      add(results_, "robots/" + name, "robot " + name, false, *outcomes_[i].map, cameras_[i]);
+      own_maps.push_back(&*outcomes_[i].map);
+    }
+    for (const Map& map : outcomes_[i].apart) own_maps.push_back(&map);
+  }
+  results_.set_own_maps(own_maps);
+  results_.set_requests(kept_requests(priors_, configuration_.fusion));
+  write_edges();
+  write_team();
+  results_.commit("run", effective(configuration_, given_), inputs_, report_);
+}
+
+void TeamRun::write_edges() {
+  for (const MeteredEdge& edge : edges_) {
+    const std::string name = edge.id().str();
+    report_.edges.push_back(Results::report_of(edge.id(), edge.result()));
+    results_.add_components({edge.id(), "edges/" + name, "edges/" + name + "/apart-", "edge " + name}, edge.result(),
+                            cameras_, report_);
+  }
+}
+
+void TeamRun::write_team() {
+  report_.team = Results::report_of(cloud_tier(), team_);
+  results_.add_components(team_place(), team_, cameras_, report_);
+  results_.set_own_maps({});
+  for (const PushWork& pushed : report_.work.pushes) {
+    const std::string name = pushed.robot.str();
+    fusion::FusionResult pushed_map;
+    pushed_map.components = {*component_of(team_, pushed.robot)};
+    results_.add_components({TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told"},
+                            pushed_map, cameras_, report_);
+  }
+}
+
+}  // namespace
+
+Report run_batch(const RunConfiguration& configuration, const RunPlan& plan, const RunSettings& settings,
+                 WorkerPool& pool, Progress& progress) {
+  return TeamRun(configuration, plan, settings, pool, progress).run();
+}
+
+Report run_slam(const RunConfiguration& configuration, const RunPlan& given, const RunSettings& settings,
                 WorkerPool& pool, Progress& progress) {
-  MAPWEAVE_EXPECT(plan.robots.size() == 1, "slam maps one robot");
+  MAPWEAVE_EXPECT(given.robots.size() == 1, "slam maps one robot");
   Results results(settings.out, settings.force, configuration, pool, progress);
   Report report;
+  RunPlan plan = given;
   const auto robots = map_robots(configuration, plan, nullptr, settings.keep_going, pool, progress);
   if (!robots.front()) acknowledge_interruption(report, false);
   const RobotResult& robot = *robots.front();
@@ -318,7 +328,7 @@ Report run_slam(const RunConfiguration& configuration, const RunPlan& plan, cons
   }
   std::vector<InputFile> inputs;
   if (robot.input) inputs.push_back(*robot.input);
-  results.commit("slam", effective(configuration, plan), inputs, report);
+  results.commit("slam", effective(configuration, given), inputs, report);
   return report;
 }
 

@@ -17,21 +17,14 @@
 namespace mapweave::runtime {
 namespace {
 
-const char* name_of(visual::CameraKind kind) {
-  switch (kind) {
-    case visual::CameraKind::rgbd: return "rgbd";
-    case visual::CameraKind::stereo: return "stereo";
-    default: return "mono";
-  }
-}
-
 // A camera with its client, which begins with the first frame.
 class Camera {
  public:
   Camera(const ChosenCamera& chosen, const VisualOptions& options, std::uint64_t seed)
-      : chosen_(chosen), packer_({chosen.label, chosen.kind}), options_(options) {
+      : chosen_(chosen), packer_({chosen.label, chosen.kind->camera}), options_(options) {
     options_.client.seed = seed;
-    report_.label = chosen.label, report_.kind = name_of(chosen.kind);
+    report_.label = chosen.label;
+    report_.kind = std::string(chosen.kind->name);
   }
 
   void add(const rawlog::Record& record) {
@@ -93,17 +86,19 @@ class Camera {
       maps.push_back(std::move(own[i]));
     }
     report_.sessions = sessions.size();
-    report_.keyframes = client_->keyframes().size(), report_.landmarks = client_->landmarks().size();
+    report_.keyframes = client_->keyframes().size();
+    report_.landmarks = client_->landmarks().size();
     for (const visual::ClosedLoop& loop : client_->loops())
       report_.loops.push_back({seconds_between(first_, loop.found), seconds_between(first_, loop.applied)});
-    report_.readout_s = client_->sensor().readout_s,
+    report_.readout_s = client_->sensor().readout_s;
     report_.inverse_depth_offset = client_->sensor().inverse_depth_offset;
     const auto mean_ms = [](const std::vector<double>& seconds) {
       return seconds.empty()
                  ? 0.0
                  : 1e3 * std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());
     };
-    report_.tracking_mean_ms = mean_ms(tracking_seconds_), report_.keyframe_mean_ms = mean_ms(keyframe_seconds_);
+    report_.tracking_mean_ms = mean_ms(tracking_seconds_);
+    report_.keyframe_mean_ms = mean_ms(keyframe_seconds_);
     report_.packing_mean_ms = 1e3 * packing_seconds_ / static_cast<double>(report_.frames);
     std::sort(tracking_seconds_.begin(), tracking_seconds_.end());
     if (!tracking_seconds_.empty())
@@ -237,13 +232,15 @@ struct CameraTask::State {
   }
 };
 
-CameraTask::CameraTask(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration,
-                       bool keep_going, Progress& progress)
+CameraTask::CameraTask(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
+                       Progress& progress)
     : state_(new State) {
   constexpr std::uint64_t kKilobyte = 1000;
   keep_room_for_pictures();
-  state_->robot = robot, state_->rig = configuration.rig, state_->keep_going = keep_going;
-  for (const ChosenCamera& camera : chosen.cameras)
+  state_->robot = robot;
+  state_->rig = configuration.rig;
+  state_->keep_going = keep_going;
+  for (const ChosenCamera& camera : robot.sensors.cameras)
     state_->cameras.emplace_back(camera, configuration.visual, configuration.seed);
   state_->guarded([&] {
     state_->log = rawlog::open_log(robot.log, configuration.reading);
@@ -284,8 +281,10 @@ CamerasOutcome CameraTask::finish() {
   State& state = *state_;
   const double before_s = thread_cpu_seconds();
   CamerasOutcome outcome;
-  outcome.robot = state.robot, outcome.trouble = state.trouble;
-  state.task.reset(), state.log.reset();
+  outcome.robot = state.robot;
+  outcome.trouble = state.trouble;
+  state.task.reset();
+  state.log.reset();
   if (outcome.trouble && !state.keep_going) return outcome;
   std::vector<CameraMap> maps;
   for (Camera& camera : state.cameras) {

@@ -2,7 +2,6 @@
 
 #include <mapweave/core/stopwatch.h>
 #include <mapweave/runtime/metrics.h>
-#include <mapweave/runtime/sensor_choice.h>
 
 #include <algorithm>
 #include <cmath>
@@ -20,7 +19,8 @@ scheduling::LatencyModel model_of(const RunConfiguration& configuration, const s
     model.pack_s_per_scan /= processors.robot_speed();
   } else {  // robots map, and send their maps
     model.pack_s_per_scan = std::exchange(model.slam_s_per_scan, 0.0) / processors.robot_speed();
-    model.scan_bytes = model.map_bytes_per_scan, model.robot_bytes_fixed = model.map_bytes_fixed;
+    model.scan_bytes = model.map_bytes_per_scan;
+    model.robot_bytes_fixed = model.map_bytes_fixed;
   }
   return model;
 }
@@ -141,11 +141,7 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   std::vector<LaserTask*> all;
   std::vector<RobotId> names;
   for (const PlannedRobot& robot : plan_.robots) {
-    try {
-      if (!choose_sensors(robot.log, configuration_).laser) continue;
-    } catch (const Error&) {
-      continue;  // is told where the robot is mapped
-    }
+    if (robot.sensors.scans == nullptr) continue;
     all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);
     names.push_back(robot.id);
   }
@@ -158,8 +154,10 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
   const double period_s = configuration_.coordinator.overlap_period_s;
   std::vector<std::optional<Stamp>> begin(all.size());  // of each robot's own data
   std::vector<double> from_s;
-  for (std::size_t i = 0; i < all.size(); ++i)
-    begin[i] = all[i]->next(), from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    begin[i] = all[i]->next();
+    from_s.push_back(robot_entry(configuration_, names[i]).from_s);
+  }
   double now_s = 0.0;
   for (;;) {
     double due_s = std::numeric_limits<double>::infinity();

@@ -27,7 +27,8 @@ std::vector<DepthTrajectory> trajectories_of(const CameraMap& part, const Camera
   for (const FrameTrajectory& trajectory : trajectories) {
     const auto camera = std::find_if(cameras.cameras.begin(), cameras.cameras.end(),
                                      [&](const CameraResult& c) { return c.report.label == trajectory.label; });
-    if (camera == cameras.cameras.end() || camera->chosen.kind == visual::CameraKind::mono || trajectory.frames.empty())
+    if (camera == cameras.cameras.end() || camera->chosen.kind->camera == visual::CameraKind::mono ||
+        trajectory.frames.empty())
       continue;
     const SensorCalibration calibration{camera->report.readout_s, camera->report.inverse_depth_offset};
     DepthTrajectory depth{cameras.robot, camera->chosen, calibration, trajectory.frames, {}};
@@ -45,7 +46,7 @@ class Revisit {
   Revisit(const DepthTrajectory& trajectory, const RunConfiguration& configuration)
       : trajectory_(trajectory),
         dense_(configuration.output.dense),
-        packer_({trajectory.chosen.label, trajectory.chosen.kind}) {
+        packer_({trajectory.chosen.label, trajectory.chosen.kind->camera}) {
     const visual::ClientOptions& client = configuration.visual.client;
     options_ = {client.depth, client.tracking.sigma_px, dense_.most_error_m, trajectory.calibration};
   }

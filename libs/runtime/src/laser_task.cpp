@@ -51,8 +51,8 @@ struct LaserTask::State {
   }
 
   void begin_mapping() {
-    slam.emplace(robot.id,
-                 laser::make_laser_mapper({robot.id, SensorId("laser")}, configuration.laser, configuration.seed));
+    slam.emplace(robot.id, laser::make_laser_mapper({robot.id, SensorId(std::string(robot.sensors.scans->name))},
+                                                    configuration.laser, configuration.seed));
   }
 
   // From the agent to the instance what it packs, if anything: as bytes where they are not in one place. Counts what
@@ -70,7 +70,10 @@ struct LaserTask::State {
     auto ended = slam->step(is_remote ? decode_sensed(bytes, "what the robot sensed") : std::move(*message));
     work.mapping_s += thread_cpu_seconds() - packed_s;
     if (may_move) sensed.push_back(std::move(bytes));
-    if (ended) outcome = std::move(*ended), next.reset();
+    if (ended) {
+      outcome = std::move(*ended);
+      next.reset();
+    }
   }
 };
 
@@ -81,6 +84,7 @@ LaserTask::LaserTask(const PlannedRobot& robot, const RunConfiguration& configur
   state_->guarded([&] {
     state_->begin_mapping();
     state_->log = rawlog::open_log(robot.log, configuration.reading);
+    if (const auto as_scans = robot.sensors.scans->as_scans) state_->log = as_scans(std::move(state_->log));
     state_->task.emplace(progress, "robot " + robot.id.str(), state_->log->bytes_total() / kKilobyte, "kB");
     state_->next = state_->log->next();
   });
@@ -116,8 +120,10 @@ void LaserTask::move() {
     state.begin_mapping();
     for (const std::string& bytes : state.sensed) {
       state.work.repeated_bytes += bytes.size();
-      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed")))
-        state.outcome = std::move(*ended), state.next.reset();
+      if (auto ended = state.slam->step(decode_sensed(bytes, "what the robot sensed"))) {
+        state.outcome = std::move(*ended);
+        state.next.reset();
+      }
     }
     state.work.repeated_s += thread_cpu_seconds() - before_s;
   });
@@ -127,7 +133,8 @@ Map LaserTask::map_so_far() const { return state_->slam && !state_->outcome ? st
 
 LaserOutcome LaserTask::finish() {
   State& state = *state_;
-  state.task.reset(), state.log.reset();
+  state.task.reset();
+  state.log.reset();
   LaserOutcome result;
   if (!state.slam || (state.trouble && !state.keep_going)) {
     state.outcome = {state.robot.id, std::nullopt, state.trouble};

@@ -171,7 +171,7 @@ Report run_merge(const RunConfiguration& given, const std::vector<std::filesyste
   for (const Map& map : inputs.maps) own_maps.push_back(&map);
   results.set_own_maps(own_maps);
   results.set_requests(kept_requests(input, configuration.fusion));
-  results.add_components(cloud_tier(), "team", "team-", "team", true, team, {}, report);
+  results.add_components(team_place(), team, {}, report);
   results.commit("merge", configuration, inputs.files, report);
   return report;
 }

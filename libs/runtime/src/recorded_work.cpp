@@ -64,7 +64,7 @@ Work read_work(const std::filesystem::path& summary, double* recorded_s) {
     done.fusing_s = field(edge, "fusing_cpu_seconds", where, key);
     done.bytes = count(edge, "bytes", where, key);
     done.speed = scheduling::number(member(edge, "speed", where, key), 0.0, kMost, true, where, key + ".speed");
-    done.sent_bytes = count(edge, "lent_bytes", where, key),
+    done.sent_bytes = count(edge, "lent_bytes", where, key);
     done.judged_bytes = count(edge, "judged_bytes", where, key);
     done.judging_s = field(edge, "judging_cpu_seconds", where, key);
     work.edges.push_back(done);

@@ -195,8 +195,10 @@ Json coordination_json(const CoordinationReport& report, const std::optional<Tim
                {"cpu_seconds", report.cpu_seconds},
                {"decisions", decisions}};
   // The last decision speaks of all that was sensed: what it expected, and what came.
-  if (timeline && !report.decisions.empty())
-    json["expected_seconds"] = report.decisions.back().expected_s, json["came_seconds"] = timeline->total_s;
+  if (timeline && !report.decisions.empty()) {
+    json["expected_seconds"] = report.decisions.back().expected_s;
+    json["came_seconds"] = timeline->total_s;
+  }
   return json;
 }
 

@@ -223,32 +223,31 @@ std::vector<exporters::PictureMark> conflicts_in(const fusion::Component& compon
 
 }  // namespace
 
-void Results::add_components(TierId tier, const std::string& folder, const std::string& further,
-                             const std::string& title, bool robot_trajectories, const fusion::FusionResult& fused,
+void Results::add_components(const FusedPlace& place, const fusion::FusionResult& fused,
                              const std::vector<CamerasOutcome>& cameras, Report& report) {
   const Stopwatch watch;
   const double composing_before = composing_seconds_;
   for (std::size_t i = 0; i < fused.components.size(); ++i) {
-    const std::string place = i == 0 ? folder : further + std::to_string(i);
-    const std::string name = i == 0 ? title : title + ", apart " + std::to_string(i);
+    const std::string folder = i == 0 ? place.folder : place.further + std::to_string(i);
+    const std::string name = i == 0 ? place.title : place.title + ", apart " + std::to_string(i);
     const Map& map = fused.components[i].map;
     const auto conflicts = conflicts_in(fused.components[i], fused.audits);
     if (map.submaps.empty() && has_keyframes(map))
-      draw_seen(place, name, robot_trajectories, fused.components[i], cameras);
+      draw_seen(folder, name, place.robot_trajectories, fused.components[i], cameras);
     else
-      draw(place, name, robot_trajectories, map, conflicts);
+      draw(folder, name, place.robot_trajectories, map, conflicts);
     std::vector<DepthTrajectory> depth;
     for (const CamerasOutcome& outcome : cameras)
       for (DepthTrajectory& trajectory : depth_trajectories(map, fused.components[i].scales, outcome))
         depth.push_back(std::move(trajectory));
-    if (tier == cloud_tier()) draw_dense(place, name, depth);
-    mapdb::write_store(folder_.staging() / place / "map.mwdb",
+    if (place.tier == cloud_tier()) draw_dense(folder, name, depth);
+    mapdb::write_store(folder_.staging() / folder / "map.mwdb",
                        stored(fused.components[i], fused, own_maps_, requests_));
   }
   const double composing = composing_seconds_ - composing_before;
   output_seconds_ += watch.seconds() - composing;
-  for (const fusion::StageTime& stage : fused.stages) report.stages.push_back({tier, stage.name, stage.seconds});
-  report.stages.push_back({tier, "composing", composing});
+  for (const fusion::StageTime& stage : fused.stages) report.stages.push_back({place.tier, stage.name, stage.seconds});
+  report.stages.push_back({place.tier, "composing", composing});
 }
 
 void Results::commit(const std::string& verb, const RunConfiguration& effective, const std::vector<InputFile>& inputs,

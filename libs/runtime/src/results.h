@@ -16,6 +16,14 @@
 
 namespace mapweave::runtime {
 
+// Where what a tier fused is written: the largest component into `folder`, others into `further` + "1", "2", ...
+struct FusedPlace {
+  TierId tier;
+  std::string folder, further, title;
+  bool robot_trajectories = false;
+};
+inline FusedPlace team_place() { return {cloud_tier(), "team", "team-", "team", true}; }
+
 class Results {
  public:
   // Its wall time begins here. Nothing is seen of it before commit(). Throws Error(kCannotWrite) at once where it could
@@ -32,11 +40,9 @@ class Results {
   void add_cameras(const std::string& folder, const std::string& title, bool dense, const CamerasOutcome& cameras);
   // What the cameras' depth shows, in a map that holds their keyframes beside the laser's scans.
   void add_dense(const std::string& folder, const std::string& title, const Map& map, const CamerasOutcome& cameras);
-  // What was fused, the largest component into `folder`, others into `further` + "1", "2", ...; its stages, and
-  // composing as the fifth, into the report. `cameras`: what the fused maps of keyframes came from, for the frames
-  // between them. Depth is the cloud's alone.
-  void add_components(TierId tier, const std::string& folder, const std::string& further, const std::string& title,
-                      bool robot_trajectories, const fusion::FusionResult& fused,
+  // What was fused; its stages, and composing as the fifth, into the report. `cameras`: what the fused maps of
+  // keyframes came from, for the frames between them. Depth is the cloud's alone.
+  void add_components(const FusedPlace& place, const fusion::FusionResult& fused,
                       const std::vector<CamerasOutcome>& cameras, Report& report);
   // Robots' own maps, as they were fused; stores of components keep those of their members, so that a merge can be
   // undone. They must outlive it.

@@ -12,33 +12,33 @@ namespace mapweave::runtime {
 namespace {
 
 // The laser, at the edge or on the robot.
-void map_by_laser(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
-                  const std::atomic<bool>& give_up, Progress& progress, std::optional<LaserOutcome> mapped,
+void map_by_laser(const PlannedRobot& robot, const MappingSettings& settings, std::optional<LaserOutcome> mapped,
                   RobotResult& result) {
   if (!mapped) {
-    LaserTask task(robot, configuration, keep_going, false, progress);
-    task.advance(std::nullopt, give_up);
+    LaserTask task(robot, settings.configuration, settings.keep_going, false, settings.progress);
+    task.advance(std::nullopt, settings.give_up);
     mapped = task.finish();
   } else {
     result.report.cpu_seconds += mapped->cpu_seconds;
   }
   result.outcome = std::move(mapped->outcome);
   result.work = mapped->work;
-  result.work.id = robot.id, result.work.edge = robot.edge;
+  result.work.id = robot.id;
+  result.work.edge = robot.edge;
   result.report.scans = mapped->scans;
   result.report.log_seconds = mapped->log_seconds;
 }
 
 // Cameras on the robot; with a map of the laser, which is there already, in one graph.
-void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, const RunConfiguration& configuration,
-                    bool keep_going, const std::atomic<bool>& give_up, Progress& progress,
-                    std::optional<CamerasOutcome> cameras, RobotResult& result) {
+void map_by_cameras(const PlannedRobot& robot, const MappingSettings& settings, std::optional<CamerasOutcome> cameras,
+                    RobotResult& result) {
+  const RunConfiguration& configuration = settings.configuration;
   if (cameras) {
     result.report.cpu_seconds += cameras->cpu_seconds;
     result.cameras = std::move(*cameras);
   } else {
-    CameraTask task(robot, chosen, configuration, keep_going, progress);
-    task.advance(std::nullopt, give_up);
+    CameraTask task(robot, configuration, settings.keep_going, settings.progress);
+    task.advance(std::nullopt, settings.give_up);
     result.cameras = task.finish();
   }
   tiers::RobotOutcome& outcome = result.outcome;
@@ -72,25 +72,24 @@ void map_by_cameras(const PlannedRobot& robot, const ChosenSensors& chosen, cons
 
 }  // namespace
 
-RobotResult map_robot(const PlannedRobot& robot, const RunConfiguration& configuration, bool keep_going,
-                      const std::atomic<bool>& give_up, Progress& progress, std::optional<LaserOutcome> laser,
-                      std::optional<CamerasOutcome> cameras) {
+RobotResult map_robot(const PlannedRobot& robot, const MappingSettings& settings, MappedTogether mapped) {
   RobotResult result;
   result.report.id = robot.id;
   result.report.edge = robot.edge;
-  result.work.id = robot.id, result.work.edge = robot.edge;
-  const double mapped_before_s = laser ? laser->cpu_seconds : 0.0;
+  result.work.id = robot.id;
+  result.work.edge = robot.edge;
+  const double mapped_before_s = mapped.laser ? mapped.laser->cpu_seconds : 0.0;
 
   const Stopwatch watch;
   const double cpu_before = thread_cpu_seconds();
   try {
     result.input = InputFile{robot.log.string(), hash_of_input(robot.log)};
-    const ChosenSensors chosen = choose_sensors(robot.log, configuration);
-    if (chosen.laser) map_by_laser(robot, configuration, keep_going, give_up, progress, std::move(laser), result);
-    const bool go_on = !result.outcome.trouble || keep_going;
-    if (!chosen.cameras.empty() && go_on) {
-      const double by_laser_s = thread_cpu_seconds(), shared_s = cameras ? cameras->cpu_seconds : 0.0;
-      map_by_cameras(robot, chosen, configuration, keep_going, give_up, progress, std::move(cameras), result);
+    if (robot.trouble) throw *robot.trouble;
+    if (robot.sensors.scans != nullptr) map_by_laser(robot, settings, std::move(mapped.laser), result);
+    const bool go_on = !result.outcome.trouble || settings.keep_going;
+    if (!robot.sensors.cameras.empty() && go_on) {
+      const double by_laser_s = thread_cpu_seconds(), shared_s = mapped.cameras ? mapped.cameras->cpu_seconds : 0.0;
+      map_by_cameras(robot, settings, std::move(mapped.cameras), result);
       result.work.seeing_s = shared_s + thread_cpu_seconds() - by_laser_s;
     }
   } catch (const Error& error) {

@@ -87,7 +87,8 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
     link.trace = path.string();
     transport::LinkModel(link, 0);  // says now what is wrong with it
   };
-  locate(network.robot_edge, "network.robot_edge"), locate(network.robot_cloud, "network.robot_cloud");
+  locate(network.robot_edge, "network.robot_edge");
+  locate(network.robot_cloud, "network.robot_cloud");
   locate(network.edge_cloud, "network.edge_cloud");
   for (std::size_t i = 0; i < network.links.size(); ++i) {
     const std::string where = "network.links." + std::to_string(i);
@@ -256,7 +257,9 @@ RunConfiguration effective(RunConfiguration configuration, const RunPlan& plan) 
   std::vector<RobotEntry> robots;
   for (const PlannedRobot& robot : plan.robots) {
     robots.push_back(robot_entry(configuration, robot.id));
-    robots.back().id = robot.id.str(), robots.back().log = robot.log.string(), robots.back().edge = robot.edge.str();
+    robots.back().id = robot.id.str();
+    robots.back().log = robot.log.string();
+    robots.back().edge = robot.edge.str();
   }
   configuration.robots = std::move(robots);
   std::vector<EdgeEntry> edges;

@@ -2,24 +2,34 @@
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/runtime/sensor_choice.h>
 
-#include <mrpt/obs/CObservation2DRangeScan.h>
-
+#include <algorithm>
+#include <iterator>
 #include <map>
+#include <set>
 
 namespace mapweave::runtime {
 namespace {
 
-using visual::CameraKind;
-
 constexpr double kLook_s = 5.0;
 constexpr int kLookRecords = 3000;
 
+// What the beginning of a log shows.
 struct Found {
-  bool laser = false;
-  std::map<std::string, CameraKind> cameras;  // with the most that each gives
+  std::set<const SensorKind*> scans;                 // in the order of the table
+  std::map<std::string, const SensorKind*> cameras;  // by label, with the most that each gives
 };
 
-int worth(CameraKind kind) { return static_cast<int>(kind); }
+void note(const mrpt::obs::CObservation& observation, Found& found) {
+  const auto kind = std::find_if(std::begin(kSensorKinds), std::end(kSensorKinds),
+                                 [&](const SensorKind& one) { return one.recognises(observation); });
+  if (kind == std::end(kSensorKinds)) return;
+  if (kind->task == SensorTask::scans) {
+    found.scans.insert(kind);
+  } else {
+    const SensorKind*& known = found.cameras.emplace(observation.sensorLabel, kind).first->second;
+    known = std::min(known, static_cast<const SensorKind*>(kind));
+  }
+}
 
 Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading, bool laser_is_enough) {
   Found found;
@@ -30,78 +40,79 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       const auto record = stream->next();
       if (!record) break;
       if (!first) first = record->stamp;
-      const bool anything = found.laser || !found.cameras.empty();
-      if (found.laser && laser_is_enough) break;
+      const bool has_laser = found.scans.count(&kLaser) != 0;
+      const bool is_preferred = has_laser || !found.cameras.empty();  // to a depth sensor
+      if (has_laser && laser_is_enough) break;
       if (!found.cameras.empty() && std::filesystem::is_directory(log)) break;  // a folder of pictures is of one camera
-      if (anything && seconds_between(*first, record->stamp) > kLook_s) break;
-      found.laser =
-          found.laser || dynamic_cast<const mrpt::obs::CObservation2DRangeScan*>(record->observation.get()) != nullptr;
-      if (const auto kind = visual::camera_kind(*record->observation)) {
-        CameraKind& known = found.cameras.emplace(record->observation->sensorLabel, *kind).first->second;
-        if (worth(*kind) > worth(known)) known = *kind;
-      }
+      if (is_preferred && seconds_between(*first, record->stamp) > kLook_s) break;
+      note(*record->observation, found);
     }
   } catch (const Error&) {
     // The mapping tells of it, after what came before it.
-    if (!found.laser && found.cameras.empty()) throw;
+    if (found.scans.empty() && found.cameras.empty()) throw;
   }
   return found;
 }
 
-std::string in_words(CameraKind kind) {
-  switch (kind) {
-    case CameraKind::rgbd: return "depth camera";
-    case CameraKind::stereo: return "stereo pair";
-    default: return "single camera";
-  }
-}
-
 std::string in_words(const Found& found) {
-  std::string text = found.laser ? "a laser" : "";
-  for (const auto& [label, kind] : found.cameras)
-    text += (text.empty() ? "" : ", ") + in_words(kind) + " '" + label + "'";
+  std::string text;
+  const auto add = [&text](const std::string& one) { text += (text.empty() ? "" : ", ") + one; };
+  for (const SensorKind* kind : found.scans) add("a " + std::string(kind->in_words));
+  for (const auto& [label, kind] : found.cameras) add(std::string(kind->in_words) + " '" + label + "'");
   return text.empty() ? "no laser and no camera" : text;
 }
 
-CameraKind kind_of(SensorChoice sensor) {
-  switch (sensor) {
-    case SensorChoice::mono: return CameraKind::mono;
-    case SensorChoice::stereo: return CameraKind::stereo;
-    case SensorChoice::rgbd: return CameraKind::rgbd;
-    default: return CameraKind::automatic;
+// `wanted`: of this kind alone; null: all of them, with the most that each gives.
+std::vector<ChosenCamera> cameras_of(const Found& found, const SensorKind* wanted, const std::string& label) {
+  std::vector<ChosenCamera> chosen;
+  for (const auto& [name, kind] : found.cameras) {
+    if (!label.empty() && name != label) continue;
+    // A picture is all that a single camera gives, and all others do, too.
+    if (wanted == nullptr || wanted == kind || wanted->camera == visual::CameraKind::mono)
+      chosen.push_back({name, wanted == nullptr ? kind : wanted});
   }
+  return chosen;
+}
+
+void expect_label(const std::string& label, const Found& found, const std::filesystem::path& log) {
+  if (label.empty() || found.cameras.empty() || found.cameras.count(label) != 0) return;
+  std::vector<std::string> labels;
+  for (const auto& [name, kind] : found.cameras) labels.push_back(name);
+  const auto nearest = nearest_name(label, labels);
+  throw Error(ErrorCode::kBadInput, "the log has no camera '" + label + "'; it has " + in_words(found), log.string(),
+              nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
+}
+
+ChosenSensors choose(const std::filesystem::path& log, const RunConfiguration& configuration) {
+  const std::string& sensor = configuration.sensor;
+  const SensorKind* wanted = sensor_kind(sensor);
+  if (wanted != nullptr && wanted->task == SensorTask::scans) return {wanted, {}};
+  const bool is_automatic = sensor == "auto";
+  const Found found = look(log, configuration.reading, is_automatic);
+  const SensorKind* laser = found.scans.count(&kLaser) != 0 ? &kLaser : nullptr;
+  if (is_automatic && laser != nullptr) return {laser, {}};
+  const ChosenSensors chosen{sensor == "all" ? laser : nullptr, cameras_of(found, wanted, configuration.visual.label)};
+  if (chosen.scans != nullptr || !chosen.cameras.empty()) return chosen;
+  expect_label(configuration.visual.label, found, log);
+  if (is_automatic || sensor == "all")  // a laser may still come, and its absence is reported by who maps with it
+    return {found.scans.empty() ? &kLaser : *found.scans.begin(), {}};
+  throw Error(
+      ErrorCode::kBadInput,
+      "the log has no " + std::string(wanted == nullptr ? "camera" : wanted->in_words) + "; it has " + in_words(found),
+      log.string(), "choose another sensor, or leave the choice to auto");
 }
 
 }  // namespace
 
-ChosenSensors choose_sensors(const std::filesystem::path& log, const RunConfiguration& configuration) {
-  const bool all = configuration.sensor == SensorChoice::all;
-  if (configuration.sensor == SensorChoice::laser) return {true, {}};
-  const Found found = look(log, configuration.reading, configuration.sensor == SensorChoice::automatic);
-  if (configuration.sensor == SensorChoice::automatic && found.laser) return {true, {}};
-  const CameraKind wanted = kind_of(configuration.sensor);
-  const std::string& label = configuration.visual.label;
-  ChosenSensors chosen;
-  std::vector<std::string> labels;
-  for (const auto& [name, kind] : found.cameras) {
-    labels.push_back(name);
-    if (!label.empty() && name != label) continue;
-    if (wanted == CameraKind::automatic || wanted == CameraKind::mono || wanted == kind)
-      chosen.cameras.push_back({name, wanted == CameraKind::automatic ? kind : wanted});
-  }
-  chosen.laser = all && found.laser;
-  if (chosen.laser || !chosen.cameras.empty()) return chosen;
-  if (!label.empty() && found.cameras.count(label) == 0 && !labels.empty()) {
-    const auto nearest = nearest_name(label, labels);
-    throw Error(ErrorCode::kBadInput, "the log has no camera '" + label + "'; it has " + in_words(found), log.string(),
-                nearest ? "did you mean '" + *nearest + "'?" : "choose one of them with visual.label");
-  }
-  if (wanted == CameraKind::automatic && configuration.sensor != SensorChoice::cameras)
-    return {true, {}};  // a laser may still come, and its absence is reported by who maps with it
-  throw Error(ErrorCode::kBadInput,
-              "the log has no " + (wanted == CameraKind::automatic ? "camera" : in_words(wanted)) + "; it has " +
-                  in_words(found),
-              log.string(), "choose another sensor, or leave the choice to auto");
+void choose_sensors(RunPlan& plan, const RunConfiguration& configuration, WorkerPool& pool) {
+  pool.for_each(plan.robots.size(), [&](std::size_t i) {
+    PlannedRobot& robot = plan.robots[i];
+    try {
+      robot.sensors = choose(robot.log, configuration);
+    } catch (const Error& error) {
+      robot.trouble = error;
+    }
+  });
 }
 
 }  // namespace mapweave::runtime

@@ -54,7 +54,8 @@ class Link {
 
  private:
   void count() {
-    report_->sent_bytes = agent_.sent_bytes(), report_->received_bytes = agent_.received_bytes();
+    report_->sent_bytes = agent_.sent_bytes();
+    report_->received_bytes = agent_.received_bytes();
     report_->borrowed = std::max(report_->borrowed, std::uint64_t{client_->borrowed_seen()});
   }
 
@@ -105,13 +106,8 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
   for (const TierId& edge : plan.edges) {
     std::deque<Member> members;
     for (const PlannedRobot& robot : plan.robots) {
-      if (robot.edge != edge) continue;
-      try {
-        const ChosenSensors chosen = choose_sensors(robot.log, configuration);
-        if (!chosen.cameras.empty())
-          members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
-      } catch (const Error&) {  // is told where the robot is mapped
-      }
+      if (robot.edge == edge && !robot.sensors.cameras.empty())
+        members.push_back({robot.id, CameraTask(robot, configuration, keep_going, progress), {}});
     }
     drive(members, configuration, edge, pool);
     std::vector<CamerasOutcome> finished =

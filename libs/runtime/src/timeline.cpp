@@ -45,96 +45,141 @@ const transport::LinkModelOptions& wire_between(const NetworkOptions& network, c
   return named != network.links.end() ? *named : otherwise;
 }
 
-Timeline timeline(const TimelineOptions& options, const Work& work) {
-  const NetworkOptions& network = options.network;
-  const ProcessorOptions& processors = options.processors;
-  const std::string cloud = options.cloud.at.empty() ? kCloud : options.cloud.at;
-  std::map<TierId, double> speed;  // of edges
-  for (const EdgeWork& edge : work.edges) speed[edge.id] = processors.edge_speed() * edge.speed;
-  const auto speed_of = [&](const TierId& edge) {
-    return speed.count(edge) != 0 ? speed.at(edge) : processors.edge_speed();
-  };
-  Wires wires(options);
-  Timeline result;
-  result.mode = options.mode;
-  result.recorded_s = options.recorded_s;
-  struct Finished {
+namespace {
+
+// Steps of a run in virtual time, each after those that it waits for.
+class Replay {
+ public:
+  Replay(const TimelineOptions& options, const Work& work)
+      : options_(options), work_(work), cloud_(options.cloud.at.empty() ? kCloud : options.cloud.at), wires_(options) {
+    result_.mode = options.mode;
+    result_.recorded_s = options.recorded_s;
+    for (const EdgeWork& edge : work.edges) speed_[edge.id] = options.processors.edge_speed() * edge.speed;
+  }
+
+  Timeline run() {
+    for (const RobotWork& robot : work_.robots) map(robot);
+    send_maps_on();
+    for (const EdgeWork& edge : work_.edges) fuse(edge);
+    judge_on_edges();
+    finalize();
+    return std::move(result_);
+  }
+
+ private:
+  struct MapAtEdge {
     double at_s;
     const RobotWork* robot;
   };
-  std::vector<Finished> at_edges;
-  std::map<TierId, double> ready_s;
-  double maps_there_s = 0.0;
-  for (const RobotWork& robot : work.robots) {
-    Timeline::Robot line{robot.id, robot.edge};
-    const std::string id = robot.id.str(), edge = robot.edge.str();
-    const bool is_alone = edge.empty() || options.mode == Mode::cloud_only;
-    double busy_s = 0.0;
-    if (options.mode == Mode::offload && !is_alone) {
-      line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / processors.robot_speed();
-      line.arrived_s = wires.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes);
-      line.mapped_s = line.arrived_s + robot.mapping_s / speed_of(robot.edge);
-    } else {
-      line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / processors.robot_speed();
-      if (is_alone)
-        line.arrived_s = wires.send(id, cloud, options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
-                                    line.mapped_s, robot.map_bytes);
-      else
-        line.arrived_s = wires.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes);
-    }
-    if (robot.log_s > 0.0) line.load = busy_s / robot.log_s;
-    const double there_s = std::max(line.arrived_s, line.mapped_s);
-    if (is_alone || edge == cloud) maps_there_s = std::max(maps_there_s, there_s);
-    if (!is_alone) {
-      ready_s[robot.edge] = std::max(ready_s[robot.edge], there_s);
-      if (edge != cloud) at_edges.push_back({there_s, &robot});
-    }
-    result.robots.push_back(line);
+  double speed_of(const TierId& edge) const {
+    const auto known = speed_.find(edge);
+    return known != speed_.end() ? known->second : options_.processors.edge_speed();
   }
-  // Each map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
-  std::map<TierId, std::uint64_t> sent;
-  std::stable_sort(at_edges.begin(), at_edges.end(),
-                   [](const Finished& l, const Finished& r) { return l.at_s < r.at_s; });
-  for (const auto& [at_s, robot] : at_edges) {
-    maps_there_s =
-        std::max(maps_there_s, wires.send(robot->edge.str(), cloud, network.edge_cloud, at_s, robot->map_bytes));
-    sent[robot->edge] += robot->map_bytes;
+  double cloud_speed() const {
+    return options_.cloud.at.empty() ? options_.processors.cloud_speed() : speed_of(TierId(cloud_));
   }
-  double received_s = 0.0, free_s = 0.0;  // free: where the cloud is an edge, that has fused
-  for (const EdgeWork& edge : work.edges) {
-    Timeline::Edge line{edge.id, ready_s[edge.id]};
-    const bool is_here = edge.id.str() == cloud;
-    line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
-    line.arrived_s = is_here ? line.fused_s
-                             : wires.send(edge.id.str(), cloud, network.edge_cloud, line.fused_s,
-                                          edge.bytes - std::min(edge.bytes, sent[edge.id]));
-    if (is_here) free_s = line.fused_s;
-    received_s = std::max(received_s, line.arrived_s);
-    result.edges.push_back(line);
+  const auto& robot_cloud() const {
+    return options_.cloud.at.empty() ? options_.network.robot_cloud : options_.network.robot_edge;
   }
-  // Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused
-  // their own.
-  const double cloud_speed = options.cloud.at.empty() ? processors.cloud_speed() : speed_of(TierId(cloud));
-  const double planned_s = std::max(maps_there_s, free_s) + work.planning_s / cloud_speed;
-  double judged_s = std::max(received_s, planned_s);
-  for (std::size_t i = 0; i < work.edges.size(); ++i) {
-    const EdgeWork& edge = work.edges[i];
-    Timeline::Edge& line = result.edges[i];
-    if (edge.judging_s == 0.0 && edge.sent_bytes == 0) continue;
-    const bool is_here = edge.id.str() == cloud;
-    const double sent_s =
-        is_here ? planned_s : wires.send(cloud, edge.id.str(), network.edge_cloud, planned_s, edge.sent_bytes);
-    const double done_s = std::max(line.fused_s, sent_s) + edge.judging_s / speed_of(edge.id);
-    line.judged_s = is_here ? done_s : wires.send(edge.id.str(), cloud, network.edge_cloud, done_s, edge.judged_bytes);
-    judged_s = std::max(judged_s, line.judged_s);
+  double send_up(const TierId& edge, double at_s, std::uint64_t bytes) {
+    return wires_.send(edge.str(), cloud_, options_.network.edge_cloud, at_s, bytes);
   }
-  result.total_s = judged_s + (work.fusing_s - work.planning_s) / cloud_speed;
-  for (const PushWork& push : work.pushes)
-    result.pushes.push_back({push.robot, wires.send(cloud, push.robot.str(),
-                                                    options.cloud.at.empty() ? network.robot_cloud : network.robot_edge,
-                                                    result.total_s, push.bytes)});
-  return result;
+  void map(const RobotWork& robot);
+  void send_maps_on();
+  void fuse(const EdgeWork& edge);
+  void judge_on_edges();
+  void finalize();
+
+  const TimelineOptions& options_;
+  const Work& work_;
+  const std::string cloud_;
+  Wires wires_;
+  Timeline result_;
+  std::map<TierId, double> speed_;            // of edges
+  std::map<TierId, double> ready_s_;          // the last of its robots' maps is there
+  std::vector<MapAtEdge> at_edges_;           // to go on to the cloud
+  std::map<TierId, std::uint64_t> sent_;      // bytes of these maps
+  double maps_there_s_ = 0.0;                 // all maps are in the cloud
+  double received_s_ = 0.0, judged_s_ = 0.0;  // what edges found is there; what they judged, too
+  double free_s_ = 0.0;                       // where the cloud is an edge: that has fused
+};
+
+void Replay::map(const RobotWork& robot) {
+  const NetworkOptions& network = options_.network;
+  const double robot_speed = options_.processors.robot_speed();
+  const std::string id = robot.id.str(), edge = robot.edge.str();
+  const bool is_alone = edge.empty() || options_.mode == Mode::cloud_only;
+  Timeline::Robot line{robot.id, robot.edge};
+  double busy_s = 0.0;
+  if (options_.mode == Mode::offload && !is_alone) {
+    line.packed_s = busy_s = (robot.packing_s + robot.seeing_s) / robot_speed;
+    line.arrived_s = wires_.send(id, edge, network.robot_edge, line.packed_s, robot.sensed_bytes);
+    line.mapped_s = line.arrived_s + robot.mapping_s / speed_of(robot.edge);
+  } else {
+    line.mapped_s = busy_s = (robot.mapping_s + robot.seeing_s) / robot_speed;
+    line.arrived_s = is_alone ? wires_.send(id, cloud_, robot_cloud(), line.mapped_s, robot.map_bytes)
+                              : wires_.send(id, edge, network.robot_edge, line.mapped_s, robot.map_bytes);
+  }
+  if (robot.log_s > 0.0) line.load = busy_s / robot.log_s;
+  const double there_s = std::max(line.arrived_s, line.mapped_s);
+  if (is_alone || edge == cloud_) maps_there_s_ = std::max(maps_there_s_, there_s);
+  if (!is_alone) {
+    ready_s_[robot.edge] = std::max(ready_s_[robot.edge], there_s);
+    if (edge != cloud_) at_edges_.push_back({there_s, &robot});
+  }
+  result_.robots.push_back(line);
 }
+
+// Each map goes on to the cloud while its edge waits for others and fuses. What the edge found of them follows.
+void Replay::send_maps_on() {
+  std::stable_sort(at_edges_.begin(), at_edges_.end(),
+                   [](const MapAtEdge& l, const MapAtEdge& r) { return l.at_s < r.at_s; });
+  for (const auto& [at_s, robot] : at_edges_) {
+    maps_there_s_ = std::max(maps_there_s_, send_up(robot->edge, at_s, robot->map_bytes));
+    sent_[robot->edge] += robot->map_bytes;
+  }
+}
+
+void Replay::fuse(const EdgeWork& edge) {
+  Timeline::Edge line{edge.id, ready_s_[edge.id]};
+  line.fused_s = line.ready_s + edge.fusing_s / speed_of(edge.id);
+  if (edge.id.str() == cloud_)
+    line.arrived_s = free_s_ = line.fused_s;
+  else
+    line.arrived_s = send_up(edge.id, line.fused_s, edge.bytes - std::min(edge.bytes, sent_[edge.id]));
+  received_s_ = std::max(received_s_, line.arrived_s);
+  result_.edges.push_back(line);
+}
+
+// Once all maps are there, the cloud shares out those that lie on two edges, which compare them when they have fused
+// their own.
+void Replay::judge_on_edges() {
+  const double planned_s = std::max(maps_there_s_, free_s_) + work_.planning_s / cloud_speed();
+  judged_s_ = std::max(received_s_, planned_s);
+  for (std::size_t i = 0; i < work_.edges.size(); ++i) {
+    const EdgeWork& edge = work_.edges[i];
+    Timeline::Edge& line = result_.edges[i];
+    if (edge.judging_s == 0.0 && edge.sent_bytes == 0) continue;
+    const bool is_here = edge.id.str() == cloud_;
+    const double sent_s =
+        is_here ? planned_s
+                : wires_.send(cloud_, edge.id.str(), options_.network.edge_cloud, planned_s, edge.sent_bytes);
+    const double done_s = std::max(line.fused_s, sent_s) + edge.judging_s / speed_of(edge.id);
+    line.judged_s = is_here ? done_s : send_up(edge.id, done_s, edge.judged_bytes);
+    judged_s_ = std::max(judged_s_, line.judged_s);
+  }
+}
+
+void Replay::finalize() {
+  result_.total_s = judged_s_ + (work_.fusing_s - work_.planning_s) / cloud_speed();
+  for (const PushWork& push : work_.pushes)
+    result_.pushes.push_back(
+        {push.robot, wires_.send(cloud_, push.robot.str(), robot_cloud(), result_.total_s, push.bytes)});
+}
+
+}  // namespace
+
+Timeline timeline(const TimelineOptions& options, const Work& work) { return Replay(options, work).run(); }
 
 nlohmann::ordered_json timeline_json(const Timeline& timeline, const Work& work) {
   using Json = nlohmann::ordered_json;

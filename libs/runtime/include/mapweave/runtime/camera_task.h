@@ -7,7 +7,6 @@
 #include <mapweave/rig/rig.h>
 #include <mapweave/runtime/report.h>
 #include <mapweave/runtime/run_configuration.h>
-#include <mapweave/runtime/sensor_choice.h>
 #include <mapweave/visual/visual_client.h>
 
 #include <atomic>
@@ -63,7 +62,7 @@ struct CamerasOutcome {
 class CameraTask {
  public:
   // With `keep_going` what comes before trouble with the log is mapped.
-  CameraTask(const PlannedRobot&, const ChosenSensors& cameras, const RunConfiguration&, bool keep_going, Progress&);
+  CameraTask(const PlannedRobot&, const RunConfiguration&, bool keep_going, Progress&);
   ~CameraTask();
   CameraTask(CameraTask&&) noexcept;
 

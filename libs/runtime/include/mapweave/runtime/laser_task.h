@@ -1,6 +1,6 @@
 #pragma once
-// One robot's laser from its log to its map, a moment at a time: the log's reader, the robot's agent and its SLAM
-// instance, wired in one thread.
+// One robot's planar scans, of a laser or of another sensor that makes such, from its log to its map, a moment at a
+// time: the log's reader, the robot's agent and its SLAM instance, wired in one thread.
 
 #include <mapweave/core/progress.h>
 #include <mapweave/runtime/run_configuration.h>

@@ -24,12 +24,22 @@ struct RobotResult {
   std::optional<InputFile> input;  // the log; none where it cannot be read
 };
 
+// How a run maps its robots.
+struct MappingSettings {
+  const RunConfiguration& configuration;
+  bool keep_going;
+  const std::atomic<bool>& give_up;  // becomes true where another robot's trouble ends the run
+  Progress& progress;
+};
+// What was mapped together with others already.
+struct MappedTogether {
+  std::optional<LaserOutcome> laser;
+  std::optional<CamerasOutcome> cameras;
+};
+
 // Reads the whole log, or up to trouble, which stands in the outcome; what came before it is mapped with `keep_going`
 // only. A log that cannot be read and an engine that cannot start are trouble too. Throws Interrupted alone: after a
-// signal, or when `give_up` becomes true. `laser`, `cameras`: where they were mapped together with those of others
-// already.
-RobotResult map_robot(const PlannedRobot&, const RunConfiguration&, bool keep_going, const std::atomic<bool>& give_up,
-                      Progress&, std::optional<LaserOutcome> laser = std::nullopt,
-                      std::optional<CamerasOutcome> cameras = std::nullopt);
+// signal, or when `give_up` becomes true. The plan's sensors are chosen.
+RobotResult map_robot(const PlannedRobot&, const MappingSettings&, MappedTogether = {});
 
 }  // namespace mapweave::runtime

@@ -1,6 +1,7 @@
 #pragma once
 // What `run` does, as a configuration file says it; `slam` and `merge` read the same keys.
 
+#include <mapweave/core/error.h>
 #include <mapweave/core/ids.h>
 #include <mapweave/core/options.h>
 #include <mapweave/exporters/depth_cloud.h>
@@ -12,13 +13,16 @@
 #include <mapweave/rawlog/observation_stream.h>
 #include <mapweave/rig/laser_camera_alignment.h>
 #include <mapweave/rig/rig.h>
+#include <mapweave/runtime/sensor_kinds.h>
 #include <mapweave/runtime/timeline.h>
 #include <mapweave/tiers/camera_agent.h>
 #include <mapweave/tiers/visual_server.h>
 #include <mapweave/visual/client_options.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mapweave::runtime {
@@ -78,9 +82,6 @@ struct RobotEntry {
               "pose where the robot began, if it is known: a prior for merging its map, which walls may contradict");
   }
 };
-
-// Which of a robot's sensors are mapped.
-enum class SensorChoice { automatic, laser, mono, stereo, rgbd, cameras, all };
 
 struct VisualOptions {
   std::string label, vocabulary;
@@ -209,7 +210,7 @@ struct RunConfiguration {
   Mode mode = Mode::offload;
   NetworkOptions network;
   ProcessorOptions processors;
-  SensorChoice sensor = SensorChoice::automatic;
+  std::string sensor = "auto";  // of kSensorChoices
   rawlog::ReadOptions reading;
   laser::LaserOptions laser;
   VisualOptions visual;
@@ -240,17 +241,7 @@ struct RunConfiguration {
               "says when everything "
               "would have arrived");
     v.section("processors", processors, "simulated speed of the tiers' processors, for the same virtual time");
-    v.choice("sensor", sensor,
-             {{"auto", SensorChoice::automatic},
-              {"laser", SensorChoice::laser},
-              {"mono", SensorChoice::mono},
-              {"stereo", SensorChoice::stereo},
-              {"rgbd", SensorChoice::rgbd},
-              {"cameras", SensorChoice::cameras},
-              {"all", SensorChoice::all}},
-             "sensors to map with; auto: the laser if a log has one, else its cameras; cameras: all cameras with all "
-             "that each gives; "
-             "all: laser and cameras in one pose graph; mono, stereo and rgbd use just that of each camera");
+    describe_sensor(v, std::make_index_sequence<kSensorChoices.size()>());
     v.section("reading", reading, "what a log does not say itself");
     v.section("laser", laser, "laser SLAM of one robot");
     v.section("visual", visual, "visual SLAM of one camera");
@@ -263,12 +254,20 @@ struct RunConfiguration {
     v.section("compose", compose, "drawing occupancy grids from scans");
     v.section("output", output, "files that are written beside each map.mwdb");
   }
+
+ private:
+  template <class Visitor, std::size_t... I>
+  void describe_sensor(Visitor& v, std::index_sequence<I...>) {
+    v.choice("sensor", sensor, {{kSensorChoices[I], std::string(kSensorChoices[I])}...}, kSensorChoiceText);
+  }
 };
 
 struct PlannedRobot {
   RobotId id;
   TierId edge;
   std::filesystem::path log;
+  ChosenSensors sensors = {};         // by choose_sensors()
+  std::optional<Error> trouble = {};  // why none could be chosen
 };
 struct RunPlan {
   std::vector<PlannedRobot> robots;  // by id; without a coordinator each has an edge

@@ -1,0 +1,52 @@
+#include "map_robots.h"
+
+#include "shared_cameras.h"
+
+#include <mapweave/core/interrupt.h>
+#include <mapweave/runtime/sensor_choice.h>
+
+namespace mapweave::runtime {
+namespace {
+
+// Bad input is somebody's to mend before half a team's map looks like a whole one; a helper that died is not.
+bool ends_the_run(const RobotResult& robot, bool keep_going) {
+  const auto& trouble = robot.outcome.trouble;
+  return trouble && !keep_going && trouble->code() != ErrorCode::kHelperFailed;
+}
+
+}  // namespace
+
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration& configuration, RunPlan& plan,
+                                                   CoordinatedRobots* coordinated, bool keep_going, WorkerPool& pool,
+                                                   Progress& progress) {
+  std::atomic<bool> give_up{false};
+  std::map<RobotId, CamerasOutcome> shared;
+  std::map<RobotId, LaserOutcome> lasers;
+  try {
+    choose_sensors(plan, configuration, pool);
+    if (coordinated != nullptr) lasers = coordinated->map_lasers(keep_going, pool, progress);
+    if (configuration.server.share != tiers::Sharing::none)
+      shared = map_shared_cameras(configuration, plan, keep_going, pool, progress);
+  } catch (const Interrupted&) {
+    return std::vector<std::optional<RobotResult>>(plan.robots.size());
+  }
+  auto robots = pool.map(plan.robots.size(), [&](std::size_t i) -> std::optional<RobotResult> {
+    try {
+      const auto cameras = shared.find(plan.robots[i].id);
+      const auto laser = lasers.find(plan.robots[i].id);
+      MappedTogether mapped;
+      if (laser != lasers.end()) mapped.laser = std::move(laser->second);
+      if (cameras != shared.end()) mapped.cameras = std::move(cameras->second);
+      RobotResult result = map_robot(plan.robots[i], {configuration, keep_going, give_up, progress}, std::move(mapped));
+      if (ends_the_run(result, keep_going)) give_up = true;
+      return result;
+    } catch (const Interrupted&) {
+      return std::nullopt;
+    }
+  });
+  for (const auto& robot : robots)
+    if (robot && ends_the_run(*robot, keep_going)) throw *robot->outcome.trouble;
+  return robots;
+}
+
+}  // namespace mapweave::runtime

@@ -1,0 +1,18 @@
+#pragma once
+// All robots of a run from their logs to their maps, each a task of the worker pool.
+
+#include "coordinated_robots.h"
+
+#include <mapweave/runtime/robot_task.h>
+
+#include <optional>
+#include <vector>
+
+namespace mapweave::runtime {
+
+// Chooses the sensors of the plan, and maps. Every robot of the plan, nullopt for those that were interrupted.
+// `coordinated`: maps the lasers; may be null. Throws the first trouble with a robot, unless it is to be lived with.
+std::vector<std::optional<RobotResult>> map_robots(const RunConfiguration&, RunPlan&, CoordinatedRobots* coordinated,
+                                                   bool keep_going, WorkerPool&, Progress&);
+
+}  // namespace mapweave::runtime

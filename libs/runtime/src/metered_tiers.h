@@ -1,0 +1,81 @@
+#pragma once
+// Edges and the cloud with what they cost: processor time of this process, and bytes that they send.
+
+#include <mapweave/runtime/metrics.h>
+#include <mapweave/runtime/timeline.h>
+#include <mapweave/tiers/cloud_merger.h>
+#include <mapweave/tiers/edge_server.h>
+
+#include <numeric>
+#include <utility>
+
+namespace mapweave::runtime {
+
+// What `call` returns; its processor time is added to `sum_s`.
+template <class Call>
+auto metered(double& sum_s, Call&& call) {
+  struct Meter {
+    double& sum_s;
+    const double begin_s = process_cpu_seconds();
+    ~Meter() { sum_s += process_cpu_seconds() - begin_s; }
+  } const meter{sum_s};
+  return call();
+}
+
+inline std::uint64_t bytes_of(const std::vector<std::string>& messages) {
+  return std::accumulate(messages.begin(), messages.end(), std::uint64_t{0},
+                         [](std::uint64_t sum, const std::string& message) { return sum + message.size(); });
+}
+
+class MeteredEdge {
+ public:
+  MeteredEdge(tiers::EdgeServer edge, double speed) : edge_(std::move(edge)) {
+    work_.id = edge_.id();
+    work_.speed = speed;
+  }
+
+  tiers::EdgeServer::Effects step(const tiers::RobotOutcome& outcome, WorkerPool& pool, Progress& progress) {
+    auto effects = metered(work_.fusing_s, [&] { return edge_.step(outcome, pool, progress); });
+    work_.bytes += bytes_of(effects.for_cloud);
+    return effects;
+  }
+  tiers::EdgeServer::Effects step(const tiers::JudgingTask& task, WorkerPool& pool, Progress& progress) {
+    auto effects = metered(work_.judging_s, [&] { return edge_.step(task, pool, progress); });
+    work_.sent_bytes += bytes_of(task.updates);
+    work_.judged_bytes += bytes_of(effects.for_cloud);
+    return effects;
+  }
+  TierId id() const { return edge_.id(); }
+  const fusion::FusionResult& result() const { return edge_.result(); }
+  const EdgeWork& work() const { return work_; }
+
+ private:
+  tiers::EdgeServer edge_;
+  EdgeWork work_;
+};
+
+class MeteredCloud {
+ public:
+  explicit MeteredCloud(tiers::CloudMerger cloud) : cloud_(std::move(cloud)) {}
+
+  void set_priors(std::vector<fusion::MapPrior> priors) { cloud_.set_priors(std::move(priors)); }
+  void receive(const std::string& update, const std::string& where) {
+    metered(fusing_s_, [&] { return cloud_.receive(update, where); });
+  }
+  std::map<TierId, tiers::JudgingTask> judging_tasks(const std::set<TierId>& edges, WorkerPool& pool) {
+    auto tasks = metered(fusing_s_, [&] { return cloud_.judging_tasks(edges, pool); });
+    planning_s_ = fusing_s_;
+    return tasks;
+  }
+  fusion::FusionResult seal(WorkerPool& pool, Progress& progress) {
+    return metered(fusing_s_, [&] { return cloud_.seal(pool, progress); });
+  }
+  double fusing_s() const { return fusing_s_; }      // all of it
+  double planning_s() const { return planning_s_; }  // of these, before it knew what edges shall judge
+
+ private:
+  tiers::CloudMerger cloud_;
+  double fusing_s_ = 0.0, planning_s_ = 0.0;
+};
+
+}  // namespace mapweave::runtime
