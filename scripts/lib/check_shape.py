@@ -59,8 +59,6 @@ def tokens_of(text):
     tokens, line, open_brackets = [], 1, []
     for found in TOKEN.finditer(text):
         kind, piece = found.lastgroup, found.group()
-        if kind == "mark":
-            kind = "text"
         if kind != "skip":
             token = Token('""' if kind == "text" else piece, line, kind)
             if piece in ("(", "[", "{"):

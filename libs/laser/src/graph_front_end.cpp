@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kFewestPoints = 15;
 constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
-constexpr double kShortestMotion_s = 0.02, kLongestStep_s = 0.5;
+constexpr double kShortestMotion_s = 0.02;
 constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep
 constexpr double kClearlyBetter = 0.03;                    // of the mean likelihood under the points
 

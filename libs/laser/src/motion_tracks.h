@@ -10,6 +10,9 @@
 
 namespace mapweave::laser {
 
+constexpr double kInertialGap_s = 0.25;  // readings of the inertial unit farther apart say nothing of what is between
+constexpr double kLongestStep_s = 0.5;   // from scan to scan: else the turn rate is not known
+
 // Accumulated odometry at any stamp: between readings by interpolation, shortly after the last one by going on as
 // before.
 class OdometryTrack {

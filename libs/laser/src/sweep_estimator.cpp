@@ -1,4 +1,5 @@
 #include "sweep_estimator.h"
+#include "motion_tracks.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -9,7 +10,6 @@ namespace {
 
 constexpr double kWindow_s = 1.5;                   // scans that are compared lie this near in time,
 constexpr double kNear_m = 0.6, kTurned_rad = 1.0;  // and see the same walls
-constexpr double kLongestStep_s = 0.5;              // from scan to scan: else the turn rate is not known
 constexpr double kClearlyOther_rad_s = 0.2;         // between two turn rates
 constexpr double kSpacing_s = 0.08;                 // between pairs
 constexpr std::size_t kMostKept = 100;              // scans at once

@@ -31,12 +31,37 @@ bool can_be_made(std::string_view class_name) {
   return class_id != nullptr && class_id->ptrCreateObject != nullptr;
 }
 
-// The bytes of an object, from the source's position on.
+// The bytes of an object: what its parts are made of.
 class ObjectBytes {
  public:
   ObjectBytes(ByteSource& source, std::uint64_t most_bytes) : source_(source), most_bytes_(most_bytes) {}
 
  protected:
+  ObjectHeader header() {
+    ObjectHeader found;
+    const auto first = number<std::uint8_t>();
+    found.has_end_flag = (first & 0x80) != 0;
+    found.name_length = first & 0x7f;
+    if (!found.has_end_flag && (number<std::uint8_t>() != 0 || number<std::uint16_t>() != 0)) throw no_header();
+    if (found.name_length == 0 || found.name_length > found.name.size()) throw no_header();
+    const auto name = bytes(found.name_length);
+    if (!std::all_of(name.begin(), name.end(), is_name_letter)) throw no_header();
+    std::copy(name.begin(), name.end(), found.name.begin());
+    if (!found.has_end_flag) {
+      const auto version = number<std::int32_t>();
+      if (version < 0 || version > 254) throw corrupt("class version " + std::to_string(version) + " cannot be");
+      found.version = version;
+    } else if (found.class_name() != "nullptr") {
+      found.version = number<std::uint8_t>();
+    }
+    return found;
+  }
+
+  bool end(const ObjectHeader& object_header) {
+    if (object_header.has_end_flag && number<char>() != kEndFlag)
+      throw corrupt("lacks its end flag; 0x88 was expected");
+    return true;
+  }
   bool text() {
     array(number<std::uint32_t>(), 1, "letters");
     return true;
@@ -89,6 +114,20 @@ class ObjectBytes {
     return true;
   }
   bool flag() { return number<std::uint8_t>() != 0; }
+  bool pixels(std::int64_t width, std::int64_t height, std::size_t bytes_each) {
+    if (width < 0 || height < 0 || width > kLongestSide || height > kLongestSide ||
+        static_cast<std::uint64_t>(width * height) * bytes_each > most_bytes_)
+      throw corrupt("announces a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
+    pixel_bytes_ = static_cast<std::size_t>(width * height) * bytes_each;
+    return true;
+  }
+  bool jpeg() {
+    const auto count = number<std::uint32_t>();
+    const std::size_t start = at_;
+    array(count, 1, "bytes");
+    if (const auto size = jpeg_size(source_.ahead(at_).substr(start, count))) pixels(size->width, size->height, 3);
+    return true;
+  }
   bool matrix(std::size_t cell_bytes) {
     const auto rows = number<std::uint32_t>(), columns = number<std::uint32_t>();
     if (rows > kLongestSide || columns > kLongestSide)
@@ -99,7 +138,8 @@ class ObjectBytes {
 
   ByteSource& source_;
   std::uint64_t most_bytes_;
-  std::size_t at_ = 0;
+  std::size_t at_ = 0;                    // from the source's position
+  std::size_t pixel_bytes_ = 0;           // of the picture last announced
   const ObjectHeader* within_ = nullptr;  // the innermost object
 };
 
@@ -114,26 +154,6 @@ class Walker : ObjectBytes {
   }
 
  private:
-  ObjectHeader header() {
-    ObjectHeader found;
-    const auto first = number<std::uint8_t>();
-    found.has_end_flag = (first & 0x80) != 0;
-    found.name_length = first & 0x7f;
-    if (!found.has_end_flag && (number<std::uint8_t>() != 0 || number<std::uint16_t>() != 0)) throw no_header();
-    if (found.name_length == 0 || found.name_length > found.name.size()) throw no_header();
-    const auto name = bytes(found.name_length);
-    if (!std::all_of(name.begin(), name.end(), is_name_letter)) throw no_header();
-    std::copy(name.begin(), name.end(), found.name.begin());
-    if (!found.has_end_flag) {
-      const auto version = number<std::int32_t>();
-      if (version < 0 || version > 254) throw corrupt("class version " + std::to_string(version) + " cannot be");
-      found.version = version;
-    } else if (found.class_name() != "nullptr") {
-      found.version = number<std::uint8_t>();
-    }
-    return found;
-  }
-
   bool nested(std::size_t depth) {
     if (depth >= kDeepest) throw corrupt("objects are nested deeper than " + std::to_string(kDeepest));
     const std::size_t start = at_;
@@ -270,20 +290,6 @@ class Walker : ObjectBytes {
     array(announced, 1, "bytes");
     return true;
   }
-  bool pixels(std::int64_t width, std::int64_t height, std::size_t bytes_each) {
-    if (width < 0 || height < 0 || width > kLongestSide || height > kLongestSide ||
-        static_cast<std::uint64_t>(width * height) * bytes_each > most_bytes_)
-      throw corrupt("announces a picture of " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
-    pixel_bytes_ = static_cast<std::size_t>(width * height) * bytes_each;
-    return true;
-  }
-  bool jpeg() {
-    const auto count = number<std::uint32_t>();
-    const std::size_t start = at_;
-    array(count, 1, "bytes");
-    if (const auto size = jpeg_size(source_.ahead(at_).substr(start, count))) pixels(size->width, size->height, 3);
-    return true;
-  }
   bool camera(int version, std::size_t depth) {
     skip(8 + (version >= 3 ? 8 : 5) * 8);
     if (version >= 4)
@@ -368,14 +374,6 @@ class Walker : ObjectBytes {
     if (version <= 1) return nested(depth);
     return version == 2 ? skip(7 * 8) : version == 3 && skip(12 * 8);
   }
-
-  bool end(const ObjectHeader& object_header) {
-    if (object_header.has_end_flag && number<char>() != kEndFlag)
-      throw corrupt("lacks its end flag; 0x88 was expected");
-    return true;
-  }
-
-  std::size_t pixel_bytes_ = 0;  // of the picture last announced
 };
 
 }  // namespace

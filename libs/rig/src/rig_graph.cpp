@@ -30,6 +30,13 @@ struct RigNode {
   Sim3 group_from_node;
 };
 
+// In time.
+std::vector<MovedKeyframe>::const_iterator nearest(const std::vector<MovedKeyframe>& keyframes, Stamp stamp) {
+  return std::min_element(keyframes.begin(), keyframes.end(), [&](const auto& a, const auto& b) {
+    return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
+  });
+}
+
 bool is_short(Stamp first, Stamp last) {
   constexpr double kLongest_s = 5.0;
   return std::abs(seconds_between(first, last)) < kLongest_s;
@@ -125,10 +132,7 @@ class RigGraph {
                  now = virtual_keyframe(parts_[m], to.stamp, options_);
       if (!then || !now) continue;
       Pose3 seen = between(then->own_from_robot, now->own_from_robot);
-      const auto near =
-          std::min_element(parts_[m].keyframes.begin(), parts_[m].keyframes.end(), [&](const auto& a, const auto& b) {
-            return std::abs(a.stamp.ns - from.stamp.ns) < std::abs(b.stamp.ns - from.stamp.ns);
-          });
+      const auto near = nearest(parts_[m].keyframes, from.stamp);
       seen = rescaled(seen, near->robot_from_camera, near->scale);
       least = std::min(least, disagreement(seen, between(from.before, to.before)));
     }
@@ -176,10 +180,7 @@ class RigGraph {
       const Stamp stamp = part.keyframes[k].stamp;
       const auto seen = virtual_keyframe(other, stamp, options_);
       if (!seen) continue;
-      const auto near =
-          std::min_element(other.keyframes.begin(), other.keyframes.end(), [&](const auto& a, const auto& b) {
-            return std::abs(a.stamp.ns - stamp.ns) < std::abs(b.stamp.ns - stamp.ns);
-          });
+      const auto near = nearest(other.keyframes, stamp);
       std::uint32_t from = numbers_.at(other.ids[static_cast<std::size_t>(near - other.keyframes.begin())]),
                     to = numbers_.at(part.ids[k]);
       const Pose3 own = rescaled(between(near->before, seen->own_from_robot), near->robot_from_camera, near->scale);

@@ -233,7 +233,7 @@ bool LaserMerger::is_same(const MergeHypothesis& one, const MergeHypothesis& oth
   const SubmapMatch& match = one.matches.front();
   const Pose2 apart = between(between(one.solved.pose_of(match.from), one.solved.pose_of(match.to)),
                               between(other.solved.pose_of(match.from), other.solved.pose_of(match.to)));
-  return std::hypot(apart.x, apart.y) < 0.5 && std::abs(apart.phi) < 0.1;
+  return std::hypot(apart.x, apart.y) < kOneHypothesis_m && std::abs(apart.phi) < kOneHypothesis_rad;
 }
 
 }  // namespace mapweave::fusion

@@ -2,14 +2,13 @@
 
 #include "laser_team.h"
 
+#include "grid/grid_conflicts.h"
+
 #include <algorithm>
 #include <cmath>
 
 namespace mapweave::fusion {
 namespace {
-
-constexpr std::size_t kMostPlaces = 20;
-constexpr double kSame_m = 0.5, kSame_rad = 0.1;  // hypotheses nearer to each other than this count as one
 
 Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved) {
   return compose(solved.pose_of(graph.number(number, 0)), inverse(map.map_from_submap.front()));
@@ -33,7 +32,7 @@ Pose2 in_map(const PreparedMap& map, const SubmapGraph& graph, std::size_t numbe
 
 bool lie_together(const Sim3& one, const Sim3& other) {
   const Pose2 apart = between(planar(one.pose), planar(other.pose));
-  return std::hypot(apart.x, apart.y) < kSame_m && std::abs(apart.phi) < kSame_rad;
+  return std::hypot(apart.x, apart.y) < kOneHypothesis_m && std::abs(apart.phi) < kOneHypothesis_rad;
 }
 
 }  // namespace

@@ -13,8 +13,7 @@ namespace {
 // A prior that agrees outweighs what would fit by chance in a large map, but no clear contradiction; one in five may be
 // wrong altogether.
 constexpr double kMostLogOdds = 4.0, kWrong = 0.2;
-constexpr double kSeedWeight = 2.0;                  // of a match that agrees, log odds
-constexpr double kNear_m = 6.0, kFarthest_m = 14.0;  // between middles of submaps that may show the same
+constexpr double kSeedWeight = 2.0;  // of a match that agrees, log odds
 constexpr double kFarthestReach_m = 12.0, kSigmas = 3.0;
 constexpr std::size_t kNearest = 2, kMostQuestions = 16;
 constexpr double kLeastContradiction_m = 1.0;
@@ -67,7 +66,7 @@ std::vector<SubmapQuestion> PriorEvidence::questions(std::size_t a, std::size_t 
       const double drift_m = kPathDrift_per_m * (reach(one.centres[i]) + reach(other.centres[j]));
       const double sigma_m = std::sqrt(prior->sigma_m * prior->sigma_m +
                                        lever_m * lever_m * prior->sigma_rad * prior->sigma_rad + drift_m * drift_m);
-      if (distance < std::min(kFarthest_m, kNear_m + 2.0 * sigma_m))
+      if (distance < std::min(kFarSubmaps_m, kNearSubmaps_m + 2.0 * sigma_m))
         near.emplace_back(distance, one.fingerprints[i], i, sigma_m);
     }
     std::sort(near.begin(), near.end());

@@ -9,8 +9,6 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kNear_m = 6.0;       // between the middles of submaps that should show the same, at least
-constexpr double kFarthest_m = 14.0;  // the same, where both see far
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
 constexpr double kFarthestReach_m = 50.0;
 constexpr double kWindowSigmas = 3.0;
@@ -50,7 +48,7 @@ double SearchCandidates::reach_m(std::size_t i, std::size_t j) const {
   const auto radius_m = [&](std::size_t s) {
     return std::min(12.0, static_cast<double>(maps_[graph_.map_of(s)].radii_m[graph_.submap_of(s)]));
   };
-  return std::clamp(0.6 * (radius_m(i) + radius_m(j)), kNear_m, kFarthest_m);
+  return std::clamp(0.6 * (radius_m(i) + radius_m(j)), kNearSubmaps_m, kFarSubmaps_m);
 }
 
 double SearchCandidates::unlikeness(std::size_t i, std::size_t j) const {
@@ -74,7 +72,8 @@ std::optional<SearchCandidates::Near> SearchCandidates::near(std::size_t place, 
   const bool is_wide = widest_m > 0.0;
   const std::size_t i = solved_.submaps[place], j = solved_.submaps[of];
   const double distance = (middles_[place] - middles_[of]).norm(), near_m = reach_m(i, j);
-  if (distance > (is_wide ? kFarthest_m + kFarthestReach_m : near_m) || !in_scope_(i, j) || graph_.is_constrained(i, j))
+  if (distance > (is_wide ? kFarSubmaps_m + kFarthestReach_m : near_m) || !in_scope_(i, j) ||
+      graph_.is_constrained(i, j))
     return std::nullopt;
   const Eigen::Matrix3d apart_by =
       covariance_.between(static_cast<std::uint32_t>(place), static_cast<std::uint32_t>(of));
@@ -92,7 +91,7 @@ std::optional<SearchCandidates::Near> SearchCandidates::near(std::size_t place, 
 
 // Of each place: others, whichever robot comes first.
 std::vector<std::vector<SearchCandidates::Near>> SearchCandidates::all_near(double widest_m) {
-  const double reach = widest_m > 0.0 ? kFarthest_m + kFarthestReach_m : kFarthest_m;
+  const double reach = widest_m > 0.0 ? kFarSubmaps_m + kFarthestReach_m : kFarSubmaps_m;
   // Blocks, so that only what may be near is compared.
   std::map<std::pair<int, int>, std::vector<std::size_t>> blocks;
   const auto block_of = [&](const Eigen::Vector2d& p) {

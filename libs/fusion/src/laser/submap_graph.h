@@ -43,6 +43,9 @@ std::map<NodeId, std::size_t> homes_of(const PreparedMap& map);
 // Where the middle of a submap's walls lies when the submap lies there.
 Eigen::Vector2d middle_of(const PreparedMap& map, std::size_t submap, const Pose2& team_from_submap);
 
+// Between the middles of submaps that may show the same: at least, and where both see far.
+constexpr double kNearSubmaps_m = 6.0, kFarSubmaps_m = 14.0;
+
 class SubmapGraph {
  public:
   // `maps` must outlive the graph.
