@@ -88,8 +88,8 @@ int main(int argc, char** argv) {
   const auto argument = [&](int i, int otherwise) { return argc > i ? std::atoi(argv[i]) : otherwise; };
   const int keyframes = argument(1, 456), free = argument(4, keyframes), times = argument(5, 1);
   const World world = hall(keyframes, argument(2, 60000), argument(3, 300000), free);
-  std::printf("%d keyframes (%d free), %zu landmarks, %zu observations, error %.4f m\n", keyframes, free,
-              world.bundle.points.size(), world.bundle.sightings.size(), error_m(world, world.bundle));
+  std::printf("%d keyframes (%d free), %zu landmarks, %zu observations\n", keyframes, free, world.bundle.points.size(),
+              world.bundle.sightings.size());
   using Adjust = std::function<graph::BundleReport(graph::Bundle&)>;
   struct BackEnd {
     const char* name;
@@ -115,8 +115,8 @@ int main(int argc, char** argv) {
     }
   for (BackEnd& back_end : back_ends) {
     std::sort(back_end.seconds.begin(), back_end.seconds.end());
-    std::printf("  %-12s %8.4f s of processor time, %2d iterations, cost %.6g, error %.4f m\n", back_end.name,
-                back_end.seconds[back_end.seconds.size() / 2], back_end.report.iterations, back_end.report.cost_after,
-                back_end.error_m);
+    std::printf("  %-12s %.3g s of processor time, %d iterations, error %.4f -> %.4f m, cost %.6g\n", back_end.name,
+                back_end.seconds[back_end.seconds.size() / 2], back_end.report.iterations, error_m(world, world.bundle),
+                back_end.error_m, back_end.report.cost_after);
   }
 }
