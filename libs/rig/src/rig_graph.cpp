@@ -141,9 +141,9 @@ class RigGraph {
       RigEdge edge{from,
                    to,
                    motion,
-                   slack * (options_.step_m + options_.step_share * length_m),
-                   slack * options_.step_rad,
-                   part.metric ? kSameScale : slack * options_.step_scale,
+                   slack * (options_.covisibility_sigma_m + options_.covisibility_sigma_per_m * length_m),
+                   slack * options_.covisibility_sigma_rad,
+                   part.metric ? kSameScale : slack * options_.covisibility_sigma_scale,
                    ConstraintKind::scan_match};
       const double less = doubt(edge, part.metric);
       edge.sigma_m *= less;
@@ -183,7 +183,7 @@ class RigGraph {
       RigEdge edge{from,
                    to,
                    motion,
-                   seen->sigma_m + options_.step_share * own.t.norm(),
+                   seen->sigma_m + options_.covisibility_sigma_per_m * own.t.norm(),
                    seen->sigma_rad,
                    metric ? kSameScale : 0.0,
                    ConstraintKind::extrinsic};

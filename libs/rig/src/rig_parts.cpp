@@ -22,8 +22,8 @@ std::optional<VirtualKeyframe> virtual_keyframe(const RigPart& part, Stamp stamp
   const double bend_s2 = 0.5 * share * (1.0 - share) * gap_s * gap_s;
   return VirtualKeyframe{interpolated(poses[before].map_from_robot, poses[after].map_from_robot, share),
                          interpolated(part.placed[before].map_from_robot, part.placed[after].map_from_robot, share),
-                         options.tie_m + bend_s2 * options.acceleration_m_per_s2,
-                         options.tie_rad + bend_s2 * options.acceleration_rad_per_s2};
+                         options.extrinsic_sigma_m + bend_s2 * options.acceleration_m_per_s2,
+                         options.extrinsic_sigma_rad + bend_s2 * options.acceleration_rad_per_s2};
 }
 
 CommonTime common_with(const std::vector<RigPart>& parts, const std::vector<std::size_t>& group, std::size_t part,

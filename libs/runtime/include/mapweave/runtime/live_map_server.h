@@ -24,8 +24,8 @@ struct LiveServerOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
-    v.integer("joining_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
-    v.fraction("joining_share", merge_share,
+    v.integer("merge_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
+    v.fraction("merge_share", merge_share,
                "largest share of the time that maps are merged: the next merge waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20,
               "of one client, that may wait to be handled; it is told to repeat the rest later");
