@@ -51,7 +51,7 @@ function(mapweave_compile_quickly target)
   target_precompile_headers(${target} ${ARGN})
 endfunction()
 
-# `programs`: what scripts/build makes unless told otherwise.
+# `programs`: what scripts/build makes unless asked otherwise.
 add_custom_target(programs)
 
 # mapweave_add_program(NAME USES <our libraries> SOURCES <files> [PRIVATE <targets>]): an executable of apps/.

@@ -25,7 +25,7 @@ using namespace std::chrono_literals;
 
 SessionId stranger(std::int64_t run) { return {{RobotId("stranger"), SensorId("camera")}, run}; }
 
-// Of what one client heard until nothing more came for so long.
+// Of what one client received until nothing more came for so long.
 std::uint64_t stored_of(LiveMapServer::Link& link, std::chrono::milliseconds patience) {
   std::uint64_t stored = 0;
   while (true) {
@@ -142,7 +142,7 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 0U);
 }
 
-TEST(LiveServerTrouble, keeps_nothing_of_those_who_come_and_tell_nothing) {
+TEST(LiveServerTrouble, keeps_nothing_of_those_who_come_and_publish_nothing) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
   for (std::int64_t run = 0; run < 10'100; ++run) {  // more than a server keeps
     const auto link = server.connect();

@@ -2,7 +2,7 @@
 Those that may have none are listed with the reason, and printed.
 
 The runs, the options and the values they are changed to stand in option_effect_cases.py. An option that is in no case fails the test.
-Some options alone:  MAPWEAVE_PROGRAM=... python3 -B test/scenarios/option_effect_test.py 'bind\\.' 'rig\\.way'
+Some options alone:  MAPWEAVE_PROGRAM=... python3 -B test/scenarios/option_effect_test.py 'rig\\.' 'visual\\.loops'
 """
 import concurrent.futures
 import json
