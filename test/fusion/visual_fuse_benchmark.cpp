@@ -80,7 +80,7 @@ void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* si
   for (int round = 0; round < rounds; ++round) {
     fusion::Memo memo;
     fusion::FusionInput fresh = input;
-    fresh.pictures = std::make_shared<fusion::Pictures>();
+    fresh.pictures = std::make_shared<fusion::BagOfWordsCache>();
     const std::clock_t before = std::clock();
     result = fusion::fuse(fresh, {}, memo, pool, *progress);
     processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);

@@ -135,7 +135,7 @@ TEST(Explanation, of_grids_shows_how_they_lie_and_what_is_no_map) {
   const Explanation joined = explained(folder / "out", "west", "east");
   EXPECT_THAT(joined.text, testing::StartsWith("east + west: merged (probability "));
   EXPECT_THAT(joined.text,
-              testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("its lengths times 1.0"),
+              testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("scaled by 1.0"),
                              HasSubstr("m of wall coincide, which count "), HasSubstr("lie in free space of the other"),
                              testing::Not(HasSubstr("no hypothesis"))));
   EXPECT_GT(joined.png.size(), 5000U);

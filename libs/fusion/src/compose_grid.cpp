@@ -85,7 +85,7 @@ OccupancyGrid compose_grid(const Map& map, const ComposeOptions& options, Worker
   }
   OccupancyGrid grid;
   grid.resolution_m = options.resolution_m;
-  // Rasters alone tell nothing finer than they are.
+  // Rasters alone hold nothing finer than they are.
   double finest_m = 1e300;
   for (const auto& raster : rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
   if (scans.empty() && !rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);

@@ -36,7 +36,7 @@ constexpr double kRival = 0.36, kRivalSlope = 16.0;
 constexpr double kConflict = 0.2, kConflictOverlap = 0.3, kConflictSlope = 40.0;
 constexpr double kOdds =
     4.75;  // odds that the product of the parts is multiplied by: calibrated, as merges of lasers are
-constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be told apart
+constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be distinguished
 
 enum class Seen : std::uint8_t { nothing, fit, conflict };
 
@@ -212,7 +212,7 @@ Alignment rigid(const PreparedGrid& b, const Verified& best) {
   const Pose2 turned = compose(Pose2(0.0, 0.0, yaw), Pose2(-middle.x(), -middle.y(), 0.0));
   const Pose2 a_from_b(middle_in_a.x() + turned.x, middle_in_a.y() + turned.y, yaw);
 
-  // Each tile tells where b lies as well as its walls hold it and no better than grids bend.
+  // Each tile constrains where b lies as well as its walls hold it and no better than grids bend.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d bending = bend_covariance();
   for (std::size_t i = 0; i < b.tile_centres.size(); ++i) {

@@ -126,7 +126,7 @@ std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
   return pairs;
 }
 
-// What a map has twice tells nothing in other maps either.
+// What a map has twice is no evidence in other maps either.
 void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
   std::vector<std::set<std::size_t>> known(maps_.size());
   std::vector<std::vector<Hash>> because(maps_.size());

@@ -18,7 +18,7 @@ struct PlaceFinder::Known {
   VisualMap map;
 };
 
-PlaceFinder::PlaceFinder(const Map& map, WorkerPool& pool, Pictures& pictures)
+PlaceFinder::PlaceFinder(const Map& map, WorkerPool& pool, BagOfWordsCache& pictures)
     : known_(new Known{VisualMap(map, pool, pictures)}) {}
 PlaceFinder::~PlaceFinder() = default;
 PlaceFinder::PlaceFinder(PlaceFinder&&) noexcept = default;
@@ -30,7 +30,7 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
   if (map.empty()) return std::nullopt;
   Map asked;  // of this picture alone, named before all others
   asked.nodes.set(NodeId{}, {NodeId{}, {}, {}, std::make_shared<const Payload>(picture)});
-  Pictures pictures;
+  BagOfWordsCache pictures;
   const VisualMap question(asked, pool, pictures);
   const VisualPlace place = question.place(0, 0);
   std::vector<matching::SimilarPlace> alike =

@@ -21,8 +21,8 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr std::size_t kCovisible = 5;  // covisible keyframes that each is constrained to in the graph
-// Between keyframes in a row, of what their client found. Clients know flaws of their sensors that a bundle of all does
-// not, so there the shapes that they found hardly give way.
+// Between keyframes in a row, of what their client found. Clients know systematic errors of their sensors that a bundle
+// of all does not, so there the shapes that they found hardly bend.
 constexpr double kStiff = 0.1;
 constexpr std::size_t kLookedAt = 6;  // keyframes of other maps whose landmarks are looked for in each
 constexpr double kSameView_rad = 0.9;

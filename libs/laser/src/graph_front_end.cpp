@@ -215,7 +215,7 @@ int FrontEnd::add_scan(const ScanInput& given, Map& map) {
     if (from_odometry || !matched) {
       // Without odometry and without a match nothing is known but that robots are slow.
       const double seconds = std::max(0.1, seconds_between(*last_stamp_, input.stamp));
-      // What scans found to be wrong by far is told as wrong as that.
+      // What scans found to be wrong by far is reported as wrong as that.
       const double missed = matched ? std::abs(wrap_angle(moved.phi - motion.phi)) : 0.0;
       const double sigma_yaw =
           missed > 3.0 * prior.sigma_yaw_rad ? std::max(missed, prior.sigma_yaw_rad) : prior.sigma_yaw_rad;

@@ -268,8 +268,8 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   for (const auto& hypothesis : distinct) {
     Alignment alignment;
     alignment.a_from_b.pose = spatial(hypothesis.match.field_from_scan);
-    // Points share the errors of the submaps they come from: fifty of them tell no more than one does. The floor of 1
-    // cm and 0.1 degrees is that of the submaps' own drift.
+    // Points share the errors of the submaps they come from: fifty of them hold no more information than one does. The
+    // floor of 1 cm and 0.1 degrees is that of the submaps' own drift.
     Eigen::Matrix3d information = hypothesis.match.information / 50.0;
     information.diagonal() += Eigen::Vector3d(1e-2, 1e-2, 1e-1);
     const Eigen::Matrix3d covariance =

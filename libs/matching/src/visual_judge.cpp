@@ -314,7 +314,7 @@ class Judge {
     std::set<std::pair<int, int>> cells;
     std::vector<double> gaps;
     int meeting = 0;
-    constexpr double kMeeting = 0.1;  // of the distance: stereo tells far depths no better
+    constexpr double kMeeting = 0.1;  // of the distance: stereo measures far depths no better
     constexpr int kColumns = 8, kRows = 6;
     const Pinhole& camera_a = a_.place.keyframes.front().camera;
     const Pinhole& camera_b = b_.place.keyframes.front().camera;

@@ -291,8 +291,8 @@ Report run_batch(const RunConfiguration& configuration, const RunPlan& given, co
     const std::string name = pushed.robot.str();
     fusion::FusionResult pushed_map;
     pushed_map.components = {*component_of(team, pushed.robot)};
-    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told", false,
-                           pushed_map, cameras, report);
+    results.add_components(TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it",
+                           false, pushed_map, cameras, report);
   }
   results.commit("run", effective(configuration, given), inputs, report);
   return report;

@@ -1,5 +1,5 @@
 #pragma once
-// What waits on both ways between a live client and its server.
+// What waits in both directions between a live client and its server.
 
 #include <mapweave/runtime/live_map_server.h>
 

@@ -137,7 +137,7 @@ std::map<RobotId, LaserOutcome> CoordinatedRobots::map_lasers(bool keep_going, W
     try {
       if (!choose_sensors(robot.log, configuration_).laser) continue;
     } catch (const Error&) {
-      continue;  // is told where the robot is mapped
+      continue;  // is sent where the robot is mapped
     }
     all.push_back(&tasks.emplace(robot.id, LaserTask(robot, configuration_, keep_going, true, progress)).first->second);
     names.push_back(robot.id);

@@ -24,7 +24,7 @@ constexpr std::size_t kMostGone = 1000;                      // clients that lef
 constexpr std::size_t kMostUnsaved = std::size_t{64} << 20;  // bytes; updates wait in their queues then
 constexpr std::chrono::milliseconds kUntilAsked{100};        // again, whether something is saved
 
-// But for those in names: what they count grows from merge to merge, while what a note tells is the same.
+// But for those in names: what they count grows from merge to merge, while what a note says is the same.
 std::string without_numbers(const std::string& note) {
   std::string rest;
   bool is_quoted = false;

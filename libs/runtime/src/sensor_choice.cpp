@@ -42,7 +42,7 @@ Found look(const std::filesystem::path& log, const rawlog::ReadOptions& reading,
       }
     }
   } catch (const Error&) {
-    // The mapping tells of it, after what came before it.
+    // The mapping reports it, after what came before it.
     if (!found.laser && found.cameras.empty()) throw;
   }
   return found;

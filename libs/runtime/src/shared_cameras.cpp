@@ -103,7 +103,7 @@ std::map<RobotId, CamerasOutcome> map_shared_cameras(const RunConfiguration& con
         const ChosenSensors chosen = choose_sensors(robot.log, configuration);
         if (!chosen.cameras.empty())
           members.push_back({robot.id, CameraTask(robot, chosen, configuration, keep_going, progress), {}});
-      } catch (const Error&) {  // is told where the robot is mapped
+      } catch (const Error&) {  // is sent where the robot is mapped
       }
     }
     drive(members, configuration, edge, pool);

@@ -55,9 +55,9 @@ struct Landmark {
 };
 
 inline constexpr std::size_t kSettled =
-    3;  // keyframes that see a landmark whose depth was learnt tell it better than that
+    3;  // keyframes that see a landmark whose depth was learnt measure it better than that
 
-// Whether it may tell where a camera is that knows nothing else.
+// Whether it may place a camera that knows nothing else.
 inline bool is_known(const Landmark& landmark) {
   return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled;
 }

@@ -278,7 +278,7 @@ Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop
     const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
     const double path = path_between(map, loop.newest, loop.earlier);
     // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The
-    // loop tells which, and how far the way since then may have led astray.
+    // loop shows which, and how far the path since then may have drifted.
     const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * path;
     const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * path;
     return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};

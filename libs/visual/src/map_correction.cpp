@@ -61,8 +61,8 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   scales_.assign(bundle_.views.size(), 1.0);
 }
 
-// A single camera that turns where it stands goes on at another scale. Wheels tell where that was: by keyframe, the
-// logarithm of what its lengths must grow by, as the three metres around it say that lie on the same side of such
+// A single camera that turns where it stands goes on at another scale. Wheels show where that was: by keyframe, the
+// logarithm of what its scale must grow by, as the three metres around it say that lie on the same side of such
 // places; all 0 where there is none, for wheels slip.
 std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   std::vector<double> stretches(keyframes_.size(), 0.0);

@@ -12,8 +12,8 @@ namespace {
 constexpr std::size_t kLeastTracks = 50;
 constexpr double kLeastKept = 0.5;         // of the tracks, before another first picture is taken
 constexpr double kLeastShift = 0.01;       // median motion of the tracks worth a try, in focal lengths
-constexpr double kMiddleDepth_m = 1.0;     // where nothing tells scale
-constexpr double kLeastOdometry_m = 0.02;  // of a motion that tells scale
+constexpr double kMiddleDepth_m = 1.0;     // where nothing gives scale
+constexpr double kLeastOdometry_m = 0.02;  // of a motion that gives scale
 constexpr int kCoarsest = 4, kFinest = 2;
 
 template <class Value>

@@ -197,7 +197,7 @@ std::optional<Vector3d> meet(const Vector3d& ray_in_first, const Vector3d& ray_i
                              const View& second_from_first) {
   const Vector3d a = ray_in_second.cross(second_from_first.rotation * ray_in_first),
                  b = ray_in_second.cross(second_from_first.translation);
-  // a + inverse_depth * b = 0: well told by both ends only where neither is near to nothing.
+  // a + inverse_depth * b = 0: well determined by both ends only where neither is near to nothing.
   const double inverse_depth = -a.dot(b) / b.squaredNorm();
   if (!(inverse_depth > 1e-6 && std::isfinite(inverse_depth))) return std::nullopt;
   const Vector3d point = ray_in_first / (inverse_depth * ray_in_first.z());

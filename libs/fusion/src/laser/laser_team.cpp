@@ -216,7 +216,7 @@ const LaserMerger::Evaluation& LaserMerger::evaluated(const LaserTeam& x, const 
   evaluation.probability = std::exp(evaluation.hypotheses.front().log_odds) / sum;
   const MergeHypothesis& surest = evaluation.hypotheses.front();
   if (evaluation.probability < options_.merge_probability || surest.is_of_grids) return evaluation;
-  // A prior tells places apart that look alike.
+  // A prior distinguishes places that look alike.
   // What stood twice does so still, however more answers move it.
   const bool stood_twice = before.repeats && is_same(before.hypotheses.front(), surest);
   evaluation.repeats = surest.prior_log_odds < kPriorDistinguishes &&

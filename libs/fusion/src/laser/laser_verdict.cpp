@@ -205,7 +205,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   }
   Alignment alignment;
   alignment.a_from_b.pose = spatial(mean_transform(transforms));
-  // Matches share the errors of the maps: however many agree, they tell no more than four do.
+  // Matches share the errors of the maps: however many agree, they count no more than four do.
   information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
   alignment.covariance =
       spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));

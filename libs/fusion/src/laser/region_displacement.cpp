@@ -197,7 +197,7 @@ class RegionFit {
     const std::size_t count = std::min(kMostWalls, walls.size());
     each_m_[side] =
         SeenRaster::kCell_m * static_cast<double>(walls.size()) / static_cast<double>(std::max<std::size_t>(1, count));
-    // From all over the region in turn, so that few tell how well all of them fit.
+    // From all over the region in turn, so that few show how well all of them fit.
     constexpr std::size_t kParts = 16;
     for (std::size_t part = 0; part < kParts; ++part)
       for (std::size_t i = part; i < count; i += kParts) walls_[side].push_back(walls[i * walls.size() / count]);

@@ -15,7 +15,7 @@ struct OrderedPicture : matching::DescribedPicture {
 };
 
 // All calls are thread-safe.
-class Pictures {
+class BagOfWordsCache {
  public:
   // In the shipped vocabulary. The node is a keyframe.
   std::shared_ptr<const OrderedPicture> words_of(const Node&);
