@@ -14,7 +14,7 @@ struct Regression {
   bool relative = false;             // fit_relative() made it
   double standard_error = 0.0;  // of a sample: root of the squared residuals over the degrees of freedom; 0 where there
                                 // are none; relative: as a share of what was measured
-  double r_squared = 0.0;  // share of the variance that is explained
+  double r_squared = 0.0;       // share of the variance that is explained
   std::size_t degrees_of_freedom = 0;
   Eigen::MatrixXd inverse_normal;  // (X'X)^-1, relative: of rows over what was measured; zero in rows of coefficients
                                    // that are held at 0
