@@ -37,6 +37,9 @@ RUNS = {
     "timeline": ("timeline", "{maps}"),
 }
 
+# Those that take seconds, for a look at each build.
+QUICK_RUNS = ("timeline", "carmen", "late", "g2o", "slip", "jump", "lost", "swept", "folder", "team")
+
 CASES = {
     "lasers": """
 sensor rgbd
