@@ -9,11 +9,11 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr std::size_t kFewestPoints = 15;
-constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;
-constexpr double kShortestMotion_s = 0.02, kLongestStep_s = 0.5;
-constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;  // within a sweep
-constexpr double kClearlyBetter = 0.03;                    // of the mean likelihood under the points
+constexpr std::size_t kFewestPoints = 15;                         // of a scan: fewer are not matched or inserted
+constexpr double kClearShift_m = 0.08, kClearShift_rad = 0.03;    // from odometry: less needs no clear walls
+constexpr double kShortestMotion_s = 0.02, kLongestStep_s = 0.5;  // bounds of times that motion is divided by
+constexpr double kMatters_rad = 0.004, kMatters_m = 0.01;         // within a sweep
+constexpr double kClearlyBetter = 0.03;                           // of the mean likelihood under the points
 
 Eigen::Matrix3d information_of(double sigma_m, double sigma_yaw_rad) {
   return Eigen::Vector3d(1.0 / (sigma_m * sigma_m), 1.0 / (sigma_m * sigma_m), 1.0 / (sigma_yaw_rad * sigma_yaw_rad))

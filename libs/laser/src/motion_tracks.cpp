@@ -6,13 +6,13 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr double kLongestExtrapolation_s = 0.5;
-constexpr std::size_t kFewestReadings = 64;
-constexpr double kKept_s = 2.0;                 // before the latest reading: scans may be stamped late
-constexpr double kInertialGap_s = 0.25;         // readings farther apart say nothing of what is between them
-constexpr double kForget = 0.995;               // of what was compared, per comparison
-constexpr double kEnoughTurning = 0.05;         // square radians
-constexpr double kScale = 0.15, kMissed = 0.1;  // what may be wrong: the scale of turns, the share of their squares
+constexpr double kLongestExtrapolation_s = 0.5;  // beyond that, the robot may have turned
+constexpr std::size_t kFewestReadings = 64;      // kept whatever their age
+constexpr double kKept_s = 2.0;                  // before the latest reading: scans may be stamped late
+constexpr double kInertialGap_s = 0.25;          // readings farther apart say nothing of what is between them
+constexpr double kForget = 0.995;                // of what was compared, per comparison
+constexpr double kEnoughTurning = 0.05;          // square radians
+constexpr double kScale = 0.15, kMissed = 0.1;   // what may be wrong: the scale of turns, the share of their squares
 
 Pose2 scaled(const Pose2& motion, double factor) { return {motion.x * factor, motion.y * factor, motion.phi * factor}; }
 

@@ -15,6 +15,7 @@ constexpr double kFarthest_m =
     200.0;  // no planar laser sees farther; a log that says so must not ask for rasters of many kilometres
 constexpr double kJump_m = 1.0;            // beyond what the top speed allows
 constexpr double kFarthestJump_m = 100.0;  // however long nothing was recorded
+// A longer gap is not integrated over; 25 a second are enough; faster is no robot.
 constexpr double kInertialGap_s = 0.25, kInertialEvery_s = 0.039, kFastest_rad_s = 30.0;
 
 Pose3 pose_from_mrpt(const mrpt::poses::CPose3D& pose) {
