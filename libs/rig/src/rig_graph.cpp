@@ -79,7 +79,7 @@ class RigGraph {
     return then && now ? disagreement(motion, between(*then, *now)) : 1.0;
   }
   static bool is_short(Stamp first, Stamp last) {
-    constexpr double kLongest_s = 5.0;
+    constexpr double kLongest_s = 5.0;  // of a motion that odometry is compared with: it hardly drifts in it
     return std::abs(seconds_between(first, last)) < kLongest_s;
   }
 
@@ -98,6 +98,7 @@ class RigGraph {
     return std::max({by_wheels, sigmas_off(edge) / kFreeSigmas, scale_change / edge.sigma_scale / kFreeSigmas});
   }
   static double disagreement(const Pose3& seen, const Pose3& by_wheels) {
+    // By which wheels and cameras may differ at no cost.
     constexpr double kFree_m = 0.02, kFree_rad = 0.02, kFreeShare = 0.1;
     const double times =
         std::max({1.0, (seen.t - by_wheels.t).norm() / (kFree_m + kFreeShare * by_wheels.t.norm()),
@@ -108,7 +109,7 @@ class RigGraph {
   // The same for a motion of the wheels, by the camera that agrees most with it. Where no camera tracked, the robot may
   // have been carried.
   double disagreement_of_cameras(const MovedKeyframe& from, const MovedKeyframe& to) const {
-    constexpr double kNobodySaw = 10.0;
+    constexpr double kNobodySaw = 10.0;  // times the usual error, where no camera confirms the motion
     double least = kNobodySaw;
     for (const std::size_t m : members_) {
       if (parts_[m].wheels) continue;

@@ -43,6 +43,7 @@ CommonTime common_with(const std::vector<RigPart>& parts, const std::vector<std:
 }
 
 std::vector<CommonMotion> common_motions(const std::vector<CommonMoment>& m, const RigPart& part) {
+  // Shorter motions contradict nothing; over longer times they drift.
   constexpr double kLeast_m = 0.3, kLeast_rad = 0.3, kLongest_s = 10.0;
   std::vector<CommonMotion> result;
   for (std::size_t first = 0, i = 1; i < m.size(); ++i) {
