@@ -25,6 +25,7 @@ GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const 
                               const KeyframeView& keyframe, const KeyframeFeatureGrid& grid,
                               const std::vector<double>& depth_of_feature, double radius_px, int max_distance) {
   GuidedSearch search;
+  // In front of the camera; Lowe's test; a share of the depth; pixels that show what stands there.
   constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;
   for (std::uint32_t i = 0; i < landmarks.size(); ++i) {

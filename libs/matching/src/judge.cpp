@@ -160,7 +160,7 @@ std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const Wid
 // The best place of some walls of b in a narrow window.
 std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window,
                           const JudgeOptions& options) {
-  constexpr std::size_t kFewest = 40;
+  constexpr std::size_t kFewest = 40;  // walls: of fewer, a share says nothing
   if (walls.size() < kFewest) return {};
   const auto best = correlate(a.field(), some_of(walls, 150), window.a_from_b,
                               {window.radius_m, window.yaw_rad, 0.0175}, {10.0, 10.0});
