@@ -32,7 +32,7 @@ bool Follower::is_good(const Attempt& attempt, bool followed) const {
 }
 
 Attempt Follower::follow_features(const Pyramid& picture, double interval_s) {
-  constexpr double kFar = 5.0;
+  constexpr double kFar = 5.0;  // times the usual reach; a second search starts from what it finds
   const Attempt far = locate(picture, session, motion * view, Motion(), kFar);
   if (!is_good(far, true)) return far;
   return locate(picture, session, far.pose.view, motion_of(far.pose.view * view.inverse(), interval_s));
@@ -99,6 +99,7 @@ Attempt Follower::find_again(const Pyramid& picture, Stamp now, Attempt best) {
     if (!answer) {
       answer = std::move(attempt);
     } else if (attempt.session == answer->session) {
+      // Two answers farther apart are two places that look alike.
       constexpr double kApart_m = 0.5, kApart_rad = 0.3;
       const View apart = attempt.pose.view * answer->pose.view.inverse();
       if (apart.centre().norm() > kApart_m || Eigen::AngleAxisd(apart.rotation).angle() > kApart_rad) return best;

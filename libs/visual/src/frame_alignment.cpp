@@ -6,8 +6,8 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr float kSoft = 8.0F;  // grey values
-constexpr int kSide = 4, kPixels = kSide * kSide, kMostSteps = 10;
+constexpr float kSoft = 8.0F;                                       // grey values
+constexpr int kSide = 4, kPixels = kSide * kSide, kMostSteps = 10;  // of a patch on each level; bounds time
 using Vector8f = Eigen::Matrix<float, 8, 1>;
 
 struct Kept {

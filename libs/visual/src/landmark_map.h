@@ -171,6 +171,6 @@ std::vector<CovisibleKeyframe> most_first(
 int first_of(const LandmarkMap& map, int session);  // the earliest keyframe; -1 without any
 int newest_of(const LandmarkMap& map, int session);
 
-inline constexpr std::size_t kMostAppearances = 4;
+inline constexpr std::size_t kMostAppearances = 4;  // patches of a landmark, seen from different views: bounds memory
 
 }  // namespace mapweave::visual

@@ -84,6 +84,7 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   const auto stretch_between = [&](std::size_t from, std::size_t to) {
     return std::log((driven_m[to] - driven_m[from]) / std::max(1e-9, mapped_m[to] - mapped_m[from]));
   };
+  // Path on either side; logarithm that slip explains; path that is averaged.
   constexpr double kDriven_m = 1.0, kSlip = 0.15, kSmooth_m = 3.0;
   struct Change {
     double size;
@@ -145,7 +146,7 @@ void MapCorrection::run() {
   }
   add_edge(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale},
            10.0 * static_cast<double>(loop_.matches.size()));
-  constexpr int kIterations = 50;
+  constexpr int kIterations = 50;  // as graph::solve() has unless asked otherwise
   if (monocular_) {
     std::vector<Sim3> similar;
     for (const Pose3& pose : poses) similar.push_back({pose, 1.0});

@@ -9,12 +9,12 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kLeastTracks = 50;
+constexpr std::size_t kLeastTracks = 50;   // fewer begin no map: another picture becomes the first
 constexpr double kLeastKept = 0.5;         // of the tracks, before another first picture is taken
 constexpr double kLeastShift = 0.01;       // median motion of the tracks worth a try, in focal lengths
 constexpr double kMiddleDepth_m = 1.0;     // where nothing gives scale
 constexpr double kLeastOdometry_m = 0.02;  // of a motion that gives scale
-constexpr int kCoarsest = 4, kFinest = 2;
+constexpr int kCoarsest = 4, kFinest = 2;  // levels: fine ones add time, and tracks are refined by patches
 
 template <class Value>
 Value middle_of(std::vector<Value> values) {

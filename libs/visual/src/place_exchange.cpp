@@ -6,12 +6,12 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kWaitedFor = 4;
-constexpr std::size_t kLeastTogether = 12;
-constexpr double kNear_m = 0.3, kNear_rad = 0.1;
-constexpr double kFar = 0.05, kClose = 0.015;  // widths of the picture: where a landmark is looked for
-constexpr int kLeastShown = 20;
-constexpr double kShownShare = 0.6;  // of the landmarks found
+constexpr std::size_t kWaitedFor = 4;             // requests; older answers are about another place
+constexpr std::size_t kLeastTogether = 12;        // matches that give a pose of their own
+constexpr double kNear_m = 0.3, kNear_rad = 0.1;  // of the view that was expected
+constexpr double kFar = 0.05, kClose = 0.015;     // widths of the picture: where a landmark is looked for
+constexpr int kLeastShown = 20;                   // features of a request, and matches that confirm an answer
+constexpr double kShownShare = 0.6;               // of the landmarks found
 
 }  // namespace
 

@@ -28,7 +28,7 @@ class ReducedSystem {
   Eigen::VectorXd solved(const Eigen::VectorXd& right);
 
  private:
-  static constexpr int kMostDense = 40;
+  static constexpr int kMostDense = 40;  // views: larger systems have few blocks that are not zero
   Eigen::VectorXd solved_densely(const Eigen::VectorXd& right) const;
   Eigen::VectorXd solved_sparsely(const Eigen::VectorXd& right);
   int views_;

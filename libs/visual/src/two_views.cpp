@@ -186,7 +186,7 @@ int count_in_front(const std::vector<RayPair>& rays, const View& motion, const T
 }
 
 bool is_alike(const View& a, const View& b) {
-  constexpr double kTurn_rad = 0.03, kDirection = 0.97;
+  constexpr double kTurn_rad = 0.03, kDirection = 0.97;  // within which two motions are one
   return Eigen::AngleAxisd(a.rotation.transpose() * b.rotation).angle() < kTurn_rad &&
          a.translation.dot(b.translation) > kDirection;
 }
@@ -221,7 +221,7 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   const double middle = std::sqrt(std::max(raw.eigenvalues()[1], 1e-30));
   const Matrix3d h = homography / (homography.determinant() < 0 ? -middle : middle);
   const double greatest = raw.eigenvalues()[2] / (middle * middle), least = raw.eigenvalues()[0] / (middle * middle);
-  constexpr double kRotationAlone = 1e-8;
+  constexpr double kRotationAlone = 1e-8;  // between squared singular values: they are equal, so nothing moved
   if (greatest - least < kRotationAlone || greatest < 1.0 || least > 1.0) return {};
   Vector3d v1 = raw.eigenvectors().col(2), v2 = raw.eigenvectors().col(1), v3 = raw.eigenvectors().col(0);
   if (v1.cross(v2).dot(v3) < 0) v3 = -v3;
@@ -244,7 +244,7 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
 
 std::optional<TwoViews> relate_views(const std::vector<PixelPair>& pairs, const Pinhole& camera,
                                      const TwoViewOptions& options) {
-  constexpr std::size_t kEssential = 8, kHomography = 4;
+  constexpr std::size_t kEssential = 8, kHomography = 4;  // pairs of the smallest sample
   if (pairs.size() < std::max(kEssential, static_cast<std::size_t>(options.least_pairs))) return std::nullopt;
   std::vector<RayPair> rays;
   for (const PixelPair& pair : pairs)
