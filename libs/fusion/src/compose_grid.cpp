@@ -8,8 +8,8 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kWidest_m = 2000.0;
-constexpr int kBandRows = 256;  // a band of rows is drawn by one worker
+constexpr double kWidest_m = 2000.0;  // beyond that a pose is wrong; bounds memory
+constexpr int kBandRows = 256;        // a band of rows is drawn by one worker
 
 std::int16_t units(double probability) {
   return static_cast<std::int16_t>(

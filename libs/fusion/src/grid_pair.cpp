@@ -19,9 +19,9 @@ namespace {
 using matching::PlanarSimilarity;
 using matching::WallPoint;
 
-constexpr double kFit_m = 0.3;
-constexpr double kFitCosine = 0.7;
-constexpr double kConflictDepth_m = 0.6;
+constexpr double kFit_m = 0.3;                       // two grids' walls that are one: a few cells
+constexpr double kFitCosine = 0.7;                   // between their normals
+constexpr double kConflictDepth_m = 0.6;             // into free space: twice kFit_m
 constexpr double kApart_m = 3.0, kApart_rad = 0.15;  // alignments nearer than this are one, found twice
 constexpr double kSubstance = 0.4,
                  kLeastFit_m = 5.0;  // of the placement that fits most: enough to show how much conflict there need be

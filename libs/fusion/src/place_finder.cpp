@@ -10,7 +10,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kSamePlace_m = 1.0, kSamePlace_rad = 0.5;
+constexpr double kSamePlace_m = 1.0, kSamePlace_rad = 0.5;  // answers that far apart are two places
 
 }  // namespace
 

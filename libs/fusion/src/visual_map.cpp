@@ -9,9 +9,9 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kSamePoint_px = 2.5;  // between where a landmark was found and the feature that shows it
-constexpr std::size_t kLookedUp = 24;
-constexpr std::size_t kMostCovisible = 20;
+constexpr double kSamePoint_px = 2.5;       // between where a landmark was found and the feature that shows it
+constexpr std::size_t kLookedUp = 24;       // most alike of all, of which places apart are chosen
+constexpr std::size_t kMostCovisible = 20;  // bounds memory; those that share most
 
 MappedKeyframe mapped(const Node& node) {
   const KeyframeFeatures& content = *keyframe_of(node);

@@ -18,16 +18,16 @@ constexpr double kFarthest_m = 14.0;  // the same, where both see far
 constexpr double kKnown_m = 0.07, kKnown_rad = 0.01;  // a match of what is known as well says nothing new
 constexpr double kSure_m = 0.7;                       // standard deviation up to which a window is narrow
 constexpr double kWidest_m = 6.0,
-                 kWidestFinal_m = 1e3;  // standard deviation up to which a wide window is worth a search
-constexpr double kFarthestReach_m = 50.0;
-constexpr double kThorough_m = 15.0;  // radius of windows that are searched for what little two submaps share
-constexpr double kWindowSigmas = 3.0;
+                 kWidestFinal_m = 1e3;     // standard deviation up to which a wide window is worth a search
+constexpr double kFarthestReach_m = 50.0;  // of a window, however unsure: bounds time
+constexpr double kThorough_m = 15.0;       // radius of windows that are searched for what little two submaps share
+constexpr double kWindowSigmas = 3.0;      // 99 % of what is searched for
 constexpr std::size_t kNearest = 2, kNearestWide = 1, kAlikeWide = 2;  // that a submap chooses; others choose it, too
 constexpr std::size_t kBeside = 6;      // submaps from a match along both trajectories where another may confirm it
 constexpr std::size_t kLookBeside = 2;  // submaps from a match along both trajectories that are looked up by it
-constexpr double kBesideRadius_m = 1.0, kBesideYaw_rad = 0.1;
-constexpr std::size_t kFewestLooks = 6;
-constexpr int kFruitless = 4;  // rounds without a new match that end the last search
+constexpr double kBesideRadius_m = 1.0, kBesideYaw_rad = 0.1;  // around what a match beside says
+constexpr std::size_t kFewestLooks = 6;                        // before what contradicts may end the search
+constexpr int kFruitless = 4;                                  // rounds without a new match that end the last search
 
 double position_sigma(const Eigen::Matrix3d& covariance) {
   const double half = 0.5 * (covariance(0, 0) + covariance(1, 1)),

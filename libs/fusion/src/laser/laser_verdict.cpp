@@ -60,7 +60,7 @@ Eigen::Vector2d vector_of(const matching::Point2f& point) { return {point.x, poi
 // is chance.
 std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first_of_a, const PreparedMap& b,
                                          std::size_t first_of_b, const SolvedSubmaps& solved) {
-  constexpr double kBeside_m = 8.0;
+  constexpr double kBeside_m = 8.0;  // between middles: a submap's usual length
   std::vector<MatchedPlaces> places;
   for (std::size_t i = 0; i < a.submaps.size(); ++i)
     for (std::size_t j = 0; j < b.submaps.size(); ++j) {
@@ -76,7 +76,7 @@ std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first
 }  // namespace
 
 PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b) {
-  constexpr std::size_t kMostConflicts = 20;
+  constexpr std::size_t kMostConflicts = 20;  // for people; the longest first
   PairAudit audit{a.map->id, b.map->id, pair.coinciding_m, pair.contradicted_m, pair.unclear_m, {}};
   for (std::size_t i = 0; i < std::min(kMostConflicts, pair.contradictions.size()); ++i)
     audit.conflicts.push_back(

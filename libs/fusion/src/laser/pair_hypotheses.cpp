@@ -8,7 +8,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kMostPlaces = 20;
+constexpr std::size_t kMostPlaces = 20;           // for people, as in audits
 constexpr double kSame_m = 0.5, kSame_rad = 0.1;  // hypotheses nearer to each other than this count as one
 
 Pose2 map_frame(const PreparedMap& map, const SubmapGraph& graph, std::size_t number, const SolvedSubmaps& solved) {

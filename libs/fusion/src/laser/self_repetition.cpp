@@ -2,6 +2,8 @@
 
 #include "seen_raster.h"
 
+#include <mapweave/fusion/wall_weights.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,7 +20,7 @@ constexpr double kLargestPart_m = 300.0, kReach_m = 40.0;                 // aro
 constexpr double kElsewhere_m = 3.0;                                      // from the middle of the part, at least
 constexpr double kShare = 0.32, kRoom_m = 20.0;                           // of a part that stands twice
 // What is contradicted elsewhere may be that share of what coincides there, or that of the place itself.
-constexpr double kContradictionWeight = 4.0, kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
+constexpr double kLeastDoubt = 0.25, kMostDoubt = 0.4, kAsDoubtful = 1.5;
 constexpr double kAcross = 0.1;  // share of walls of the rarer direction: lines fit anywhere along themselves
 constexpr std::size_t kFirstLook = 64, kSecondLook = 400, kMostPlaces = 64, kMostRepetitions = 8;
 
