@@ -1,5 +1,6 @@
 #include "configuration.h"
 
+#include <mapweave/core/renamed_options.h>
 #include <mapweave/simulation/world_options.h>
 
 #include <nlohmann/json.hpp>
@@ -39,6 +40,7 @@ std::vector<std::pair<std::string, std::string>> environment_for(const OptionFie
     std::string name = variable.first.substr(kPrefix.size(), variable.first.find("__") - kPrefix.size());
     std::transform(name.begin(), name.end(), name.begin(),
                    [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
+    name = present_key(name);
     return !has(options, name) && (has(of_run, name) || has(of_world, name));
   };
   variables.erase(std::remove_if(variables.begin(), variables.end(), is_for_others), variables.end());

@@ -71,7 +71,7 @@ Action set_up_export(CLI::App& verb) {
                   "without one of the five flags "
                   "below all but --g2o is written")
       ->required();
-  verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' ways");
+  verb.add_flag("--png", arguments->files.png, "map.png, and map.color.png with the robots' trajectories");
   verb.add_flag("--pgm", arguments->files.pgm, "map.pgm and map.yaml, as map_server and nav2 load them");
   verb.add_flag("--pcd", arguments->files.pcd, "map.pcd, the points of the walls");
   verb.add_flag("--tum", arguments->files.tum, "trajectory.tum, and one per robot where there are several");

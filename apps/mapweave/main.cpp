@@ -74,7 +74,7 @@ ExitCode run_program(int argc, char** argv) {
   program.require_subcommand(1);
   program.fallthrough();
   program.footer(
-      "mapweave VERB --help tells more and gives an example.\n"
+      "mapweave VERB --help says more and gives an example.\n"
       "Exit codes: 0 done; 1 internal, or cannot write; 2 wrong command line; 3 bad or missing input; 4 done, but some "
       "maps\n"
       "stayed apart; 5 a requested gate failed; 130 interrupted, what was finished is saved.");

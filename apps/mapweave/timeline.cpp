@@ -51,7 +51,7 @@ ExitCode print_timeline(const Arguments& arguments) {
   const std::filesystem::path file = arguments.folder / "config.yaml";
   load(configuration, {{file}, {}, {}});
   const runtime::Mode mode = configuration.mode;
-  const Origins origins = load(configuration, {{file}, environment_for(fields_of(configuration)), arguments.settings});
+  const Origins origins = load(configuration, {{}, environment_for(fields_of(configuration)), arguments.settings});
   expect_measured(mode, configuration.mode, origins.place_of("mode"));
   double recorded_s = 0.0;
   const runtime::Work work = runtime::read_work(arguments.folder / "summary.json", &recorded_s);

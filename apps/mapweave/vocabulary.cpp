@@ -1,4 +1,4 @@
-// mapweave vocabulary: trains the words by which cameras know places again, and tells what is in a file of them.
+// mapweave vocabulary: trains the words by which cameras know places again, and shows what is in a file of them.
 
 #include "command.h"
 
@@ -114,7 +114,7 @@ ExitCode train(const TrainingArguments& arguments) {
   for (const std::string& log : arguments.logs)
     if (add_log(log, arguments, *progress, pictures) == 0)
       throw Error(ErrorCode::kBadInput, "no pictures in it", log,
-                  "name logs of cameras ('mapweave inspect' tells what is in a log)");
+                  "name logs of cameras ('mapweave inspect' shows what is in a log)");
   const matching::BinaryVocabulary vocabulary = matching::train_vocabulary(pictures, arguments.words, *progress);
   matching::save_vocabulary(vocabulary, arguments.out);
   Json report = {{"vocabulary", arguments.out.string()},

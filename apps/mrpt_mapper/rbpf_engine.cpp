@@ -112,7 +112,7 @@ class RbpfEngine : public Engine {
     Pose2 update_from_scan;  // by odometry
   };
 
-  // ICP with a particle's map finds its way only from near: where wheels slip, the key scans before correct them first.
+  // ICP with a particle's map converges only from near: where wheels slip, the key scans before correct them first.
   Pose2 corrected_motion(const MovedScan& moved) {
     motion_since_match_ = compose(motion_since_match_, moved.previous_from_this);
     const bool moved_enough = std::hypot(motion_since_match_.x, motion_since_match_.y) > options_.match_distance_m ||

@@ -1,5 +1,6 @@
 #pragma once
-// How the robot moved from scan to scan: by its wheels where they tell, else by matching each scan with an earlier one.
+// How the robot moved from scan to scan: by odometry where there is any, else by matching each scan with an earlier
+// one.
 
 #include "local_matcher.h"
 

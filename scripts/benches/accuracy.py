@@ -105,7 +105,7 @@ def run(arguments):
     common.need(common.PROGRAM, "run scripts/build first")
     for log in logs:
         for ending in ("rawlog", "relations"):
-            common.need(common.DATA / f"laser/{log}/{log}.{ending}", "set MAPWEAVE_DATA to the folder that holds laser/ (datasets/manifest.yaml tells the logs' origin)")
+            common.need(common.DATA / f"laser/{log}/{log}.{ending}", "set MAPWEAVE_DATA to the folder that holds laser/ (datasets/manifest.yaml lists the logs' origin)")
     (common.OUT / "accuracy").mkdir(parents=True, exist_ok=True)
 
     stored = common.OUT / "accuracy.json"

@@ -1,8 +1,8 @@
 """what the live map server costs: processor time per client, waiting, and dropped frames of whole clients in real time
 
 Needs live_server_benchmark (scripts/build release live_server_benchmark). Robots with depth cameras in one apartment, 10 frames/s, cameras
-that hand over features; what they tell is recorded once, below out/bench/live. Writes the table between <!-- bench:live --> and
-<!-- /bench --> of datasets/RESULTS.md, and out/bench/live.json. Where the clients' maps did not become one, the exit code is 5 and what joining took is left
+that hand over features; what they publish is recorded once, below out/bench/live. Writes the table between <!-- bench:live --> and
+<!-- /bench --> of datasets/RESULTS.md, and out/bench/live.json. Where the clients' maps did not become one, the exit code is 5 and what merging took is left
 out. Takes a minute for each row.
 """
 import json
@@ -11,8 +11,8 @@ import subprocess
 from benches import common
 
 PROGRAM = common.PROGRAM.parent / "live_server_benchmark"
-HEADERS = ("clients", "maps at the end", "server, CPU s per client-minute", "of it joining", "server, cores", "update, ms", "retrieval, ms", "sending, ms", "place, ms",
-           "an update waits, ms (longest)", "maps held, ms (longest)", "joinings (longest, s)")
+HEADERS = ("clients", "maps at the end", "server, CPU s per client-minute", "of it merging", "server, cores", "update, ms", "retrieval, ms", "sending, ms", "place, ms",
+           "an update waits, ms (longest)", "maps held, ms (longest)", "merges (longest, s)")
 
 
 def add_arguments(parser):
@@ -30,17 +30,17 @@ def measured(*arguments):
 
 def cells(row):
     is_one = row["components"] == 1
-    return (row["clients"], row["components"], f"{row['cpu_s_per_client_minute']:.2f}", f"{row['joining_s_per_client_minute']:.2f}" if is_one else "-", f"{row['cores']:.2f}",
+    return (row["clients"], row["components"], f"{row['cpu_s_per_client_minute']:.2f}", f"{row['merging_s_per_client_minute']:.2f}" if is_one else "-", f"{row['cores']:.2f}",
             f"{row['update_ms']:.2f}", f"{row['retrieval_ms']:.3f}", f"{row['sending_ms']:.3f}", f"{row['place_ms']:.1f}",
             f"{row['mean_wait_ms']:.1f} ({row['longest_wait_ms']:.0f})", f"{row['longest_hold_ms']:.0f}",
-            f"{row['joinings']} ({row['longest_joining_s']:.1f})" if is_one else "-")
+            f"{row['merges']} ({row['longest_merge_s']:.1f})" if is_one else "-")
 
 
 def run(arguments):
     common.need(PROGRAM, "run scripts/build release live_server_benchmark first")
     folder = common.OUT / "live"
     folder.mkdir(parents=True, exist_ok=True)
-    stream = folder / "told-by-16"
+    stream = folder / "published-by-16"
     if not stream.exists():
         measured("record", stream, 16, 60)
     rows = json.loads(measured("replay", stream, arguments.clients))

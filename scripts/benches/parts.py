@@ -13,7 +13,7 @@ from benches import common
 HEADERS = ("part", "measured", "goal", "by")
 
 
-def told_by(program, *arguments):
+def output_of(program, *arguments):
     path = common.need(common.PROGRAM.parent / program, f"run scripts/build release {program} first")
     run = subprocess.run([path, *map(str, arguments)], capture_output=True, text=True)
     if run.returncode != 0:
@@ -24,13 +24,13 @@ def told_by(program, *arguments):
 def found(pattern, text):
     match = re.search(pattern, text)
     if not match:
-        common.give_up(f"no '{pattern}' in what was told:\n{text}")
+        common.give_up(f"no '{pattern}' in what was printed:\n{text}")
     return match.groups()
 
 
 def seconds_of_solved(program):
     """Processor time of a solution, which must be one: the error at least halved."""
-    text = told_by(program)
+    text = output_of(program)
     seconds, before, after = found(r"([\d.]+) s of processor time, \d+ iterations, error ([\d.]+) -> ([\d.]+) m", text)
     if not float(after) <= 0.5 * float(before):
         common.give_up(f"{program}: the error did not become less; there is no time of a solution:\n{text}", 5)
@@ -38,17 +38,17 @@ def seconds_of_solved(program):
 
 
 def pictures():
-    milliseconds, = found(r"colour RGB-D: .* on 2 thread\(s\) \(([\d.]+) ms of processor time", told_by("renderer_benchmark"))
+    milliseconds, = found(r"colour RGB-D: .* on 2 thread\(s\) \(([\d.]+) ms of processor time", output_of("renderer_benchmark"))
     return f"{milliseconds} ms a picture", "100 ms (20 frames/s on 2 cores)"
 
 
 def features():
-    rate, = found(r"([\d.]+) frames/s of processor time", told_by("feature_sensor_benchmark"))
+    rate, = found(r"([\d.]+) frames/s of processor time", output_of("feature_sensor_benchmark"))
     return f"{rate} frames/s", "1000 frames/s"
 
 
 def places():
-    median, most = found(r"10000 keyframes: median ([\d.]+) ms, 99 % within ([\d.]+) ms", told_by("place_index_benchmark"))
+    median, most = found(r"10000 keyframes: median ([\d.]+) ms, 99 % within ([\d.]+) ms", output_of("place_index_benchmark"))
     return f"{median} ms, 99 % within {most} ms", "3 ms"
 
 
@@ -56,7 +56,7 @@ def recognition():
     folders = [path.parent for path in sorted((common.DATA / "visual").glob("*/associations.txt"))]
     if not folders:
         common.give_up(f"there are no RGB-D folders below {common.DATA}/visual; set MAPWEAVE_DATA")
-    text = told_by("place_recognition_benchmark", *folders)
+    text = output_of("place_recognition_benchmark", *folders)
     rows = re.findall(r"(\S+): \d+ pictures; (\d+) judgements believed, precision ([\d.]+); \d+ could be known again, recall ([\d.]+)", text)
     if not rows or any(count == "0" for _, count, _, _ in rows):
         common.give_up(f"place_recognition_benchmark: a sequence without a judgement that was believed; there is no precision:\n{text}", 5)
@@ -65,7 +65,7 @@ def recognition():
 
 
 def landmarks():
-    text = told_by("landmark_index_benchmark")
+    text = output_of("landmark_index_benchmark")
     rows = re.findall(r"^\s+(\d+)\s+1\.0\s+\d+\s+([\d.]+)\s+([\d.]+)", text, re.MULTILINE)
     return "; ".join(f"{side} m: {float(mean):.2f} ms" for side, mean, _ in rows), "0.2 ms (CVS: 1.7)"
 
@@ -75,7 +75,7 @@ def bundle():
 
 
 def merge():
-    text = told_by("visual_fuse_benchmark")
+    text = output_of("visual_fuse_benchmark")
     keyframes, teams = found(r"^2 maps, (\d+) keyframes, \d+ landmarks -> (\d+) teams", text)
     if teams != "1":
         common.give_up("visual_fuse_benchmark: its maps were not joined; there is no time of a merge", 5)
@@ -91,7 +91,7 @@ def pose_graph():
 
 
 def endurance():
-    text = told_by("endurance_benchmark")
+    text = output_of("endurance_benchmark")
     rows = [line.split() for line in text.splitlines() if re.match(r"^\s+\d+\s", line)]
     early, late = rows[len(rows) // 6], rows[-1]
     error, = found(r"error ([\d.]+) m", text)
@@ -100,7 +100,7 @@ def endurance():
 
 
 def endurance_team():
-    rows = [line.split() for line in told_by("endurance_benchmark", "team").splitlines() if re.match(r"^\s+\d+\s", line)]
+    rows = [line.split() for line in output_of("endurance_benchmark", "team").splitlines() if re.match(r"^\s+\d+\s", line)]
     clients = [row for row in rows if row[1] != "server"]
     servers = [row for row in rows if row[1] == "server"]
 
@@ -122,7 +122,7 @@ PARTS = {
     "merge": ("merge of 456 keyframes, two robots' maps of an apartment", merge, "visual_fuse_benchmark"),
     "pose_graph": ("pose graph of 1000 keyframes", pose_graph, "pose_graph_benchmark"),
     "endurance": ("an hour of driving by features", endurance, "endurance_benchmark"),
-    "endurance_team": ("the same by two clients that a map server lends landmarks", endurance_team, "endurance_benchmark"),
+    "endurance_team": ("the same by two clients with which a map server shares landmarks", endurance_team, "endurance_benchmark"),
 }
 
 

@@ -1,4 +1,4 @@
-"""RecSLAM's figures with runs of our own: when the map of all is there, where the time goes, against the cloud alone and other ways of grouping
+"""RecSLAM's figures with runs of our own: when the map of all is there, where the time goes, against the cloud alone and other groupings
 
 Needs the program (scripts/build). Simulates the apartments of the paper's section VI (0.20 m/s) and, where MAPWEAVE_DATA has them, cuts public
 logs into teams; runs each team with its edges grouped by each method, and in the cloud alone. Before that it learns each place's latency model from
@@ -150,9 +150,9 @@ def measure(name, seed, model):
     result = {"name": name, "robots": SCENES[name]["robots"], "methods": {}}
     for method in METHODS:
         summary, out = run_team(name, seed, method, f"coordinator.method={method}", f"coordinator.model={model}")
-        told = summary["coordinator"]
-        result["methods"][method] = {"total_s": told["came_seconds"], "expected_s": told["expected_seconds"], "parts": parts(summary["timeline"]),
-                                     "deciding_s": told["cpu_seconds"], "cut": told["decisions"][-1]["cut_weight"], "loads": [robot["load"] for robot in summary["timeline"]["robots"]],
+        coordinated = summary["coordinator"]
+        result["methods"][method] = {"total_s": coordinated["came_seconds"], "expected_s": coordinated["expected_seconds"], "parts": parts(summary["timeline"]),
+                                     "deciding_s": coordinated["cpu_seconds"], "cut": coordinated["decisions"][-1]["cut_weight"], "loads": [robot["load"] for robot in summary["timeline"]["robots"]],
                                      "teams": summary["team"]["components"]}
         if method == "default":
             result["wires"] = {profile: parts(timeline(out, *(f"network.{wire}.profile={profile}" for wire in ("robot_edge", "edge_cloud"))))
@@ -187,8 +187,8 @@ def learn(scenes):
     folders = [run_team(name, seed, method, f"coordinator.method={method}")[1]
                for name in scenes for seed, method in zip(LEARNING_SEEDS, ("default", "random"))]
     model = folder_of(scenes[0], "model").with_suffix(".json")
-    _, told = common.mapweave("profile", *folders, "--out", model, "--json")
-    return model, json.loads(told)
+    _, printed = common.mapweave("profile", *folders, "--out", model, "--json")
+    return model, json.loads(printed)
 
 
 def draw(rows, models):
@@ -227,7 +227,7 @@ def report(all_rows, models):
                          "robot's load, offload / alone"), [cells(row) for row in all_rows])
     rows = [row for row in all_rows if is_one_map(row)]
     if not rows:
-        return text + "\n\nNo team ended in one map in every run, so that there are no times to tell."
+        return text + "\n\nNo team ended in one map in every run, so that there are no times to show."
     judged = [verdict for row in rows for verdict in row["verdicts"]]
     joined = sum(decision == "accepted" for _, _, decision, _, _ in judged)
     for what, some in (("with a model of other drives in the same place", [row for row in rows if "log" not in SCENES[row["name"]]]),
@@ -251,9 +251,9 @@ def report(all_rows, models):
         text += common.table(("what", *(row["name"] for row in series)),
                              [("as it is", *(percent(row["methods"]["default"]["total_s"] / row["cloud_only_s"] - 1) for row in series))] +
                              [(what, *(percent(row["otherwise"][what][0] / row["otherwise"][what][1] - 1) for row in series)) for what in series[0]["otherwise"]])
-    place, told = next(iter(models.items()))
+    place, profile = next(iter(models.items()))
     terms = "; ".join(f"{term['term']}: {term['samples']} samples, explains {100 * term['r_squared']:.0f} %, off by {100 * term['median_off']:.0f} % (median)"
-                      for term in told["terms"])
+                      for term in profile["terms"])
     text += (f"\n\nMeasured by `scripts/bench recslam` on {common.machine()}: processor time of this machine, robots taken for Raspberry Pi 3B+ (0.12 of it), edges for as fast as the cloud where nothing else is said, WiFi (12.75 MB/s, 2 ms) on all wires. What was "
              f"learnt, by scans, for {place}: {terms}.")
     return text

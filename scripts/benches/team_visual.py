@@ -134,7 +134,7 @@ def measure_pictures(name):
     truths = {robot: world / f"{robot}.truth.tum" for robot in routes}
     alone = [error_of(out / "robots" / robot / "trajectory.tum", truths[robot]) for robot in routes]
     seconds = {line["id"]: line["log_seconds"] for line in summary["timeline"]["robots"]}
-    sent, heard = ([sum(camera[what] for camera in robot["cameras"]) / seconds[robot["id"]] / 1e3 for robot in summary["robots"]]
+    sent, received = ([sum(camera[what] for camera in robot["cameras"]) / seconds[robot["id"]] / 1e3 for robot in summary["robots"]]
                    for what in ("sent_bytes", "heard_bytes"))
     team = [out / "team/trajectories" / f"{robot}.tum" for robot in routes]
     joined = [robot for robot, path in zip(routes, team) if path.exists()]
@@ -142,7 +142,7 @@ def measure_pictures(name):
                       one_after_the_other([truths[robot] for robot in joined], out / "truth.tum"))
     return {"name": name, "title": scene["title"], "robots": len(routes), "maps": sum(len(team) for team in summary["team"]["members"]), "components": summary["team"]["components"],
             "falsely_joined": int(team_m > 0.5), "alone_m": math.sqrt(statistics.mean(error * error for error in alone)), "team_m": team_m,
-            "up_kb_per_s": statistics.mean(sent), "down_kb_per_s": statistics.mean(heard)}
+            "up_kb_per_s": statistics.mean(sent), "down_kb_per_s": statistics.mean(received)}
 
 
 def measure_team(name):
@@ -152,7 +152,7 @@ def measure_team(name):
 
 
 def is_joined(row):
-    """Whether what the row tells of a team is of one map of them all."""
+    """Whether the team of the row has one map."""
     if "seeds" in row:
         return row["falsely_joined"] == 0
     if "components" in row:
@@ -173,11 +173,11 @@ def team_cells(row):
 CORB_SLAM = {"full keyframes": (937, 104.7), "full landmarks": (499681, 0.028), "light keyframes": (1083, 2.37), "light landmarks": (139418, 0.043)}
 
 
-def told_text(row):
+def published_text(row):
     """What went over the wire for keyframes and landmarks, in full and after (CORB-SLAM, table 1)."""
-    told = row["told"]
-    each = {what: (some["count"], some["bytes"] / max(1, some["count"]), 1e3 * some["seconds"] / max(1, some["count"])) for what, some in told.items()}
-    text = f"\n\nWhat was told in {row['title']} (times: encoding and decoding, of a processor; CORB-SLAM's: transfer, KITTI 00):\n\n"
+    published = row["published"]
+    each = {what: (some["count"], some["bytes"] / max(1, some["count"]), 1e3 * some["seconds"] / max(1, some["count"])) for what, some in published.items()}
+    text = f"\n\nWhat was published in {row['title']} (times: encoding and decoding, of a processor; CORB-SLAM's: transfer, KITTI 00):\n\n"
     text += common.table(("what", "number", "bytes each", "ms each", "CORB-SLAM: number", "ms each"),
                          [(what, count, f"{size:.0f}", f"{ms:.4f}", CORB_SLAM[what][0], CORB_SLAM[what][1]) for what, (count, size, ms) in each.items()])
     full, light = each["full keyframes"], each["light keyframes"]
@@ -210,7 +210,7 @@ def run(arguments):
                         measure_pictures(name) if name in PICTURES else measure_team(name))
         common.write_json("team-visual", {"machine": common.machine(), "commit": common.commit(), "rows": measured})
 
-    def tell(tag, headers, names, cells_of, note):
+    def write_table(tag, headers, names, cells_of, note):
         fresh = [row for row in measured if row["name"] in names]
         if not fresh:
             return
@@ -220,13 +220,13 @@ def run(arguments):
         if not arguments.dry_run:
             common.write_results(tag, text)
 
-    tell("team-visual", HEADERS, SEQUENCES, cells, ": each sequence cut into two robots that share some seconds, on an edge each. One alignment for the whole team; goal: "
+    write_table("team-visual", HEADERS, SEQUENCES, cells, ": each sequence cut into two robots that share some seconds, on an edge each. One alignment for the whole team; goal: "
          f"1.1 times the single run's error. Median of {arguments.seeds} seeds; wall times.")
-    tell("rigs", RIG_HEADERS, RIGS, rig_cells, ", in simulated apartments. Each alone: the largest of its maps; both: one map of both, and the robot's way by both. Goal: "
+    write_table("rigs", RIG_HEADERS, RIGS, rig_cells, ", in simulated apartments. Each alone: the largest of its maps; both: one map of both, and the robot's way by both. Goal: "
          "1.1 times the better one's error. Ties: root mean square before and after the graph is solved.")
-    tell("teams", TEAM_HEADERS, (*PICTURES, *TEAMS), team_cells, ": simulated robots with their map server; where nothing else is said, cameras hand over features, 12 "
+    write_table("teams", TEAM_HEADERS, (*PICTURES, *TEAMS), team_cells, ": simulated robots with their map server; where nothing else is said, cameras hand over features, 12 "
          "frames/s. Wrongly: off by more than 0.5 m. "
-         "Alone: root mean square of robots laid on the truth one by one, in apartments where nobody tells them anything; goal: 1.1 times that. Goals of bytes: 150 kB/s up, 50 down. Published, with other data: 500 up, 100 down "
+         "Alone: root mean square of robots laid on the truth one by one, in apartments where nobody sends them anything; goal: 1.1 times that. Goals of bytes: 150 kB/s up, 50 down. Published, with other data: 500 up, 100 down "
          "(CVS, 30 frames/s), 370 up, 520 down (CCM-SLAM, as CVS quotes it)." +
-         ("".join(told_text(row) for row in measured if row["name"] == "apartment-3") or common.results_text("teams", r"\n\nWhat was told in (.|\n)*of their own\.")))
+         ("".join(published_text(row) for row in measured if row["name"] == "apartment-3") or common.results_text("teams", r"\n\nWhat was (?:told|published) in (.|\n)*of their own\.")))
     return common.unmet("not one map, or joined falsely", [row["name"] for row in measured if not is_joined(row)])

@@ -64,7 +64,7 @@ def simulated(name, sensor):
 
 
 def inputs_of(name, sequence):
-    """The log, and the truth of what its trajectory tells of: the robot, or the camera where nothing says how it stands on one."""
+    """The log, and the truth of what its trajectory is of: the robot, or the camera where nothing says how it stands on one."""
     if "world" in sequence:
         folder = simulated(sequence["world"], sequence["sensor"])
         return folder / f"{sequence['robot']}.rawlog", folder / f"{sequence['robot']}.truth.tum"

@@ -42,7 +42,7 @@ def random_walk(random, count, planar):
 
 
 def disturbed(random, positions, turns, planar, scale, distance, angle):
-    """The same way seen from another frame, at another scale, with noise."""
+    """The same trajectory seen from another frame, at another scale, with noise."""
     away = Rotation.from_rotvec([0.0, 0.0, 0.9] if planar else [0.3, -0.5, 0.9])
     noise = random.normal(size=positions.shape) * distance
     if planar:

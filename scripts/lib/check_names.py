@@ -2,7 +2,8 @@
 """Do the names of the code hold together? Run by scripts/check_text; prints what is wrong, a line each, and exits with 1 then.
 
 Public types (libs/*/include): a name stands for one type over all libraries; forward declarations and nested types do not count.
-Identifiers and file names of libs and apps: none of the words that this project had of its own for what the field has a word for.
+Identifiers and file names of libs, apps, test and scripts: none of the words that this project had of its own for what the field has a word for.
+Texts in the code of libs and apps, the reference of options, the README and the guides: none of them but for those that are plain English as well.
 """
 import pathlib
 import re
@@ -33,20 +34,24 @@ RETIRED = {
     "lengths": "scale",
 }
 
-# Identifiers that have such a word for a reason.
+# Plain English in a text ("either way", "focal lengths"), though not in a name.
+PLAIN_IN_TEXTS = {"way", "ways", "tell", "tells", "lengths"}
+
+# Identifiers, and texts that are nothing else, that have such a word for a reason.
 EXCEPTIONS = {
-    "LentLandmark": "a message of maps/proto/mapweave.proto",
-    "bind": "SQLite's word for a statement's parameter",
+    "bind": "databases' word for giving a statement its parameters (mapdb)",
     "bind_bytes": "as bind",
     "bind_text": "as bind",
-    "sqlite3_bind_blob64": "SQLite's",
-    "sqlite3_bind_double": "SQLite's",
-    "sqlite3_bind_int64": "SQLite's",
-    "sqlite3_bind_text64": "SQLite's",
-    "sqlite3_clear_bindings": "SQLite's",
+    "lent_bytes": "a key of summary.json, which is read of earlier runs",
+    "heard_bytes": "as lent_bytes",
 }
+NOT_OURS = re.compile(r"sqlite3_")
+# What holds the old names by its purpose.
+OLD_NAMES = {"scripts/lib/check_names.py", "libs/core/src/renamed_options.cpp"}
 
-NO_CODE = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+TEXT = r'R"(?P<end>[^(\s]*)\(.*?\)(?P=end)"|"(?:\\.|[^"\\\n])*"'
+NO_CODE = re.compile(TEXT + r"|//[^\n]*|/\*.*?\*/", re.DOTALL)
+NO_PYTHON = re.compile(r'"""(?:.|\n)*?"""|"(?:\\.|[^"\\\n])*"|#[^\n]*')
 TYPE = re.compile(r"(?:class|struct|enum class|enum|union) ([A-Z]\w*)\b(?!::)(?!\s*;)|using ([A-Z]\w*) =")
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
@@ -55,15 +60,23 @@ problems = []
 
 
 def listed(*patterns):
-    names = subprocess.run(["git", "-C", ROOT, "ls-files", "-z", "--cached", "--others", "--exclude-standard", *patterns],
+    names = subprocess.run(["git", "-C", ROOT, "-c", f"safe.directory={ROOT}", "ls-files", "-z", "--cached", "--others", "--exclude-standard", *patterns],
                            capture_output=True, text=True, check=True).stdout.split("\0")
     return [pathlib.Path(name) for name in sorted(set(names)) if name and (ROOT / name).is_file()]
 
 
 def code_of(file):
     """The numbered lines of a source, without comments and texts."""
-    text = NO_CODE.sub(lambda found: re.sub(r"[^\n]", " ", found.group()), (ROOT / file).read_text())
-    return enumerate(text.splitlines(), 1)
+    no_code = NO_PYTHON if file.suffix == ".py" else NO_CODE
+    return enumerate(no_code.sub(lambda found: re.sub(r"[^\n]", " ", found.group()), (ROOT / file).read_text()).splitlines(), 1)
+
+
+def texts_of(file):
+    """The numbered texts that users may see: those in a source's code; of any other file each line."""
+    text = (ROOT / file).read_text()
+    if file.suffix not in (".h", ".cpp"):
+        return enumerate(text.splitlines(), 1)
+    return [(text.count("\n", 0, found.start()) + 1, found.group()) for found in NO_CODE.finditer(text) if not found.group().startswith("/")]
 
 
 def check_public_types():
@@ -77,23 +90,35 @@ def check_public_types():
                 known.setdefault(name, f"{file}:{number}")
 
 
-def retired_in(name):
-    return next((word for word in map(str.lower, WORD.findall(name)) if word in instead), None)
+def retired_in(name, known=()):
+    return next((word for word in map(str.lower, WORD.findall(name)) if word in instead and word not in known), None)
 
 
-def check_words():
-    for file in listed("libs/*.h", "libs/*.cpp", "apps/*.h", "apps/*.cpp"):
+def check_identifiers():
+    for file in listed(*(folder + kind for folder in ("libs/", "apps/", "test/", "scripts/") for kind in ("*.h", "*.cpp", "*.py", "*.proto"))):
         if word := retired_in(file.stem):
             problems.append(f"{file}: '{word}' in its name; say: {instead[word]}")
+        if str(file) in OLD_NAMES:
+            continue
         for number, line in code_of(file):
             for name in re.findall(r"\b[A-Za-z_]\w*", line):
-                if name not in EXCEPTIONS and (word := retired_in(name)):
+                if name not in EXCEPTIONS and not NOT_OURS.match(name) and (word := retired_in(name)):
                     problems.append(f"{file}:{number}: '{word}' in {name}; say: {instead[word]}")
+
+
+def check_texts():
+    for file in listed("libs/*.h", "libs/*.cpp", "apps/*.h", "apps/*.cpp", "README.md", "apps/*/guide/*.md", "libs/README.md", "configs/*.yaml"):
+        if str(file) in OLD_NAMES:
+            continue
+        for number, text in texts_of(file):
+            if text.strip('"') not in EXCEPTIONS and (word := retired_in(text, PLAIN_IN_TEXTS)):
+                problems.append(f"{file}:{number}: '{word}' in a text; say: {instead[word]}")
 
 
 def main():
     check_public_types()
-    check_words()
+    check_identifiers()
+    check_texts()
     print(*problems, sep="\n", end="\n" if problems else "")
     return 1 if problems else 0
 

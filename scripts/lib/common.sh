@@ -18,5 +18,12 @@ fail() {
   exit "$code"
 }
 
+# git_files PATTERN...: into the array `files`, what git tracks or would add. A clone may belong to somebody else (a container's root).
+git_files() {
+  command -v git > /dev/null || fail 1 "git is absent" "apt-get install --no-install-recommends git"
+  mapfile -d '' -t files < <(git -c "safe.directory=$root" ls-files -z --cached --others --exclude-standard -- "$@")
+  [[ ${#files[@]} -gt 0 ]] || fail 1 "git lists no files in $root" "checks need a clone of the project, not an unpacked archive"
+}
+
 # The comment block at the top of a script is its help.
 show_help() { awk 'NR > 1 && !/^#/ {exit} NR > 1 {sub(/^# ?/, ""); print}' "$0"; }

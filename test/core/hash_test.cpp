@@ -36,7 +36,7 @@ TEST(Hash, of_no_file_is_an_error_that_names_it) {
   }
 }
 
-TEST(Hasher, tells_texts_apart_that_read_alike_in_a_row) {
+TEST(Hasher, distinguishes_texts_that_read_alike_in_a_row) {
   EXPECT_NE(Hasher().add("ab").add("c").finish(), Hasher().add("a").add("bc").finish());
   EXPECT_EQ(Hasher().add("ab").add("c").finish(), Hasher().add("ab").add("c").finish());
   EXPECT_NE(Hasher().add(1.0).finish(), Hasher().add(std::int64_t{1}).finish());

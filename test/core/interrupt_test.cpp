@@ -8,7 +8,7 @@
 namespace mapweave {
 namespace {
 
-// In a child process, so that the handlers do not stay. Its exit status tells what it saw.
+// In a child process, so that the handlers do not stay. Its exit status says what it saw.
 template <class Function>
 int exit_status_of(Function function) {
   const pid_t child = ::fork();

@@ -199,7 +199,7 @@ struct Named {
   std::vector<std::string> push_to;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.texts("push_to", push_to, "who hears of it");
+    v.texts("push_to", push_to, "who is sent it");
   }
 };
 
@@ -219,7 +219,7 @@ TEST(ToYaml, has_texts_in_one_line) {
   EXPECT_EQ(named(to_yaml(options)).push_to, options.push_to);
   EXPECT_EQ(named("push_to: []").push_to, std::vector<std::string>());
   EXPECT_EQ(named("push_to:\n  - 1\n  - alpha\n").push_to, (std::vector<std::string>{"1", "alpha"}));
-  EXPECT_THAT(reference_page(options, "title"), HasSubstr("# who hears of it\npush_to: [alpha,"));
+  EXPECT_THAT(reference_page(options, "title"), HasSubstr("# who is sent it\npush_to: [alpha,"));
 }
 
 TEST(ToYaml, refuses_what_is_no_list_of_texts) {

@@ -31,7 +31,7 @@ TEST(AvailableProcessors, are_those_of_the_cgroup_quota) {
   EXPECT_EQ(processors("0::/\n", {{"cpu.max", "200000 100000\n"}}), 2);
 }
 
-TEST(AvailableProcessors, heed_the_smallest_quota_on_the_way_up) {
+TEST(AvailableProcessors, heed_the_smallest_quota_of_all_groups_around) {
   EXPECT_EQ(processors("0::/a/b/c\n", {{"a/cpu.max", "200000 100000\n"},
                                        {"a/b/cpu.max", "max 100000\n"},
                                        {"a/b/c/cpu.max", "800000 100000\n"}}),

@@ -98,7 +98,7 @@ TEST(Progress, refuses_tasks_it_does_not_know) {
   EXPECT_THROW(progress->advance(task, 1), ContractViolation);
 }
 
-TEST(Progress, may_be_told_by_many_threads) {
+TEST(Progress, may_be_reported_by_many_threads) {
   testing::internal::CaptureStderr();
   {
     const auto progress = make_terminal_progress();

@@ -55,15 +55,16 @@ TEST(AbsoluteError, says_when_no_stamps_match) {
 }
 
 TEST(RelativeError, is_the_drift_of_each_piece) {
-  // A tenth too far in each metre; the way of the estimate itself is measured, so a piece of 2 m is two steps of 1.1 m.
+  // A tenth too far in each metre; the path of the estimate itself is measured, so a piece of 2 m is two steps of 1.1
+  // m.
   const auto one = relative_error(bend(0.1, 0.7), bend(0.0, 0.0), {AlignmentKind::none, 0.01});
   EXPECT_EQ(one.pairs, 9u);
   EXPECT_NEAR(one.translation_m.min, 0.1, 1e-9);
   EXPECT_NEAR(one.translation_m.max, 0.1, 1e-9);
   EXPECT_NEAR(one.rotation_deg.max, 0.0, 1e-6);
-  const auto by_way =
+  const auto by_path =
       relative_error(bend(0.1, 0.7), bend(0.0, 0.0), {AlignmentKind::none, 0.01}, {2.0, DeltaUnit::metres, false, 0.1});
-  EXPECT_EQ(by_way.pairs, 4u);
+  EXPECT_EQ(by_path.pairs, 4u);
 }
 
 TEST(RelativeError, all_pairs_begin_at_every_pose) {
@@ -81,7 +82,7 @@ TEST(RelativeError, all_pairs_begin_at_every_pose) {
       7u);
 }
 
-TEST(RelativeError, refuses_pieces_longer_than_the_way) {
+TEST(RelativeError, refuses_pieces_longer_than_the_path) {
   EXPECT_THROW(relative_error(bend(0.0, 0.0), bend(0.0, 0.0), {AlignmentKind::none, 0.01},
                               {10.0, DeltaUnit::frames, false, 0.1}),
                Error);

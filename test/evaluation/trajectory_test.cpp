@@ -14,7 +14,7 @@ const Trajectory kThree = {{at(10.0), spatial(Pose2(0.0, 0.0, 3.0))},
                            {at(12.0), spatial(Pose2(2.0, 1.0, -3.0))},
                            {at(20.0), spatial(Pose2(9.0, 9.0, 0.0))}};
 
-TEST(InterpolatedPose, goes_straight_and_turns_the_short_way) {
+TEST(InterpolatedPose, goes_straight_and_turns_by_the_smaller_angle) {
   const auto pose = interpolated_pose(kThree, at(11.0), 2.0);
   ASSERT_TRUE(pose);
   EXPECT_THAT(planar(*pose), IsNear(Pose2(1.0, 0.5, M_PI), 1e-9, 1e-9));

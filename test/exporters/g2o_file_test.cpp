@@ -25,7 +25,7 @@ Constraint edge(const NodeId& from, const NodeId& to, ConstraintKind kind = Cons
 void add(Map& map, const Constraint& constraint) { map.constraints.set(constraint.id, constraint); }
 
 // a symmetric matrix with a different number in each place.
-Eigen::Matrix<double, 6, 6> telling_information() {
+Eigen::Matrix<double, 6, 6> given_information() {
   Eigen::Matrix<double, 6, 6> information;
   for (int row = 0; row < 6; ++row)
     for (int column = row; column < 6; ++column)
@@ -87,7 +87,7 @@ TEST(G2oText, of_a_map_in_space_costs_a_small_motion_what_the_constraint_does) {
   add_pose(map, node_id("alpha", 1), 2, {{0.0, 0.0, 1.0}, Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5)});
   Constraint constraint = edge(node_id("alpha", 0), node_id("alpha", 1));
   constraint.from_from_to.pose = {{1.0, 2.0, 3.0}, Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5)};
-  constraint.information = telling_information();
+  constraint.information = given_information();
   add(map, constraint);
   const std::string text = g2o_text(map);
   EXPECT_THAT(text, HasSubstr("VERTEX_SE3:QUAT 1 0 0 1 0.5 0.5 0.5 0.5\n"));
@@ -112,7 +112,7 @@ TEST(G2oText, leaves_out_priors_and_says_so) {
   Map map;
   add_pose(map, node_id("alpha", 0), 1, {});
   Constraint prior = edge(node_id("alpha", 0), node_id("alpha", 0), ConstraintKind::prior);
-  prior.information = telling_information();
+  prior.information = given_information();
   add(map, prior);
   const std::string text = g2o_text(map);
   EXPECT_THAT(text, HasSubstr("VERTEX_SE2 0"));

@@ -25,7 +25,7 @@ OccupancyGrid hall(std::size_t columns, std::size_t rows) {
   return drawn_grid(letters);
 }
 
-SessionTrajectory straight_way(const std::string& robot, double y_m, double length_m) {
+SessionTrajectory straight_trajectory(const std::string& robot, double y_m, double length_m) {
   SessionTrajectory trajectory;
   trajectory.session = node_id(robot, 0).session;
   for (int i = 0; i <= 20; ++i)
@@ -81,32 +81,33 @@ TEST(MapPicture, of_a_large_map_is_thinned_and_keeps_every_wall) {
   EXPECT_GE(longest, 3900 / 5);
 }
 
-TEST(MapPicture, draws_each_robots_way_in_its_colour) {
+TEST(MapPicture, draws_each_robots_trajectory_in_its_colour) {
   const auto grid = hall(100, 60);
-  const std::vector<SessionTrajectory> ways = {straight_way("alpha", 1.0, 4.0), straight_way("beta", 2.0, 4.0)};
-  const cv::Mat bare = decoded(map_picture_png(grid, {})), picture = decoded(map_picture_png(grid, ways));
+  const std::vector<SessionTrajectory> trajectories = {straight_trajectory("alpha", 1.0, 4.0),
+                                                       straight_trajectory("beta", 2.0, 4.0)};
+  const cv::Mat bare = decoded(map_picture_png(grid, {})), picture = decoded(map_picture_png(grid, trajectories));
   EXPECT_EQ(pixels_like(bare, 0, 114, 178), 0u);
   const double pixels_per_m = 16.0 / 0.05;  // about; 100 cells become 1600 pixels
   EXPECT_GT(pixels_like(picture, 0, 114, 178), 0.8 * 4.0 * pixels_per_m);
   EXPECT_GT(pixels_like(picture, 213, 94, 0), 0.8 * 4.0 * pixels_per_m);
 }
 
-TEST(MapPicture, puts_a_way_where_the_robot_went) {
-  // A way along the lower wall: its colour lies in the lower half of the map, and no lower than the wall.
-  const cv::Mat picture = decoded(map_picture_png(hall(100, 100), {straight_way("alpha", 0.5, 4.0)}));
-  int lowest_wall = 0, highest_way = picture.rows;
+TEST(MapPicture, puts_a_trajectory_where_the_robot_went) {
+  // A trajectory along the lower wall: its colour lies in the lower half of the map, and no lower than the wall.
+  const cv::Mat picture = decoded(map_picture_png(hall(100, 100), {straight_trajectory("alpha", 0.5, 4.0)}));
+  int lowest_wall = 0, highest_trajectory = picture.rows;
   for (int row = 200; row < picture.rows - 100; ++row) {  // below the legend, above the scale
     for (int column = 0; column < picture.cols; ++column) {
       const auto& pixel = picture.at<cv::Vec3b>(row, column);
       if (pixel == cv::Vec3b(25, 25, 25)) lowest_wall = row;
-      if (pixel == cv::Vec3b(178, 114, 0)) highest_way = std::min(highest_way, row);
+      if (pixel == cv::Vec3b(178, 114, 0)) highest_trajectory = std::min(highest_trajectory, row);
     }
   }
-  const double pixels_per_m = (lowest_wall - highest_way) / 0.5;  // the wall ends at y 0
+  const double pixels_per_m = (lowest_wall - highest_trajectory) / 0.5;  // the wall ends at y 0
   EXPECT_NEAR(pixels_per_m, 16.0 / 0.05, 0.1 * 16.0 / 0.05);
 }
 
-TEST(MapPicture, does_not_let_stray_rays_shrink_the_building) {
+TEST(MapPicture, does_not_let_outlier_rays_shrink_the_building) {
   auto grid = hall(400, 100);
   auto letters = test::letters_of(grid);
   for (auto& row : letters) row += std::string(400, ' ');
@@ -120,7 +121,7 @@ TEST(MapPicture, does_not_let_stray_rays_shrink_the_building) {
 
 TEST(MapPicture, has_the_same_bytes_whatever_the_order_of_the_robots) {
   const auto grid = hall(100, 60);
-  const auto alpha = straight_way("alpha", 1.0, 4.0), beta = straight_way("beta", 2.0, 3.0);
+  const auto alpha = straight_trajectory("alpha", 1.0, 4.0), beta = straight_trajectory("beta", 2.0, 3.0);
   EXPECT_EQ(map_picture_png(grid, {alpha, beta}), map_picture_png(grid, {beta, alpha}));
   EXPECT_EQ(map_picture_png(grid, {alpha, beta}), map_picture_png(grid, {alpha, beta}));
 }
@@ -130,11 +131,12 @@ TEST(MapPicture, survives_odd_company) {
   options.title = std::string("Caf\xc3\xa9 \x1b[31m of ") + std::string(300, 'x');
   std::vector<SessionTrajectory> many;
   for (int i = 0; i < 60; ++i)
-    many.push_back(straight_way("robot-with-quite-a-long-name-" + std::to_string(100 + i), 0.5 + 0.02 * i, 1e-4 * i));
+    many.push_back(
+        straight_trajectory("robot-with-quite-a-long-name-" + std::to_string(100 + i), 0.5 + 0.02 * i, 1e-4 * i));
   EXPECT_FALSE(decoded(map_picture_png(hall(100, 60), many, options)).empty());
 
   // One that went astray: to the moon, or nowhere at all.
-  auto astray = straight_way("alpha", 1.0, 1e9);
+  auto astray = straight_trajectory("alpha", 1.0, 1e9);
   EXPECT_LE(decoded(map_picture_png(hall(100, 60), {astray})).cols, 2500);
   astray.poses.clear();
   EXPECT_FALSE(decoded(map_picture_png(hall(100, 60), {astray})).empty());

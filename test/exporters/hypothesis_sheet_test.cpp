@@ -67,7 +67,7 @@ TEST(HypothesisSheet, wraps_a_caption_that_is_wider_than_its_panel) {
   EXPECT_GT(cv::countNonZero(below < 255), 0);
 }
 
-TEST(HypothesisSheet, draws_a_map_whose_lengths_differ) {
+TEST(HypothesisSheet, draws_a_map_of_another_scale) {
   const TwoRooms rooms;
   EXPECT_NE(rooms.sheet({}, 1.0), rooms.sheet({}, 1.1));
 }

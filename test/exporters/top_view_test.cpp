@@ -29,7 +29,7 @@ std::vector<ColouredPoint> wall(float z, std::uint32_t rgb) {
   return points;
 }
 
-SessionTrajectory way() {
+SessionTrajectory straight_trajectory() {
   SessionTrajectory trajectory;
   trajectory.session = test::node_id("alpha", 0).session;
   for (int i = 0; i <= 20; ++i) trajectory.poses.push_back({Stamp{i}, spatial(Pose2(0.2 * i, 0.0, 0.0))});
@@ -39,7 +39,7 @@ SessionTrajectory way() {
 TEST(TopView, shows_landmarks_in_their_colours_the_higher_ones_above) {
   auto points = wall(0.6F, 200 << 16);
   for (const auto& point : wall(0.1F, 200 << 8)) points.push_back(point);
-  const cv::Mat picture = decoded(top_view_png(points, {way()}));
+  const cv::Mat picture = decoded(top_view_png(points, {straight_trajectory()}));
   EXPECT_GE(count_like(picture, {0, 0, 170}), 500U);
   EXPECT_EQ(count_like(picture, {0, 170, 0}), 0U);
 }
@@ -56,28 +56,28 @@ TEST(TopView, lays_the_grid_of_lasers_under_the_landmarks) {
     grid.log_odds[static_cast<std::size_t>(30 * 80 + column)] = 100;  // a wall at y = 2
   for (int row = 0; row < 50; ++row) grid.log_odds[static_cast<std::size_t>(row * 80 + 79)] = OccupancyGrid::kUnknown;
   const auto points = wall(0.6F, 200 << 16);
-  const cv::Mat with = decoded(top_view_png(points, {way()}, {}, &grid)),
-                without = decoded(top_view_png(points, {way()}));
+  const cv::Mat with = decoded(top_view_png(points, {straight_trajectory()}, {}, &grid)),
+                without = decoded(top_view_png(points, {straight_trajectory()}));
   EXPECT_GT(count_like(with, {90, 90, 90}), 5000U);
   EXPECT_GT(count_like(with, {228, 228, 228}), 5000U);
   EXPECT_GE(count_like(with, {0, 0, 170}), 300U) << "dots lie above the wall";
   EXPECT_LT(count_like(without, {90, 90, 90}), 500U);
-  EXPECT_EQ(top_view_png(points, {way()}, {}, nullptr), top_view_png(points, {way()}));
+  EXPECT_EQ(top_view_png(points, {straight_trajectory()}, {}, nullptr), top_view_png(points, {straight_trajectory()}));
 }
 
 TEST(TopView, leaves_ceilings_and_what_is_far_off_out) {
   auto points = wall(0.5F, 200);
   for (const auto& point : wall(2.4F, 200 << 16)) points.push_back(point);
-  const cv::Mat near = decoded(top_view_png(points, {way()}));
+  const cv::Mat near = decoded(top_view_png(points, {straight_trajectory()}));
   EXPECT_EQ(count_like(near, {0, 0, 170}), 0U) << "no ceiling";
   points.push_back({{1e6F, -1e6F, 0.0F}, 9});
-  EXPECT_NEAR(decoded(top_view_png(points, {way()})).cols, near.cols, 30);
+  EXPECT_NEAR(decoded(top_view_png(points, {straight_trajectory()})).cols, near.cols, 30);
 }
 
 TEST(TopView, needs_something_finite_to_show) {
   EXPECT_THROW(top_view_png({}, {}), ContractViolation);
-  EXPECT_THROW(top_view_png({{{0.0F, std::nanf(""), 0.0F}, 0}}, {way()}), ContractViolation);
-  EXPECT_FALSE(decoded(top_view_png({}, {way()})).empty()) << "a way alone is shown";
+  EXPECT_THROW(top_view_png({{{0.0F, std::nanf(""), 0.0F}, 0}}, {straight_trajectory()}), ContractViolation);
+  EXPECT_FALSE(decoded(top_view_png({}, {straight_trajectory()})).empty()) << "a trajectory alone is shown";
 }
 
 TEST(ContactSheet, puts_frames_side_by_side_with_their_tracks) {

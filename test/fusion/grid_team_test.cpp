@@ -144,7 +144,7 @@ TEST(GridTeam, is_the_same_for_any_order_of_maps_and_number_of_threads) {
                 test::IsNear(planar(node.map_from_node), 0.0, 0.0));
 }
 
-TEST(GridTeam, tells_how_merged_grids_lie_and_what_speaks_for_it) {
+TEST(GridTeam, reports_how_merged_grids_lie_and_what_speaks_for_it) {
   Halves halves;
   halves.east.scale = 1.06;
   const Map west = map_of_grid(MapId("a"), drawn_grid(office(1), halves.west)),
@@ -167,7 +167,7 @@ TEST(GridTeam, tells_how_merged_grids_lie_and_what_speaks_for_it) {
   EXPECT_NEAR(verdict.in_one_map->a_from_b.scale, 1.0 / 1.06, 0.02);
 }
 
-TEST(GridTeam, tells_what_spoke_against_grids_that_stay_apart) {
+TEST(GridTeam, reports_what_spoke_against_grids_that_stay_apart) {
   const OccupancyGrid grid = drawn_grid(office(1));
   const FusionResult result = fused({map_of_grid(MapId("a"), grid), map_of_grid(MapId("b"), test::flipped(grid))});
   ASSERT_EQ(result.components.size(), 2U);

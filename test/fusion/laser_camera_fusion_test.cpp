@@ -8,17 +8,17 @@
 namespace mapweave::fusion {
 namespace {
 
-std::vector<Pose2> way_of(const simulation::SimulatedRobot& robot, const Pose2& start) {
-  std::vector<Pose2> way;
+std::vector<Pose2> path_of(const simulation::SimulatedRobot& robot, const Pose2& start) {
+  std::vector<Pose2> path;
   for (std::size_t i = 0; i < robot.steps.size(); i += 15)
-    way.push_back(compose(start, between(robot.steps.front().world_from_robot, robot.steps[i].world_from_robot)));
-  return way;
+    path.push_back(compose(start, between(robot.steps.front().world_from_robot, robot.steps[i].world_from_robot)));
+  return path;
 }
 
 // A robot's walls and stars. The camera's world is laid so that the robot stands at `stars_from_start` when it begins.
 Map of_two_senses(const simulation::SimulatedRobot& robot, const simulation::SimulatedLaserOptions& laser,
                   const test::StarryBuilding& stars, const Pose2& stars_from_start) {
-  Map camera = stars.keyframe_map(robot.id.str(), way_of(robot, stars_from_start));
+  Map camera = stars.keyframe_map(robot.id.str(), path_of(robot, stars_from_start));
   for (auto& entry : camera.nodes) entry.second.stamp = robot.steps[15 * entry.first.index].stamp;
   return rig::align_cameras(test::truth_map(robot, laser), {camera}).map;
 }
@@ -56,14 +56,14 @@ struct OneOfTwoSenses {
   }();
   test::StarryBuilding stars{{1, 2}, 2500};
   Map both = of_two_senses(team.robots[0], team.laser, stars, team.robots[0].steps.front().world_from_robot);
-  std::vector<Pose2> way = way_of(team.robots[1], team.robots[1].steps.front().world_from_robot);
+  std::vector<Pose2> path = path_of(team.robots[1], team.robots[1].steps.front().world_from_robot);
 
   Map camera_alone(const char* name, const test::StarryOptions& options) const {
-    return stars.keyframe_map(name, way, options);
+    return stars.keyframe_map(name, path, options);
   }
   Map camera_of_both() const {
     return stars.keyframe_map(team.robots[0].id.str(),
-                              way_of(team.robots[0], team.robots[0].steps.front().world_from_robot));
+                              path_of(team.robots[0], team.robots[0].steps.front().world_from_robot));
   }
 
   struct Error {
@@ -80,7 +80,7 @@ struct OneOfTwoSenses {
       return truth;
     };
     const std::map<NodeId, Pose3> truth_own = truth_of(own, team.robots[0].steps.front().world_from_robot),
-                                  truth_alone = truth_of(true_scale, way.front());
+                                  truth_alone = truth_of(true_scale, path.front());
     std::vector<rig::CommonPose> pairs;
     for (const auto* truth : {&truth_own, &truth_alone})
       for (const auto& [id, pose] : *truth) pairs.push_back({pose, joined.nodes.find(id)->map_from_node});
@@ -110,7 +110,7 @@ struct OneOfTwoSenses {
 
 TEST(LaserCameraFusion, bends_all_of_a_depth_cameras_map_to_a_robot_with_a_laser) {
   OneOfTwoSenses flat;
-  flat.way.resize(24);
+  flat.path.resize(24);
   test::StarryOptions bent;
   bent.drift_rad_per_keyframe = 0.0015;
   const Map alone = flat.camera_alone("robot1", bent);
@@ -156,7 +156,7 @@ TEST(LaserCameraFusion, gives_a_robot_with_a_single_camera_the_scale_of_one_with
   }
 }
 
-TEST(LaserCameraFusion, tells_floors_of_one_plan_apart_by_what_cameras_see) {
+TEST(LaserCameraFusion, distinguishes_floors_of_one_plan_by_what_cameras_see) {
   simulation::TeamOptions options;
   options.shared = 0.6;
   const auto team = simulation::make_apartment({}, options);
@@ -174,7 +174,7 @@ TEST(LaserCameraFusion, tells_floors_of_one_plan_apart_by_what_cameras_see) {
   EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction);
 }
 
-TEST(LaserCameraFusion, tells_houses_of_one_wallpaper_apart_by_their_walls) {
+TEST(LaserCameraFusion, distinguishes_houses_of_one_wallpaper_by_their_walls) {
   const auto team = simulation::make_two_strangers();
   const test::StarryBuilding stars({1, 2}, 2500);
   std::vector<Map> maps, seen;
@@ -200,7 +200,7 @@ TEST(LaserCameraFusion, does_not_join_rooms_of_one_wallpaper_that_repeats) {
   const test::StarryBuilding stars({1, 1}, 2500);
   std::vector<Map> seen;
   for (const auto& robot : simulation::make_two_strangers().robots) {
-    seen.push_back(stars.keyframe_map(robot.id.str(), way_of(robot, {1.0, 0.5, 0.2})));
+    seen.push_back(stars.keyframe_map(robot.id.str(), path_of(robot, {1.0, 0.5, 0.2})));
   }
   const auto result = fused(seen);
   EXPECT_EQ(result.components.size(), 2U);

@@ -93,7 +93,7 @@ TEST(SameRecording, of_a_robot_that_stands_still_counts_once_and_joins_nothing) 
   }
 }
 
-TEST(SameRecording, of_maps_that_show_nothing_is_not_told) {
+TEST(SameRecording, of_maps_that_show_nothing_is_unknown) {
   Map one, other;
   one.id = MapId("one");
   other.id = MapId("other");

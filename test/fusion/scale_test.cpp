@@ -29,9 +29,9 @@ FusionResult fused(std::vector<Map> maps) {
 
 // Turning as it goes, so that a camera swings about the base.
 std::vector<Pose2> turning(double x, double y, double first_yaw, double turn, int count) {
-  std::vector<Pose2> way;
-  for (int i = 0; i < count; ++i) way.push_back({x + 0.15 * i, y, first_yaw + turn * i / count});
-  return way;
+  std::vector<Pose2> path;
+  for (int i = 0; i < count; ++i) path.push_back({x + 0.15 * i, y, first_yaw + turn * i / count});
+  return path;
 }
 
 double farthest_m(const Map& team, const Map& truth, const Pose3& team_from_truth) {
@@ -84,15 +84,15 @@ double off_frame_m(const Component& team, const Map& map) {
 
 TEST(Scale, of_a_camera_off_the_base_is_found_by_a_map_with_depth) {
   const test::StarryBuilding building({1});
-  const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = turning(-1.5, 0.3, 0.6, 1.2, 14);
-  const Map a = building.keyframe_map("alpha", way_a), b = building.keyframe_map("beta", way_b, single(kOwn)),
-            truth = building.keyframe_map("beta", way_b, single(1.0));
+  const auto path_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), path_b = turning(-1.5, 0.3, 0.6, 1.2, 14);
+  const Map a = building.keyframe_map("alpha", path_a), b = building.keyframe_map("beta", path_b, single(kOwn)),
+            truth = building.keyframe_map("beta", path_b, single(1.0));
   const auto result = fused({a, b});
   ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
   const Component& team = result.components[0];
   ASSERT_NE(team.scales.find(b.id), nullptr);
   EXPECT_NEAR(*team.scales.find(b.id) * kOwn, 1.0, 0.02);
-  const Pose3 team_from_truth = spatial(between(way_a.front(), way_b.front()));
+  const Pose3 team_from_truth = spatial(between(path_a.front(), path_b.front()));
   EXPECT_LT(farthest_m(team.map, truth, team_from_truth), 0.02);
   EXPECT_LT(landmarks_m(team.map, truth, team_from_truth, team.same_as), 0.03);
   EXPECT_LT(untold_m(team.map), 0.05);
@@ -117,7 +117,7 @@ TEST(Scale, is_that_of_the_metric_map_though_a_single_camera_comes_first) {
 
 TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   const test::StarryBuilding building({1});
-  const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), way_b = turning(-1.5, 0.3, 0.6, 0.5, 14);
+  const auto path_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14), path_b = turning(-1.5, 0.3, 0.6, 0.5, 14);
   test::StarryOptions ahead = single(0.6), aside = single(0.6);
   aside.sensor = "side";
   aside.camera_m = {0.3, 0.1, 0.9};
@@ -128,7 +128,7 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   const Map& both = merge.maps[0].map;
   const auto apart_m = [&](const Map& map) {
     double result = 0.0;
-    for (std::uint32_t i = 0; i < way_b.size(); ++i) {
+    for (std::uint32_t i = 0; i < path_b.size(); ++i) {
       const auto at = [&](const char* sensor) {
         return map.nodes.find({{{RobotId("beta"), SensorId(sensor)}, 1'000'000'000}, i})->map_from_node.t;
       };
@@ -138,7 +138,7 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   };
   EXPECT_LT(apart_m(both), 0.03) << "before";
   EXPECT_LT(apart_m(rig::rescaled(both, 1.0 / 0.6)), 0.06);
-  const auto result = fused({building.keyframe_map("alpha", way_a), both});
+  const auto result = fused({building.keyframe_map("alpha", path_a), both});
   ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
   const Map& team = result.components[0].map;
   EXPECT_LT(apart_m(team), 0.06);
@@ -146,25 +146,25 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
     if (id.kind != ConstraintKind::extrinsic) continue;
     EXPECT_LT(constraint.from_from_to.pose.t.norm(), 0.06) << to_string(id.from);
   }
-  const Map truth = building.keyframe_map("beta", way_b, single(1.0));
-  EXPECT_LT(farthest_m(team, truth, spatial(between(way_a.front(), way_b.front()))), 0.06);
+  const Map truth = building.keyframe_map("beta", path_b, single(1.0));
+  EXPECT_LT(farthest_m(team, truth, spatial(between(path_a.front(), path_b.front()))), 0.06);
 }
 
 TEST(Scale, of_a_camera_off_the_base_is_that_of_the_laser_beside_it) {
   const test::StarryBuilding building({1});
-  const auto way = turning(-1.5, 0.3, 0.6, 1.2, 14);
-  const Map truth = building.keyframe_map("alpha", way, single(1.0));
+  const auto path = turning(-1.5, 0.3, 0.6, 1.2, 14);
+  const Map truth = building.keyframe_map("alpha", path, single(1.0));
   Map laser;
   laser.id = MapId("alpha");
   for (const auto& [id, node] : truth.nodes) {
     const NodeId there{{{RobotId("alpha"), SensorId("laser")}, 1'000'000'000}, id.index};
     laser.nodes.set(there, {there, node.stamp, node.map_from_node, nullptr});
     if (id.index == 0) continue;
-    const Pose2 step = between(way[id.index - 1], way[id.index]);
+    const Pose2 step = between(path[id.index - 1], path[id.index]);
     const ConstraintId odometry{ConstraintKind::odometry, {there.session, id.index - 1}, there, 0};
     laser.constraints.set(odometry, planar_constraint(odometry, step, Eigen::Vector3d(1e6, 1e6, 1e6).asDiagonal()));
   }
-  const rig::LaserCameraMap both = rig::align_cameras(laser, {building.keyframe_map("alpha", way, single(kOwn))});
+  const rig::LaserCameraMap both = rig::align_cameras(laser, {building.keyframe_map("alpha", path, single(kOwn))});
   ASSERT_TRUE(both.apart.empty());
   EXPECT_LT(farthest_m(both.map, truth, {}), 0.01);
   EXPECT_LT(landmarks_m(both.map, truth, {}), 0.03);

@@ -28,7 +28,7 @@ TEST(SelfRepetition, allows_more_where_the_place_itself_is_contradicted) {
   EXPECT_TRUE(is_contradicted(walls(100.0, 11.0), walls(100.0, 30.0))) << "but never much more";
 }
 
-WallAgreement walls_that_tell(double distinctive_m, double contradicted_m, double unclear_m) {
+WallAgreement agreement_of(double distinctive_m, double contradicted_m, double unclear_m) {
   WallAgreement result = walls(140.0, contradicted_m);
   result.distinctive_m = distinctive_m;
   result.unclear_m = unclear_m;
@@ -38,18 +38,18 @@ WallAgreement walls_that_tell(double distinctive_m, double contradicted_m, doubl
 
 // Figures of simulated hotels whose robots were in different rooms.
 TEST(FitsByChance, where_another_place_would_be_merged_too) {
-  EXPECT_TRUE(fits_by_chance(walls_that_tell(35.0, 1.3, 5.1), walls_that_tell(15.4, 0.3, 0.7), 4.8, 2.9));
-  EXPECT_TRUE(fits_by_chance(walls_that_tell(300.0, 0.0, 0.0), walls_that_tell(10.0, 0.0, 0.0), 5.0, 2.9));
+  EXPECT_TRUE(fits_by_chance(agreement_of(35.0, 1.3, 5.1), agreement_of(15.4, 0.3, 0.7), 4.8, 2.9));
+  EXPECT_TRUE(fits_by_chance(agreement_of(300.0, 0.0, 0.0), agreement_of(10.0, 0.0, 0.0), 5.0, 2.9));
 }
 
 TEST(FitsByChance, where_what_decides_is_no_more_than_fits_at_a_place_that_cannot_be_right) {
-  EXPECT_TRUE(fits_by_chance(walls_that_tell(35.5, 2.9, 4.1), walls_that_tell(14.1, 3.7, 3.4), -12.5, 2.9));
-  EXPECT_FALSE(fits_by_chance(walls_that_tell(70.0, 2.9, 4.1), walls_that_tell(14.1, 3.7, 3.4), -12.5, 2.9));
+  EXPECT_TRUE(fits_by_chance(agreement_of(35.5, 2.9, 4.1), agreement_of(14.1, 3.7, 3.4), -12.5, 2.9));
+  EXPECT_FALSE(fits_by_chance(agreement_of(70.0, 2.9, 4.1), agreement_of(14.1, 3.7, 3.4), -12.5, 2.9));
 }
 
 TEST(FitsByChance, leaves_what_fits_much_better_than_any_other_place) {
-  EXPECT_FALSE(fits_by_chance(walls_that_tell(269.0, 0.1, 1.0), walls_that_tell(60.0, 9.0, 9.0), -20.0, 2.9));
-  EXPECT_FALSE(fits_by_chance(walls_that_tell(14.0, 0.5, 0.5), walls_that_tell(0.0, 9.0, 9.0), -20.0, 2.9));
+  EXPECT_FALSE(fits_by_chance(agreement_of(269.0, 0.1, 1.0), agreement_of(60.0, 9.0, 9.0), -20.0, 2.9));
+  EXPECT_FALSE(fits_by_chance(agreement_of(14.0, 0.5, 0.5), agreement_of(0.0, 9.0, 9.0), -20.0, 2.9));
 }
 
 }  // namespace

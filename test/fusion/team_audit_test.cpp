@@ -38,7 +38,7 @@ TEST(TeamAudit, takes_a_map_apart_that_is_right_in_one_half_and_wrong_in_the_oth
   EXPECT_EQ(result.verdicts[0].decision, Decision::refused);
   EXPECT_EQ(result.verdicts[0].reason, Reason::contradiction);
   EXPECT_GT(result.verdicts[0].conflict, 0.0);
-  ASSERT_FALSE(result.verdicts[0].hypotheses.empty()) << "how they lay is told";
+  ASSERT_FALSE(result.verdicts[0].hypotheses.empty()) << "how they lay is reported";
   EXPECT_GT(result.verdicts[0].hypotheses[0].matches, 0U) << "they had been merged";
   expect_ghosts_where_it_is_wrong(result);
 }

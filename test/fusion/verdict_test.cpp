@@ -131,7 +131,7 @@ TEST(Verdict, of_two_senses_that_mean_different_places_is_ambiguous) {
   expect(combined(accepted("laser", 0.9), accepted("vision", 0.8), checks, {}), Decision::deferred, Reason::ambiguous);
 }
 
-TEST(Verdict, of_two_senses_tells_the_hypotheses_of_both_those_that_decided_first) {
+TEST(Verdict, of_two_senses_has_the_hypotheses_of_both_those_that_decided_first) {
   Verdict laser = accepted("laser", 0.9), seen = accepted("vision", 0.8);
   laser.hypotheses.resize(kMostPairHypotheses);
   seen.hypotheses.resize(2);

@@ -2,7 +2,7 @@
 // of all, processor time too.
 //   visual_fuse_benchmark [--rounds N] [--keyframes N] [--seed N] [MAP.mwdb...]
 // Without maps, those of two robots that drive through an apartment until both together have so many keyframes: 456, as
-// in CORB-SLAM's table 2. Then their errors are told, too.
+// in CORB-SLAM's table 2. Then their errors are printed, too.
 #include <mapweave/core/error.h>
 #include <mapweave/mapdb/map_store.h>
 #include <support/feature_team.h>
@@ -22,7 +22,7 @@ namespace {
 struct Arguments {
   int rounds = 5;
   std::size_t keyframes = 456;
-  std::int64_t seed = 2;  // an apartment in which neither loses its way: a map each
+  std::int64_t seed = 2;  // an apartment in which neither is lost: a map each
   std::vector<std::string> maps;
 };
 
@@ -80,7 +80,7 @@ void measure(const fusion::FusionInput& input, int rounds, const FeatureTeam* si
   for (int round = 0; round < rounds; ++round) {
     fusion::Memo memo;
     fusion::FusionInput fresh = input;
-    fresh.pictures = std::make_shared<fusion::Pictures>();
+    fresh.pictures = std::make_shared<fusion::BagOfWordsCache>();
     const std::clock_t before = std::clock();
     result = fusion::fuse(fresh, {}, memo, pool, *progress);
     processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);
@@ -123,7 +123,7 @@ int main(int count, char** words) {
     }
     tiers::ServerOptions keeping;  // joined below
     keeping.fuse_after = 100000;
-    // More way than they need: several keyframes to a metre.
+    // More path than they need: several keyframes to a metre.
     FeatureTeam team(test::apartment(2, 0.15 * static_cast<double>(arguments.keyframes), arguments.seed), keeping);
     drive(team, arguments.keyframes);
     input.maps = team.server.maps();

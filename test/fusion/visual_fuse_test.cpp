@@ -25,10 +25,10 @@ std::string bytes_of(const Component& component) {
 
 struct TwoRobots {
   test::StarryBuilding building{{1}};
-  std::vector<Pose2> way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14),
-                     way_b = test::look_around(0.5, 0.7, 1.4, 4.0, 14);
-  Map a = building.keyframe_map("alpha", way_a), b = building.keyframe_map("beta", way_b);
-  Pose2 a_from_b = between(way_a.front(), way_b.front());
+  std::vector<Pose2> path_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14),
+                     path_b = test::look_around(0.5, 0.7, 1.4, 4.0, 14);
+  Map a = building.keyframe_map("alpha", path_a), b = building.keyframe_map("beta", path_b);
+  Pose2 a_from_b = between(path_a.front(), path_b.front());
 };
 
 void expect_at(const Component& team, const char* map, const Pose2& truth, double most_m, double most_rad) {
@@ -69,19 +69,19 @@ TEST(VisualFuse, makes_landmarks_that_both_saw_one_and_keeps_owners) {
   }
 }
 
-TEST(VisualFuse, straightens_a_map_that_bends_by_one_that_does_not) {
+TEST(VisualFuse, corrects_a_map_that_bends_by_one_that_does_not) {
   const test::StarryBuilding building({1});
-  const auto way = test::look_around(-1.0, 0.0, 0.0, 3.0, 24);
+  const auto path = test::look_around(-1.0, 0.0, 0.0, 3.0, 24);
   test::StarryOptions bent;
   bent.drift_rad_per_keyframe = 0.002;
-  const Map straight = building.keyframe_map("alpha", way), drifted = building.keyframe_map("beta", way, bent);
+  const Map straight = building.keyframe_map("alpha", path), drifted = building.keyframe_map("beta", path, bent);
   const auto result = fused({straight, drifted});
   ASSERT_EQ(result.components.size(), 1U);
   const auto error = [&](const Map& map, const Pose3& team_from_map) {
     double most = 0.0;
-    for (std::uint32_t i = 0; i < way.size(); ++i) {
+    for (std::uint32_t i = 0; i < path.size(); ++i) {
       const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i};
-      const Pose2 truth = between(way.front(), way[i]),
+      const Pose2 truth = between(path.front(), path[i]),
                   pose = planar(compose(team_from_map, map.nodes.find(id)->map_from_node));
       most = std::max(most, std::abs(wrap_angle(pose.phi - truth.phi)));
     }
@@ -93,9 +93,9 @@ TEST(VisualFuse, straightens_a_map_that_bends_by_one_that_does_not) {
 
 TEST(VisualFuse, finds_the_scale_of_a_single_camera_by_a_map_with_depth) {
   const test::StarryBuilding building({1});
-  const auto way_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14);
-  std::vector<Pose2> way_b;
-  for (int i = 0; i < 14; ++i) way_b.push_back({-1.5 + 0.15 * i, 0.3, 1.0});
+  const auto path_a = test::look_around(-1.0, -0.5, 0.0, 2.4, 14);
+  std::vector<Pose2> path_b;
+  for (int i = 0; i < 14; ++i) path_b.push_back({-1.5 + 0.15 * i, 0.3, 1.0});
   test::StarryOptions single;
   single.depth = false;
   single.scale = 0.4;
@@ -238,7 +238,7 @@ TEST(VisualFuse, does_not_judge_again_what_was_judged_when_maps_were_smaller) {
 
 // What keyframes of b would report of landmarks that a shared with them: where they saw their own landmarks at those
 // places.
-std::vector<LandmarkChange> told_of(const Map& a, const Map& b, const Pose3& a_from_b) {
+std::vector<LandmarkChange> borrowed_between(const Map& a, const Map& b, const Pose3& a_from_b) {
   std::map<LandmarkId, LandmarkChange> changes;
   for (const auto& [id_b, own] : b.landmarks) {
     const Eigen::Vector3d point =
@@ -281,18 +281,18 @@ Map in_another_light(const Map& map, std::uint64_t bits) {
   return result;
 }
 
-TEST(VisualFuse, joins_by_what_clients_told_where_words_find_nothing) {
+TEST(VisualFuse, joins_by_what_clients_published_where_words_find_nothing) {
   const TwoRobots robots;
   FusionInput input{{robots.a, in_another_light(robots.b, 57)}, {}, TierId("edge")};
   const std::size_t by_words = answer_to(input).components.size();
   EXPECT_EQ(by_words, 2U);
-  input.borrowed = told_of(robots.a, robots.b, spatial(robots.a_from_b));
+  input.borrowed = borrowed_between(robots.a, robots.b, spatial(robots.a_from_b));
   ASSERT_GT(input.borrowed.size(), 50U);
-  const auto told = answer_to(input);
-  ASSERT_EQ(told.components.size(), 1U) << to_text(told.verdicts[0].reason);
-  EXPECT_GE(told.verdicts[0].witnesses.size(), 2U);
-  EXPECT_LE(told.verdicts[0].witnesses.size(), told.judgements.size());
-  expect_at(told.components[0], "beta", robots.a_from_b, 0.02, 0.005);
+  const auto with_sightings = answer_to(input);
+  ASSERT_EQ(with_sightings.components.size(), 1U) << to_text(with_sightings.verdicts[0].reason);
+  EXPECT_GE(with_sightings.verdicts[0].witnesses.size(), 2U);
+  EXPECT_LE(with_sightings.verdicts[0].witnesses.size(), with_sightings.judgements.size());
+  expect_at(with_sightings.components[0], "beta", robots.a_from_b, 0.02, 0.005);
 }
 
 TEST(VisualFuse, does_not_believe_a_client_that_lies_about_what_it_saw) {
@@ -319,7 +319,7 @@ TEST(VisualFuse, hardly_moves_for_lies_within_a_team) {
   const TwoRobots robots;
   FusionInput input{{robots.a, robots.b}, {}, TierId("edge")};
   const auto honest = answer_to(input);
-  input.borrowed = told_of(robots.a, robots.b, spatial(robots.a_from_b));
+  input.borrowed = borrowed_between(robots.a, robots.b, spatial(robots.a_from_b));
   for (LandmarkChange& change : input.borrowed)
     for (LandmarkSighting& sighting : change.seen)
       sighting.u = static_cast<std::uint16_t>(std::min(639 * 16, sighting.u + 16 * 30));
@@ -332,7 +332,7 @@ TEST(VisualFuse, hardly_moves_for_lies_within_a_team) {
             0.005);
 }
 
-// The map of a camera that looks the other way: of the same robot, of another sensor.
+// The map of a camera that looks backwards: of the same robot, of another sensor.
 Map facing_back(const Map& map) {
   const Pose3 turned{{0, 0, 0}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()))};
   const auto session = [](SessionId id) {
@@ -361,25 +361,25 @@ Map facing_back(const Map& map) {
   return result;
 }
 
-TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_straightened) {
+TEST(VisualFuse, keeps_cameras_of_one_robot_together_where_one_of_them_is_corrected) {
   const test::StarryBuilding building({1});
-  const auto way = test::look_around(-1.0, 0.0, 0.0, 2.6, 24);
-  std::vector<Pose2> way_of_rear = way;
-  for (Pose2& pose : way_of_rear) pose.phi = wrap_angle(pose.phi + M_PI);
+  const auto path = test::look_around(-1.0, 0.0, 0.0, 2.6, 24);
+  std::vector<Pose2> path_of_rear = path;
+  for (Pose2& pose : path_of_rear) pose.phi = wrap_angle(pose.phi + M_PI);
   test::StarryOptions bent;
   bent.drift_rad_per_keyframe = 0.002;
-  const Map straight = building.keyframe_map("alpha", way), ahead = building.keyframe_map("beta", way, bent);
+  const Map straight = building.keyframe_map("alpha", path), ahead = building.keyframe_map("beta", path, bent);
   rig::RigMerge rig = rig::merge_rig(
-      {{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", way_of_rear, bent)), {}}}, {});
+      {{"camera", ahead, {}}, {"rear", facing_back(building.keyframe_map("beta", path_of_rear, bent)), {}}}, {});
   ASSERT_EQ(rig.maps.size(), 1U);
   const auto result = fused({straight, rig.maps[0].map});
   ASSERT_EQ(result.components.size(), 1U);
   const Map& team = result.components[0].map;
   double moved = 0.0;
-  for (std::uint32_t i = 0; i < way.size(); ++i) {
+  for (std::uint32_t i = 0; i < path.size(); ++i) {
     const NodeId id{{{RobotId("beta"), SensorId("camera")}, 1'000'000'000}, i},
-        sibling{{{RobotId("beta"), SensorId("rear")}, 1'000'000'000}, i};
-    const Pose3 &here = team.nodes.find(id)->map_from_node, &there = team.nodes.find(sibling)->map_from_node;
+        rear_id{{{RobotId("beta"), SensorId("rear")}, 1'000'000'000}, i};
+    const Pose3 &here = team.nodes.find(id)->map_from_node, &there = team.nodes.find(rear_id)->map_from_node;
     EXPECT_LT((here.t - there.t).norm(), 0.01) << i;
     EXPECT_LT(here.q.angularDistance(there.q), 0.006) << i;
     moved = std::max(moved, std::abs(wrap_angle(planar(here).phi - planar(ahead.nodes.find(id)->map_from_node).phi)));

@@ -1,6 +1,6 @@
 // The essential graph of a map after a loop: pose_graph_benchmark [KEYFRAMES]; by default as many as CVS's table II
-// asks for. Ways of a drifting robot through a hall, in rounds, each keyframe tied to the four before it and to the one
-// a round ago.
+// asks for. Paths of a drifting robot through a hall, in rounds, each keyframe constrained to the four before it and to
+// the one a round ago.
 #include <mapweave/graph/spatial_graph.h>
 
 #include <cmath>

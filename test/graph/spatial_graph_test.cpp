@@ -43,7 +43,7 @@ TEST(SpatialGraph, comes_back_to_the_truth_from_drifted_poses) {
 }
 
 TEST(SpatialGraph, spreads_the_gap_of_a_loop_evenly) {
-  // A straight way of ten steps, each measured 1 m; the loop says that the end is 10.5 m away.
+  // A straight path of ten steps, each measured 1 m; the loop says that the end is 10.5 m away.
   std::vector<Pose3> poses(11);
   std::vector<SpatialEdge> edges;
   for (std::uint32_t i = 0; i < 10; ++i) poses[i + 1].t.x() = i + 1.0, edges.push_back(edge_of(poses, i, i + 1));
@@ -63,7 +63,7 @@ TEST(SpatialGraph, keeps_poses_that_no_edge_names) {
       ContractViolation);
 }
 
-TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {
+TEST(SpatialGraph, computes_the_squared_error_of_an_edge) {
   const std::vector<Pose3> poses = ring(4);
   SpatialEdge edge = edge_of(poses, 0, 1);
   EXPECT_NEAR(chi2_of(edge, poses), 0.0, 1e-12);
@@ -71,8 +71,8 @@ TEST(SpatialGraph, tells_the_squared_error_of_an_edge) {
   EXPECT_NEAR(chi2_of(edge, poses), 100.0 * 0.01, 1e-9);
 }
 
-// The ring as one camera would map it: what it takes for a metre shrinks on the way.
-TEST(SpatialGraph, straightens_a_ring_whose_scale_drifted) {
+// The ring as one camera would map it: its scale shrinks along the path.
+TEST(SpatialGraph, corrects_a_ring_whose_scale_drifted) {
   const auto truth = ring(40);
   std::vector<Sim3> drifted{{truth[0], 1.0}};
   std::vector<SimilarityEdge> edges;
@@ -84,7 +84,7 @@ TEST(SpatialGraph, straightens_a_ring_whose_scale_drifted) {
     edges.push_back({i, i + 1, {step, 1.0}});
     scale *= 0.99;
   }
-  // The loop knows the last pose as the first one's lengths tell it, and how these compare.
+  // The loop knows the last pose in the first one's scale, and the ratio of the two.
   SimilarityEdge loop{0, 39, {between(truth[0], truth[39]), 1.0 / scale}};
   loop.information *= 1e4;
   edges.push_back(loop);

@@ -67,7 +67,7 @@ struct Drive {
   std::vector<Pose2> room_from_robot;
 };
 
-// Rounds of an ellipse about the pillar at 5 scans/s. Odometry slips by 5 % in way and 3 % in turning.
+// Rounds of an ellipse about the pillar at 5 scans/s. Odometry slips by 5 % of the path and 3 % of turns.
 inline Drive drive_around(int scans, bool with_odometry, std::uint64_t seed = 7) {
   Drive drive;
   std::mt19937_64 noise(seed);

@@ -230,7 +230,7 @@ TEST(ExternalMapper, survives_scans_that_saw_nothing) {
 
 TEST(ExternalMapper, makes_an_empty_map_of_no_input) { EXPECT_TRUE(mapped({}, IcpOptions{}).empty()); }
 
-// The process that owns the mapper is killed: nobody is left to reap or to tell the helper.
+// The process that owns the mapper is killed: nobody is left to reap or to stop the helper.
 TEST(ExternalMapper, the_helper_leaves_when_the_program_dies) {
   int report[2];
   ASSERT_EQ(::pipe(report), 0);

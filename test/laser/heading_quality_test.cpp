@@ -16,7 +16,7 @@ double learned(double wheels_rad, double match_rad, double missed_turn_rad = 0.0
     return sigma * sum;
   };
   HeadingQuality quality;
-  double heading = 3.0;  // the true one: it wraps around on the way
+  double heading = 3.0;  // the true one: it wraps around meanwhile
   for (int step = 0; step < 2000; ++step) {
     const double turn = 0.02;
     heading += turn + (step % 100 == 50 ? missed_turn_rad : 0.0);
@@ -61,7 +61,7 @@ TEST(HeadingQuality, expects_nothing_before_it_has_seen_some_path) {
   quality.add_step(1.5, 0.0, 0.01);
   EXPECT_TRUE(quality.wants_heading());
   quality.add_heading(0.5);
-  EXPECT_EQ(quality.factor(), 1.0) << "one stretch tells nothing";
+  EXPECT_EQ(quality.factor(), 1.0) << "one stretch says nothing";
 }
 
 }  // namespace

@@ -92,7 +92,7 @@ TEST(MapperProtocol, finds_frames_however_the_stream_is_cut) {
   }
 }
 
-TEST(MapperProtocol, refuses_lengths_that_cannot_be) {
+TEST(MapperProtocol, refuses_sizes_that_cannot_be) {
   for (const std::uint32_t length : {0u, kMaxFrameBytes + 1, 0xffffffffu}) {
     std::string bytes;
     for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<char>(length >> (8 * i) & 0xff));

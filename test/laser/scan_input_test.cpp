@@ -249,24 +249,24 @@ mrpt::obs::CObservationIMU::Ptr unit(double rate_rad_s, const std::string& label
   return reading;
 }
 
-// The last heading told of a unit that is read a hundred times a second.
-double heading_after_a_second(ScanPacker& pack, const mrpt::obs::CObservationIMU::Ptr& reading, int& told) {
+// The last heading reported of a unit that is read a hundred times a second.
+double heading_after_a_second(ScanPacker& pack, const mrpt::obs::CObservationIMU::Ptr& reading, int& reported) {
   double yaw_rad = 0.0;
   for (int i = 0; i <= 100; ++i) {
     const auto input = pack(record(reading, i * 10'000'000LL));
     if (!input) continue;
-    ++told;
+    ++reported;
     yaw_rad = std::get<InertialInput>(*input).yaw_rad;
   }
   return yaw_rad;
 }
 
-TEST(ScanPacker, sums_up_the_turns_of_an_inertial_unit_and_tells_them_not_too_often) {
+TEST(ScanPacker, sums_up_the_turns_of_an_inertial_unit_and_reports_them_not_too_often) {
   ScanPacker pack;
-  int told = 0;
-  EXPECT_NEAR(heading_after_a_second(pack, unit(0.5), told), 0.5, 0.02);
-  EXPECT_GE(told, 20);
-  EXPECT_LE(told, 26);
+  int reported = 0;
+  EXPECT_NEAR(heading_after_a_second(pack, unit(0.5), reported), 0.5, 0.02);
+  EXPECT_GE(reported, 20);
+  EXPECT_LE(reported, 26);
   EXPECT_FALSE(pack(record(unit(0.5, "another"), 2'000'000'000LL))) << "the first unit's turns alone";
 }
 
@@ -274,17 +274,17 @@ TEST(ScanPacker, turns_the_rates_of_an_inertial_unit_that_is_mounted_upside_down
   auto reading = unit(0.5);
   reading->sensorPose = mrpt::poses::CPose3D(0.0, 0.0, 0.0, 0.3, 0.0, M_PI);
   ScanPacker pack;
-  int told = 0;
-  EXPECT_NEAR(heading_after_a_second(pack, reading, told), -0.5, 0.02);
+  int reported = 0;
+  EXPECT_NEAR(heading_after_a_second(pack, reading, reported), -0.5, 0.02);
 }
 
 TEST(ScanPacker, asks_no_inertial_unit_where_there_is_no_sweep) {
   ScanInputOptions options;
   options.sweep = SweepSource::none;
   ScanPacker pack(options);
-  int told = 0;
-  heading_after_a_second(pack, unit(0.5), told);
-  EXPECT_EQ(told, 0);
+  int reported = 0;
+  heading_after_a_second(pack, unit(0.5), reported);
+  EXPECT_EQ(reported, 0);
 }
 
 }  // namespace

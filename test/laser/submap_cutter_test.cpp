@@ -109,7 +109,7 @@ TEST(SubmapCutter, ties_neighbours_by_matching_and_by_wheels_where_they_measured
   EXPECT_EQ(measured, 8);
 }
 
-TEST(SubmapCutter, trusts_a_way_alike_whether_it_has_few_nodes_or_many) {
+TEST(SubmapCutter, trusts_a_path_alike_whether_it_has_few_nodes_or_many) {
   const auto variance_along = [](const Map& map) {
     double sum = 0.0;
     for (const auto& [id, constraint] : map.constraints)

@@ -1,4 +1,4 @@
-// Scans bent by motion, and how the engine `graph` straightens them.
+// Scans bent by motion, and how the engine `graph` undistorts them.
 #include <gtest/gtest.h>
 #include <support/simulated_maps.h>
 
@@ -111,7 +111,7 @@ TEST(SweepEstimator, takes_no_wheels_that_turn_too_little_for_a_delay) {
   }
 }
 
-TEST(GraphMapper, straightens_the_scans_of_a_laser_whose_sweep_is_known) {
+TEST(GraphMapper, undistorts_the_scans_of_a_laser_whose_sweep_is_known) {
   const auto team = simulation::make_apartment({}, bent_by(0.1));
   GraphMapperOptions never;
   never.sweep.estimate = false;
@@ -136,7 +136,7 @@ TEST(GraphMapper, learns_the_sweep_of_a_laser_from_its_scans) {
   EXPECT_GT(scans, 0U);
 }
 
-TEST(GraphMapper, straightens_scans_without_odometry) {
+TEST(GraphMapper, undistorts_scans_without_odometry) {
   const auto team = simulation::make_apartment({}, bent_by(0.1));
   GraphMapperOptions never;
   never.sweep.estimate = false;

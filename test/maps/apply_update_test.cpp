@@ -297,7 +297,7 @@ TEST_F(ApplyTest, of_lists_out_of_order_breaks_the_contract) {
   EXPECT_EQ(bytes_of(map_), before);
 }
 
-TEST(LandmarksByNode, tells_those_of_several_sessions_in_order_and_forgets_them) {
+TEST(LandmarksByNode, returns_those_of_several_sessions_in_order_and_forgets_them) {
   const SessionId alpha{{RobotId("alpha"), SensorId("camera")}, 1}, beta{{RobotId("beta"), SensorId("camera")}, 1};
   const NodeId first{alpha, 0}, second{beta, 3};
   LandmarksByNode known;

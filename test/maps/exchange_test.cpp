@@ -94,11 +94,11 @@ TEST(Exchange, gives_the_other_messages_back) {
   EXPECT_EQ(asked.features.descriptors[0], request.features.descriptors[0]);
 
   PlaceAnswer answer{{42}, MapId("alpha.camera"), {{0, 1, 2}, Eigen::Quaterniond::Identity()}, share().landmarks};
-  const PlaceAnswer told = decode_place_answer(encode(answer), "test");
-  EXPECT_EQ(told.stamp, answer.stamp);
-  EXPECT_EQ(told.map, answer.map);
-  EXPECT_EQ(told.map_from_robot.t, answer.map_from_robot.t);
-  EXPECT_EQ(told.landmarks.size(), answer.landmarks.size());
+  const PlaceAnswer decoded = decode_place_answer(encode(answer), "test");
+  EXPECT_EQ(decoded.stamp, answer.stamp);
+  EXPECT_EQ(decoded.map, answer.map);
+  EXPECT_EQ(decoded.map_from_robot.t, answer.map_from_robot.t);
+  EXPECT_EQ(decoded.landmarks.size(), answer.landmarks.size());
 }
 
 TEST(Exchange, refuses_what_it_is_not) {

@@ -150,7 +150,7 @@ TEST(KeyframeCodec, spends_forty_bytes_on_a_feature_and_little_on_a_light_keyfra
   EXPECT_LE(45 * size_of(1, false), size_of(1, true)) << "also when it travels alone";
 }
 
-// As clients tell them: from above to below, in 0.001 / m and 64ths of a turn.
+// As clients publish them: from above to below, in 0.001 / m and 64ths of a turn.
 MapUpdate of_a_client(std::uint64_t seed, std::uint32_t features) {
   RandomMaps random(seed);
   MapUpdate update;
@@ -174,7 +174,7 @@ bool same_points(const MapUpdate& a, const MapUpdate& b) {
          std::memcmp(one.points.data(), other.points.data(), 8 * one.points.size()) == 0;
 }
 
-TEST(KeyframeCodec, spends_thirty_seven_bytes_on_a_feature_that_a_client_tells) {
+TEST(KeyframeCodec, spends_thirty_seven_bytes_on_a_feature_that_a_client_publishes) {
   const MapUpdate update = of_a_client(1, 1000);
   EXPECT_EQ(version_of(update), 4U);
   const std::string bytes = encode(update);

@@ -6,7 +6,7 @@
 namespace mapweave {
 namespace {
 
-TEST(OccupancyGrid, tells_probabilities_from_log_odds) {
+TEST(OccupancyGrid, converts_log_odds_to_probabilities) {
   EXPECT_EQ(probability(OccupancyGrid::kUnknown), 0.5);
   const auto stored = static_cast<std::int16_t>(std::lround(std::log(0.7 / 0.3) * OccupancyGrid::kUnitsPerNat));
   EXPECT_NEAR(probability(stored), 0.7, 0.005);

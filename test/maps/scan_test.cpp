@@ -5,7 +5,7 @@
 namespace mapweave {
 namespace {
 
-PackedScan four_ways(const Pose3& robot_from_laser) {  // rays ahead, left, behind, right
+PackedScan four_rays(const Pose3& robot_from_laser) {  // rays ahead, left, behind, right
   ScanGeometry geometry;
   geometry.angle_step_rad = M_PI / 2;
   geometry.ray_count = 4;
@@ -15,7 +15,7 @@ PackedScan four_ways(const Pose3& robot_from_laser) {  // rays ahead, left, behi
 }
 
 TEST(PointsInRobot, puts_the_ends_of_rays_where_the_laser_saw_them) {
-  const auto points = points_in_robot(four_ways(spatial(Pose2(0.5, 0.0, M_PI / 2))));
+  const auto points = points_in_robot(four_rays(spatial(Pose2(0.5, 0.0, M_PI / 2))));
   ASSERT_EQ(points.size(), 4U);
   EXPECT_NEAR(points[0].x, 0.5, 1e-6);
   EXPECT_NEAR(points[0].y, 1.0, 1e-6);
@@ -26,7 +26,7 @@ TEST(PointsInRobot, puts_the_ends_of_rays_where_the_laser_saw_them) {
 TEST(PointsInRobot, mirrors_the_rays_of_a_laser_mounted_upside_down) {
   Pose3 robot_from_laser;
   robot_from_laser.q = Eigen::Quaterniond(0, 1, 0, 0);  // rolled by pi
-  const auto points = points_in_robot(four_ways(robot_from_laser));
+  const auto points = points_in_robot(four_rays(robot_from_laser));
   EXPECT_NEAR(points[0].x, 1.0, 1e-6);
   EXPECT_NEAR(points[1].y, -2.0, 1e-6);
 }
@@ -34,13 +34,13 @@ TEST(PointsInRobot, mirrors_the_rays_of_a_laser_mounted_upside_down) {
 TEST(PointsInRobot, projects_the_rays_of_a_tilted_laser_on_the_ground) {
   Pose3 robot_from_laser;
   robot_from_laser.q = Eigen::AngleAxisd(M_PI / 3, Eigen::Vector3d::UnitY());
-  const auto points = points_in_robot(four_ways(robot_from_laser));
+  const auto points = points_in_robot(four_rays(robot_from_laser));
   EXPECT_NEAR(points[0].x, 0.5, 1e-6);
   EXPECT_NEAR(points[1].y, 2.0, 1e-6);
 }
 
 TEST(PointsInRobot, leaves_out_what_has_no_return_is_near_or_is_far) {
-  PackedScan scan = four_ways({});
+  PackedScan scan = four_rays({});
   scan.ranges = {0, 10000, 500, 4000};
   EXPECT_EQ(points_in_robot(scan).size(), 2U) << "10 m is this laser's largest range: no return";
   EXPECT_EQ(points_in_robot(scan, 1.0).size(), 1U);
@@ -48,14 +48,14 @@ TEST(PointsInRobot, leaves_out_what_has_no_return_is_near_or_is_far) {
 }
 
 TEST(PointsInRobot, expects_as_many_ranges_as_rays) {
-  PackedScan scan = four_ways({});
+  PackedScan scan = four_rays({});
   scan.ranges.pop_back();
   EXPECT_THROW(points_in_robot(scan), ContractViolation);
 }
 
 // A quarter turn per second to the left while the laser turns once around in a second, from behind the right hand side.
-TEST(PointsInRobot, straightens_what_the_robots_turn_bent) {
-  PackedScan scan = four_ways({});
+TEST(PointsInRobot, undistorts_what_the_robots_turn_bent) {
+  PackedScan scan = four_rays({});
   auto geometry = std::make_shared<ScanGeometry>(*scan.geometry);
   geometry->first_ray_s = -0.25;
   geometry->ray_step_s = 0.25;
@@ -69,8 +69,8 @@ TEST(PointsInRobot, straightens_what_the_robots_turn_bent) {
   EXPECT_NEAR(std::hypot(points[3].x, points[3].y), 4.0, 1e-5);
 }
 
-TEST(PointsInRobot, straightens_what_the_robots_drive_bent) {
-  PackedScan scan = four_ways(spatial(Pose2(0.5, 0.0, 0.0)));
+TEST(PointsInRobot, undistorts_what_the_robots_drive_bent) {
+  PackedScan scan = four_rays(spatial(Pose2(0.5, 0.0, 0.0)));
   auto geometry = std::make_shared<ScanGeometry>(*scan.geometry);
   geometry->ray_step_s = -0.1;  // the last ray first
   geometry->first_ray_s = 0.3;
@@ -83,7 +83,7 @@ TEST(PointsInRobot, straightens_what_the_robots_drive_bent) {
 }
 
 TEST(PointsInRobot, leaves_the_scans_of_a_robot_that_stands_still_as_they_are) {
-  const PackedScan plain = four_ways({});
+  const PackedScan plain = four_rays({});
   PackedScan swept = plain;
   auto geometry = std::make_shared<ScanGeometry>(*plain.geometry);
   geometry->ray_step_s = 0.25;

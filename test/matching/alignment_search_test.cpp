@@ -102,7 +102,7 @@ TEST(SearchAlignment, finds_the_right_among_three_fifths_wrong) {
   }
 }
 
-TEST(SearchAlignment, tells_how_sure_it_is) {
+TEST(SearchAlignment, reports_how_sure_it_is) {
   // Errors of many worlds, in the deviations that the fits claim.
   double sum = 0.0, sum_scale = 0.0;
   constexpr int kWorlds = 40;

@@ -1,5 +1,5 @@
 // Milliseconds of one query for keyframes of 1000 features, by the number of keyframes. The words are as frequent as
-// the shipped vocabulary's weights tell, and those of one place come together.
+// the shipped vocabulary's weights distinguish them, and those of one place come together.
 #include <mapweave/matching/place_index.h>
 
 #include <algorithm>

@@ -70,7 +70,7 @@ TEST(AlignPoints, is_of_least_squares) {
   }
 }
 
-TEST(AlignPoints, refuses_what_does_not_tell_the_rotation) {
+TEST(AlignPoints, refuses_what_does_not_determine_the_rotation) {
   const Eigen::Vector3d nowhere(std::nan(""), 0, 0);
   const std::vector<Eigen::Vector3d> line = {{0, 0, 0}, {1, 2, 3}, {2, 4, 6}, {-3, -6, -9}};
   const std::vector<Eigen::Vector3d> one_place(4, Eigen::Vector3d(1, 2, 3));

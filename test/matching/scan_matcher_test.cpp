@@ -86,7 +86,7 @@ TEST(Refine, comes_within_millimetres_from_starts_within_its_reach) {
   }
 }
 
-TEST(Refine, leaves_to_the_prior_what_walls_do_not_tell) {
+TEST(Refine, leaves_to_the_prior_what_walls_do_not_constrain) {
   WallField corridor;
   std::vector<WallPoint> walls;
   for (int i = -400; i < 400; ++i) {

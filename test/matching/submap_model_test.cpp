@@ -19,7 +19,7 @@ struct Fixture {
   const Submap& first() const { return map.submaps.front().second; }
 };
 
-TEST(SubmapModel, tells_walls_from_free_space) {
+TEST(SubmapModel, distinguishes_walls_from_free_space) {
   const Fixture f;
   const SubmapModel model(f.first(), f.map.nodes);
   ASSERT_GT(model.walls().size(), 50U);

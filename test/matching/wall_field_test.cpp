@@ -14,7 +14,7 @@ TEST(WallField, is_brightest_on_walls_and_dark_away_from_them) {
   EXPECT_EQ(field.likelihood().get(1000000, 1000000), 0);
 }
 
-TEST(WallField, knows_which_way_a_wall_faces) {
+TEST(WallField, knows_where_a_wall_faces) {
   WallField field;
   field.add(room());
   field.settle();

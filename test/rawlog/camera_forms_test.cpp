@@ -138,7 +138,7 @@ TEST(FolderSplit, leaves_nothing_behind_where_a_picture_is_missing) {
   EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));
 }
 
-TEST(CameraContents, tell_size_calibration_and_depth) {
+TEST(CameraContents, hold_size_calibration_and_depth) {
   const TemporaryFolder folder;
   const auto contents = summarize_log(make_tum(folder / "walk"));
   EXPECT_EQ(contents.format, "TUM RGB-D folder");

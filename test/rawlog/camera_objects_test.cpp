@@ -1,4 +1,4 @@
-// Hostile cameras within rawlogs: lengths that cannot be are refused before MRPT makes room for them.
+// Hostile cameras within rawlogs: sizes that cannot be are refused before MRPT makes room for them.
 #include "camera_folders.h"
 
 #include <mapweave/rawlog/depth_delay.h>
@@ -75,7 +75,7 @@ TEST(CameraObjects, are_read_as_they_were_written) {
   }
 }
 
-TEST(CameraObjects, lengths_that_cannot_be_never_make_room) {
+TEST(CameraObjects, sizes_that_cannot_be_never_make_room) {
   const TemporaryFolder folder;
   ReadOptions options;
   options.max_object_mb = 1.0;

@@ -30,7 +30,7 @@ TEST(Contents, counts_what_each_sensor_gave) {
   EXPECT_DOUBLE_EQ(contents.sensors[1].longest_gap_s, 3.0);
 }
 
-TEST(Contents, tells_lasers_of_two_geometries_apart) {
+TEST(Contents, distinguishes_lasers_of_two_geometries) {
   const TemporaryFolder folder;
   const auto contents =
       summarize_log(write_rawlog(folder / "a.rawlog", {scan(1.0, {1.0f, 1.0f}), scan(2.0), scan(3.0)}));

@@ -138,7 +138,7 @@ TEST(Damage, a_flipped_bit_in_a_gz_of_text_is_named_too) {
   const TemporaryFolder folder;
   for (const char* name : {"carmen_old.log", "g2o_scans.g2o"}) {
     const std::string text = bytes_of(own_data(name));
-    // Stored, not compressed: only the checksum tells.
+    // Stored, not compressed: only the checksum shows it.
     const auto packed = folder / "packed.gz";
     gzFile file = gzopen(packed.c_str(), "wb0");
     ASSERT_NE(file, nullptr);
@@ -200,7 +200,7 @@ TEST(Damage, flipped_bits_in_old_pairs_never_crash) {
   flip_bits(bytes + old, 13, 400);
 }
 
-TEST(Damage, lengths_that_cannot_be_are_refused_before_any_room_is_made) {
+TEST(Damage, sizes_that_cannot_be_are_refused_before_any_room_is_made) {
   const TemporaryFolder folder;
   std::string bytes = serialized(*scan(1.0));
   // The number of rays stands before the first range, 1.0f.

@@ -254,7 +254,7 @@ TEST(Rawlog, finds_pictures_in_the_folder_beside_the_log) {
   }
 }
 
-TEST(Stamps, survive_the_way_through_mrpt) {
+TEST(Stamps, survive_a_round_trip_through_mrpt) {
   for (const std::int64_t ns : {0LL, 100LL, -100LL, 976052857337530000LL, 1031745824658000000LL}) {
     EXPECT_EQ(to_stamp(to_mrpt_time(Stamp{ns})).ns, ns);
   }

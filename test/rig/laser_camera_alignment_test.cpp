@@ -85,8 +85,8 @@ TEST(LaserCameraAlignment, gives_a_single_camera_the_lasers_scale) {
   const Map laser = laser_map("alpha", round_trip(), 0.0);
   const LaserCameraMap result = align_cameras(laser, {building.keyframe_map("alpha", round_trip(), single)});
   const Pose3 &start = result.map.nodes.find({camera_session("alpha"), 0})->map_from_node,
-              &half_way = result.map.nodes.find({camera_session("alpha"), 20})->map_from_node;
-  EXPECT_NEAR((start.t - half_way.t).norm(), 3.0, 0.1);
+              &middle = result.map.nodes.find({camera_session("alpha"), 20})->map_from_node;
+  EXPECT_NEAR((start.t - middle.t).norm(), 3.0, 0.1);
 }
 
 TEST(LaserCameraAlignment, leaves_a_camera_apart_that_saw_another_time) {

@@ -115,7 +115,7 @@ TEST(RobotPose, does_not_follow_a_camera_that_odometry_contradicts) {
   EXPECT_NEAR(aside_m(other, 15.0), 0.7, 0.01);
 }
 
-TEST(RobotPose, is_told_by_most_where_one_of_three_errs) {
+TEST(RobotPose, follows_most_cameras_where_one_of_three_errs) {
   const auto errs = [](double t) { return t > 10.0 && t < 15.0 ? 1.5 : 0.0; };
   const auto trajectory = answered({camera(0.0, 20.0, errs, 5.0), camera(0.0, 20.0), camera(0.0, 20.0)});
   EXPECT_LT(farthest_aside_m(trajectory), 0.01);

@@ -57,7 +57,7 @@ TEST(RobotTrajectory, is_handed_over_without_a_jump_to_one_that_was_doubted) {
   EXPECT_LT(longest_step_m(trajectory), 0.065);
 }
 
-TEST(RobotTrajectory, is_told_by_most_where_one_of_three_errs) {
+TEST(RobotTrajectory, follows_most_cameras_where_one_of_three_errs) {
   const auto errs = [](double t) { return t > 10.0 && t < 15.0 ? 1.5 : 0.0; };
   const auto trajectory = robot_trajectory({camera(0.0, 20.0, errs, 5.0), camera(0.0, 20.0), camera(0.0, 20.0)}, {});
   for (double t = 0.0; t < 19.8; t += 0.1) EXPECT_NEAR(aside_m(trajectory, t), 0.0, 0.01) << t;
@@ -103,7 +103,7 @@ TEST(CarriedAlong, frames_go_with_the_keyframes_around_them) {
   EXPECT_TRUE(moved_with_keyframes({{at(0.5), ahead(0.5)}}, {}).empty());
 }
 
-TEST(CarriedAlong, ways_of_the_camera_grow_and_not_the_robot_under_it) {
+TEST(CarriedAlong, motions_of_the_camera_grow_and_not_the_robot_under_it) {
   const Pose3 robot_from_camera{{0.3, 0.0, 0.6}, Eigen::Quaterniond::Identity()};
   const Pose3 turned{{1.0, 0.0, 0.0}, Eigen::Quaterniond(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitZ()))};
   const std::vector<MovedKeyframe> keyframes{{at(1.0), Pose3(), Pose3(), 2.0, robot_from_camera}};

@@ -184,7 +184,7 @@ TEST_F(BatchTest, ends_with_nothing_written_when_a_log_is_cut) {
   EXPECT_EQ(entries(folder.path()), "beta.rawlog ");
 }
 
-TEST_F(BatchTest, keeps_what_came_before_the_cut_and_the_others_when_told_to) {
+TEST_F(BatchTest, keeps_what_came_before_the_cut_and_the_others_when_asked_to) {
   break_log("beta");
   const Report report = run("out", 2, true);
   EXPECT_EQ(report.exit_code(), ExitCode::bad_input);
@@ -196,7 +196,7 @@ TEST_F(BatchTest, keeps_what_came_before_the_cut_and_the_others_when_told_to) {
   EXPECT_THAT(parsed(folder / "out/summary.json")["robots"][1]["trouble"].get<std::string>(), HasSubstr("beta.rawlog"));
 }
 
-TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_told_to) {
+TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_asked_to) {
   write_file(folder / "empty.rawlog", "");
   configuration.robots[1].log = folder / "empty.rawlog";
   const Report report = run("out", 1, true);
@@ -206,7 +206,7 @@ TEST_F(BatchTest, goes_on_without_a_robot_whose_log_is_empty_when_told_to) {
   EXPECT_FALSE(fs::exists(folder / "out/robots/beta"));
 }
 
-TEST_F(BatchTest, goes_on_without_a_robot_whose_log_cannot_be_read_only_when_told_to) {
+TEST_F(BatchTest, goes_on_without_a_robot_whose_log_cannot_be_read_only_when_asked_to) {
   break_log("beta");
   const RunPlan plan = make_plan(configuration, {});
   fs::remove(folder / "beta.rawlog");  // after the plan was made

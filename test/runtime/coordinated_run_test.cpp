@@ -38,7 +38,7 @@ struct CoordinatedRun : testing::Test {
   std::unique_ptr<Progress> silent = make_silent_progress();
 };
 
-TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
+TEST_F(CoordinatedRun, makes_the_same_maps_and_says_why_robots_went_where) {
   run("alone");
   configuration.coordinator.method = Coordination::standard;
   const Report report = run("coordinated");
@@ -53,12 +53,12 @@ TEST_F(CoordinatedRun, makes_the_same_maps_and_tells_why_robots_went_where) {
   EXPECT_THAT(decisions[1].because, testing::Contains("maps have grown"));
   EXPECT_GT(decisions.back().expected_s, 0.0);
   EXPECT_GT(report.coordination->summary_bytes, 100u);
-  const json told = parsed(folder / "coordinated/summary.json")["coordinator"];
-  EXPECT_EQ(told["method"], "default");
-  EXPECT_EQ(told["decisions"].size(), decisions.size());
-  EXPECT_EQ(told["decisions"][1]["because"], json(decisions[1].because));
-  EXPECT_EQ(told["decisions"].back()["placement"].size(), 2u);
-  EXPECT_EQ(told["came_seconds"], report.timeline->total_s);
+  const json written = parsed(folder / "coordinated/summary.json")["coordinator"];
+  EXPECT_EQ(written["method"], "default");
+  EXPECT_EQ(written["decisions"].size(), decisions.size());
+  EXPECT_EQ(written["decisions"][1]["because"], json(decisions[1].because));
+  EXPECT_EQ(written["decisions"].back()["placement"].size(), 2u);
+  EXPECT_EQ(written["came_seconds"], report.timeline->total_s);
   EXPECT_EQ(report.work.overlaps.size(), report.coordination->decisions.back().overlaps.size());
 }
 
@@ -134,7 +134,7 @@ TEST_F(CoordinatedRun, expects_what_wires_and_processors_are_said_to_be) {
   EXPECT_NEAR(expected_s(R"({"map_bytes_fixed": 1e6})"), small_s + 10.0, 0.1) << "maps go from robots to edges";
 }
 
-TEST_F(CoordinatedRun, hears_of_a_robot_when_it_comes) {
+TEST_F(CoordinatedRun, learns_of_a_robot_when_it_comes) {
   configuration.coordinator.method = Coordination::greedy;
   configuration.robots[1].from_s = 6.0;
   const Report report = run("late");

@@ -93,15 +93,16 @@ TEST(Explanation, of_strangers_says_why_and_what_helps) {
 TEST(Explanation, has_a_sum_that_gives_the_log_odds) {
   std::size_t weighed = 0;
   for (const auto& verdict : merges_json(merged().report))
-    for (const auto& told : verdict["hypotheses"]) {
-      const double chance_m = told["by_chance_m"];
-      if (chance_m == 0.0 || told["coinciding_m"] == 0.0) continue;
-      const double sum = told["distinctive_m"].get<double>() -
-                         fusion::kContradictionWeight * told["contradicted_m"].get<double>() -
-                         fusion::kUnclearWeight * told["counted_unclear_m"].get<double>() - chance_m;
-      const double with_prior = std::clamp(sum, -20.0, 20.0) + told["prior_log_odds"].get<double>();
-      EXPECT_NEAR(std::clamp(with_prior, -20.0, 20.0), std::clamp(told["log_odds"].get<double>(), -20.0, 20.0), 1e-9)
-          << told;
+    for (const auto& hypothesis : verdict["hypotheses"]) {
+      const double chance_m = hypothesis["by_chance_m"];
+      if (chance_m == 0.0 || hypothesis["coinciding_m"] == 0.0) continue;
+      const double sum = hypothesis["distinctive_m"].get<double>() -
+                         fusion::kContradictionWeight * hypothesis["contradicted_m"].get<double>() -
+                         fusion::kUnclearWeight * hypothesis["counted_unclear_m"].get<double>() - chance_m;
+      const double with_prior = std::clamp(sum, -20.0, 20.0) + hypothesis["prior_log_odds"].get<double>();
+      EXPECT_NEAR(std::clamp(with_prior, -20.0, 20.0), std::clamp(hypothesis["log_odds"].get<double>(), -20.0, 20.0),
+                  1e-9)
+          << hypothesis;
       ++weighed;
     }
   EXPECT_GT(weighed, 0U);
@@ -134,7 +135,7 @@ TEST(Explanation, of_grids_shows_how_they_lie_and_what_is_no_map) {
   const Explanation joined = explained(folder / "out", "west", "east");
   EXPECT_THAT(joined.text, testing::StartsWith("east + west: merged (probability "));
   EXPECT_THAT(joined.text,
-              testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("its lengths times 1.0"),
+              testing::AllOf(HasSubstr("1. west has its origin at x "), HasSubstr("scaled by 1.0"),
                              HasSubstr("m of wall coincide, which count "), HasSubstr("lie in free space of the other"),
                              testing::Not(HasSubstr("no hypothesis"))));
   EXPECT_GT(joined.png.size(), 5000U);
@@ -144,15 +145,15 @@ TEST(Explanation, of_grids_shows_how_they_lie_and_what_is_no_map) {
                                         testing::Not(HasSubstr("drive "))));
 }
 
-TEST(Explanation, of_cameras_tells_the_pictures_that_agree_and_draws_landmarks) {
+TEST(Explanation, of_cameras_names_the_pictures_that_agree_and_draws_landmarks) {
   const test::TemporaryFolder folder;
   const test::StarryBuilding building({1});
   std::vector<fs::path> paths;
-  for (const auto& [name, way] :
+  for (const auto& [name, path] :
        std::vector<std::pair<std::string, std::vector<Pose2>>>{{"alpha", test::look_around(-1.0, -0.5, 0.0, 2.4, 14)},
                                                                {"beta", test::look_around(0.5, 0.7, 1.4, 4.0, 14)}}) {
     mapdb::StoredMaps stored;
-    stored.maps = {building.keyframe_map(name, way)};
+    stored.maps = {building.keyframe_map(name, path)};
     paths.push_back(folder / (name + ".mwdb"));
     mapdb::write_store(paths.back(), stored);
   }

@@ -41,20 +41,20 @@ void expect_agreement(const std::vector<Map>& server, const visual::VisualClient
       EXPECT_LT((known->map_from_node.t - node.map_from_node.t).norm(), 0.005);
       EXPECT_EQ(keyframe_of(*known)->points.size(), keyframe_of(node)->points.size());
     }
-    std::size_t told = 0;
+    std::size_t published = 0;
     for (const auto& [id, landmark] : maps[i].landmarks) {
       const Landmark* known = here.landmarks.find(id);
       if (landmark.seen.size() < 2) continue;
       ASSERT_NE(known, nullptr) << to_string(id);
       EXPECT_EQ(known->anchor, landmark.anchor);
       EXPECT_EQ(known->seen.size(), landmark.seen.size());
-      ++told;
+      ++published;
     }
-    EXPECT_EQ(here.landmarks.size(), told);
+    EXPECT_EQ(here.landmarks.size(), published);
   }
 }
 
-TEST(LiveCamera, tells_all_and_goes_on_when_nobody_listens) {
+TEST(LiveCamera, publishes_all_and_goes_on_when_nobody_listens) {
   auto team = alone(4.0);
   const Robot& robot = team.robots[0];
   for (const bool listens : {true, false}) {
@@ -164,8 +164,8 @@ TEST(LiveCamera, says_what_to_do_where_a_keyframe_is_longer_than_the_queue) {
   EXPECT_NE(camera.refusal().find("queue_kb"), std::string::npos) << camera.refusal();
 }
 
-// Within a bound that it cannot keep: what is left at the end is told all the same.
-TEST(LiveCamera, tells_the_rest_whatever_its_wire_was) {
+// Within a bound that it cannot keep: what is left at the end is published all the same.
+TEST(LiveCamera, publishes_the_rest_whatever_its_wire_was) {
   auto team = alone(4.0);
   const Robot& robot = team.robots[0];
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);

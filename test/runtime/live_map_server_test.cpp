@@ -31,8 +31,8 @@ std::set<SessionId> sessions() {
 
 std::uint64_t sequence_of(const std::string& update) { return decode_map_update(update, "test").sequence; }
 
-// A client that repeats what is not stored until all is. `acknowledged` hears of each receipt that says more. looks: it
-// asks for shared landmarks.
+// A client that repeats what is not stored until all is. `acknowledged` is called with each receipt that says more.
+// looks: it asks for shared landmarks.
 class Client {
  public:
   Client(LiveMapServer& server, const SessionId& session) : Client(server.connect(), session) {}
@@ -46,7 +46,7 @@ class Client {
         for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
       }
   }
-  void tell_all(
+  void publish_all(
       const std::function<void()>& acknowledged = [] {}, bool looks = false) {
     for (const ReceivedUpdate& one : received_updates()) {
       if (one.from != session_) continue;
@@ -54,7 +54,7 @@ class Client {
       while (stored_[update.origin.map] < update.sequence && !link_->is_closed()) {
         ASSERT_EQ(link_->send({subject::kUpdate, one.bytes}), Sent::taken);
         if (looks && !update.nodes.empty()) look(update);
-        hear(update.sequence, acknowledged);
+        receive_receipts(update.sequence, acknowledged);
       }
     }
   }
@@ -68,7 +68,7 @@ class Client {
     EXPECT_NE(link_->send({subject::kView, encode(ClientView{update.origin.map, node.stamp, node.map_from_node, 0})}),
               Sent::later);
   }
-  void hear(std::uint64_t awaited, const std::function<void()>& acknowledged) {
+  void receive_receipts(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
       for (const test::Heard& message : take(*link_, 10s)) {
         EXPECT_NE(message.subject, subject::kRefusal) << message.bytes;
@@ -85,14 +85,14 @@ class Client {
   std::map<MapId, std::uint64_t> stored_;
 };
 
-void tell_all(LiveMapServer& server) {
+void publish_all(LiveMapServer& server) {
   std::vector<std::thread> clients;
   for (const SessionId& session : sessions())
-    clients.emplace_back([&server, session] { Client(server, session).tell_all(); });
+    clients.emplace_back([&server, session] { Client(server, session).publish_all(); });
   for (std::thread& client : clients) client.join();
 }
 
-// All that was told is joined, as far as it is to be.
+// All that was published is merged, as far as it is to be.
 void await_merge(const LiveMapServer& server) {
   while (server.counts().is_merging) std::this_thread::sleep_for(1ms);
 }
@@ -110,7 +110,7 @@ SessionId stranger(const char* robot) { return {{RobotId(robot), SensorId("camer
 
 TEST(LiveMapServer, ends_with_the_map_of_the_server_in_lockstep) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
-  tell_all(server);
+  publish_all(server);
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
   const ServerCounts counts = server.counts();
   ASSERT_EQ(counts.clients.size(), sessions().size());
@@ -153,7 +153,7 @@ TEST(LiveMapServer, lets_no_client_wait_for_one_that_stalls_floods_or_sends_garb
   flood("thief", true, {subject::kUpdate, received_updates().front().bytes});  // another's map
   flood("echo", true, {subject::kHello, encode(hello_of(stranger("echo")))});
   while (put_off < 3) std::this_thread::sleep_for(1ms);
-  tell_all(server);
+  publish_all(server);
   ends = true;
   for (std::thread& one : hostile) one.join();
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());
@@ -302,8 +302,9 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
       LiveMapServer server(TierId("edge"), sharing, {}, options, path);
       std::vector<std::thread> clients;
       for (const SessionId& session : sessions())
-        clients.emplace_back(
-            [&server, session, out] { Client(server, session).tell_all([out] { (void)!write(out, ".", 1); }, true); });
+        clients.emplace_back([&server, session, out] {
+          Client(server, session).publish_all([out] { (void)!write(out, ".", 1); }, true);
+        });
       for (std::thread& client : clients) client.join();
       server.finish();
     };
@@ -312,7 +313,7 @@ TEST_P(KilledServer, goes_on_with_all_that_it_said_it_has) {
   }
   {
     LiveMapServer server(TierId("edge"), sharing, {}, options, path);
-    tell_all(server);
+    publish_all(server);
   }
   std::size_t entries = 0;
   mapdb::UpdateJournal(path).replay([&](const mapdb::JournalEntry&) { ++entries; });
@@ -345,7 +346,7 @@ TEST(LiveMapServer, keeps_apart_what_was_vetoed_though_it_is_killed) {
   const auto path = folder.path() / "edge.mwj", before = folder.path() / "before.mwj";
   {
     LiveMapServer server(TierId("edge"), {}, {}, {}, path);
-    tell_all(server);
+    publish_all(server);
     server.finish();
     std::filesystem::copy_file(path, before);
     EXPECT_THROW(server.veto({}), Error) << "it would be lost";

@@ -20,7 +20,7 @@ const RobotId kAlpha("alpha");
 const SensorId kAhead("ahead"), kBack("back");
 
 // Updates of each camera, as they were stored. turned_rad: by so much more than it says is the second one turned.
-std::map<SessionId, std::vector<std::string>> told(double turned_rad) {
+std::map<SessionId, std::vector<std::string>> published(double turned_rad) {
   auto options = test::camera_world(simulation::PlanKind::apartment, 7, 1);
   options.cameras.resize(2, options.cameras.front());
   options.cameras[0].id = kAhead.str();
@@ -41,8 +41,8 @@ std::map<SessionId, std::vector<std::string>> told(double turned_rad) {
   team.run();
   return all;
 }
-const std::map<SessionId, std::vector<std::string>>& told_well() {
-  static const auto all = told(0.0);
+const std::map<SessionId, std::vector<std::string>>& published_well() {
+  static const auto all = published(0.0);
   return all;
 }
 
@@ -69,9 +69,9 @@ ClientCounts counts_of(const LiveMapServer& server, const SessionId& session) {
   return {};
 }
 
-// All of a client's updates, and where it is at each of its keyframes, until all is heard.
-void tell(LiveMapServer& server, const SessionId& session, const std::vector<std::string>& updates,
-          std::chrono::milliseconds apart) {
+// All of a client's updates, and where it is at each of its keyframes, until all is received.
+void publish(LiveMapServer& server, const SessionId& session, const std::vector<std::string>& updates,
+             std::chrono::milliseconds apart) {
   const auto link = greeted(server, session);
   std::uint64_t views = counts_of(server, session).views;
   for (const std::string& bytes : updates) {
@@ -91,7 +91,7 @@ void await_merge(const LiveMapServer& server) {
   while (server.counts().is_merging) std::this_thread::sleep_for(1ms);
 }
 
-TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
+TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_publish) {
   tiers::ServerOptions eager;
   eager.fuse_after = 5;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
@@ -113,8 +113,9 @@ TEST(LiveRobot, is_known_to_whoever_asks_while_its_cameras_tell) {
     EXPECT_GT(answers, 3);
   });
   std::vector<std::thread> clients;
-  for (const auto& [session, updates] : told_well())
-    clients.emplace_back([&server, &session = session, &updates = updates] { tell(server, session, updates, 20ms); });
+  for (const auto& [session, updates] : published_well())
+    clients.emplace_back(
+        [&server, &session = session, &updates = updates] { publish(server, session, updates, 20ms); });
   for (std::thread& client : clients) client.join();
   await_merge(server);
   ends = true;
@@ -144,9 +145,9 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   LiveServerOptions narrow;
   narrow.answers_kb = 1;
   LiveMapServer server(TierId("edge"), sharing, {}, narrow, std::nullopt);
-  for (const auto& [session, updates] : told_well()) tell(server, session, updates, 20ms);
+  for (const auto& [session, updates] : published_well()) publish(server, session, updates, 20ms);
   await_merge(server);
-  const auto& [session, updates] = *told_well().begin();
+  const auto& [session, updates] = *published_well().begin();
   const auto link = greeted(server, session);
   const ClientCounts before = counts_of(server, session);
   std::uint32_t views = 0;
@@ -165,18 +166,18 @@ TEST(LiveRobot, is_where_a_camera_says_that_takes_no_answers) {
   EXPECT_LT(shares, views) << "nothing more is shared with it";
 }
 
-TEST(LiveRobot, is_told_once_why_its_cameras_are_not_tied) {
+TEST(LiveRobot, says_once_why_its_cameras_are_not_merged) {
   tiers::ServerOptions eager;
   eager.fuse_after = 5;
   eager.fuse_share = 0.0;
   LiveMapServer server(TierId("edge"), eager, {}, {}, std::nullopt);
   testing::internal::CaptureStderr();
-  const auto all = told(0.35);
+  const auto all = published(0.35);
   std::vector<std::string> notes;
   for (const bool later : {false, true}) {
     for (const auto& [session, updates] : all) {
       const auto half = updates.begin() + static_cast<std::ptrdiff_t>(updates.size() / 2);
-      tell(server, session, later ? std::vector(half, updates.end()) : std::vector(updates.begin(), half), 20ms);
+      publish(server, session, later ? std::vector(half, updates.end()) : std::vector(updates.begin(), half), 20ms);
     }
     await_merge(server);
     ASSERT_EQ(server.counts().notes.size(), 1U);

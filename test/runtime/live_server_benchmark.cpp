@@ -1,6 +1,6 @@
 // What the live map server costs, as JSON. Robots with depth cameras in one apartment, 10 frames/s; the cameras hand
-// over features. live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they tell, as they tell it alone, with
-// its times live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
+// over features. live_server_benchmark record FILE [CLIENTS [SECONDS]]   what they publish, as they publish it alone,
+// with its times live_server_benchmark replay FILE CLIENTS,CLIENTS...    so many of them at sensor speed: server costs
 // live_server_benchmark lockstep FILE CLIENTS,CLIENTS...  the same without threads or waiting: what merging them costs,
 // whatever else runs live_server_benchmark team [CLIENTS [SECONDS]]          whole clients with their server in real
 // time: dropped frames
@@ -86,15 +86,15 @@ class Building {
   std::vector<simulation::FeatureRecording> recordings_;
 };
 
-struct Told {
+struct RecordedMessage {
   double after_s = 0.0;
   std::uint32_t client = 0;
   transport::Envelope message;
 };
 
-// What a client tells that nobody answers but with receipts.
-std::vector<Told> told_by(const Building& building, std::uint32_t client, double seconds) {
-  std::vector<Told> told;
+// What a client publishes that nobody answers but with receipts.
+std::vector<RecordedMessage> messages_of(const Building& building, std::uint32_t client, double seconds) {
+  std::vector<RecordedMessage> messages;
   const visual::ClientPlace place = building.place(client);
   visual::VisualClient camera(building.camera(), 0.0, {}, matching::shipped_vocabulary());
   tiers::CameraAgent agent(place);
@@ -120,17 +120,18 @@ std::vector<Told> told_by(const Building& building, std::uint32_t client, double
     else if (auto request = agent.place_request(camera))
       tell(subject::kPlaceRequest, std::move(*request));
   }
-  return told;
+  return messages;
 }
 
 void record(const std::string& path, std::size_t clients, double seconds) {
   WorkerPool pool(available_processors());
   const Building building(clients, seconds, pool);
-  std::vector<Told> all;
-  for (auto& told :
-       pool.map(clients, [&](std::size_t i) { return told_by(building, static_cast<std::uint32_t>(i), seconds); }))
-    std::move(told.begin(), told.end(), std::back_inserter(all));
-  std::stable_sort(all.begin(), all.end(), [](const Told& a, const Told& b) { return a.after_s < b.after_s; });
+  std::vector<RecordedMessage> all;
+  for (auto& messages :
+       pool.map(clients, [&](std::size_t i) { return messages_of(building, static_cast<std::uint32_t>(i), seconds); }))
+    std::move(messages.begin(), messages.end(), std::back_inserter(all));
+  std::stable_sort(all.begin(), all.end(),
+                   [](const RecordedMessage& a, const RecordedMessage& b) { return a.after_s < b.after_s; });
   std::ofstream file(path, std::ios::binary);
   for (const Told& one : all) {
     file << one.after_s << ' ' << one.client << ' ' << one.message.subject << ' ' << one.message.bytes.size() << '\n';
@@ -139,7 +140,7 @@ void record(const std::string& path, std::size_t clients, double seconds) {
   std::printf("%zu messages of %zu clients\n", all.size(), clients);
 }
 
-std::vector<Told> read(const std::string& path) {
+std::vector<RecordedMessage> read(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   std::vector<Told> all;
   std::size_t bytes = 0;
@@ -193,20 +194,20 @@ nlohmann::ordered_json costs(const runtime::ServerCounts& counts, std::size_t cl
           {"sent_kB_per_client_s", 1e-3 * static_cast<double>(sum.sent_bytes) / (60.0 * minutes)},
           {"handling_s_per_client_minute", (sum.update_s + sum.retrieval_s + sum.sending_s + sum.place_s) / minutes},
           {"saving_s_per_client_minute", counts.saving_s / minutes},
-          {"joining_s_per_client_minute", counts.merging_s / minutes},
-          {"joinings", counts.merges},
-          {"longest_joining_s", counts.longest_merge_s},
+          {"merging_s_per_client_minute", counts.merging_s / minutes},
+          {"merges", counts.merges},
+          {"longest_merge_s", counts.longest_merge_s},
           {"trouble", counts.trouble}};
 }
 
-// Joined what it was told, too: that is part of what clients cost.
+// Merged what was published, too: that is part of what clients cost.
 bool has_done_all(const runtime::ServerCounts& counts, std::uint64_t updates) {
   runtime::ClientCounts sum;
   for (const runtime::ClientCounts& client : counts.clients) runtime::add(sum, client);
   return sum.updates == updates && !counts.is_merging;
 }
 
-nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients) {
+nlohmann::ordered_json replay(const std::vector<RecordedMessage>& all, std::size_t clients) {
   const Journal journal;
   const double before_s = process_cpu_seconds(), mine_before_s = runtime::thread_cpu_seconds();
   LiveMapServer server(TierId("edge"), sharing(tiers::Sharing::view), {}, {}, journal.path);
@@ -224,7 +225,7 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
     told += sent == transport::Channel::Sent::taken && one.message.subject == subject::kUpdate;
     seconds = one.after_s;
   }
-  while (!has_done_all(server.counts(), told)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  while (!has_done_all(server.counts(), messages)) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   const double cpu_s = process_cpu_seconds() - before_s - (runtime::thread_cpu_seconds() - mine_before_s);
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   nlohmann::ordered_json row{{"clients", clients},
@@ -235,11 +236,11 @@ nlohmann::ordered_json replay(const std::vector<Told>& all, std::size_t clients)
   row["put_off"] = put_off;
   const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
-  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
+  for (const fusion::StageTime& stage : joined.stages) row["last_merge_s"][stage.name] = stage.seconds;
   return row;
 }
 
-nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t clients) {
+nlohmann::ordered_json lockstep(const std::vector<RecordedMessage>& all, std::size_t clients) {
   WorkerPool pool(1);
   tiers::ServerOptions options = sharing(tiers::Sharing::view);
   options.wait = false;
@@ -248,7 +249,7 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
   std::vector<std::optional<SessionId>> sessions(clients);
   double merging_s = 0.0, longest_s = 0.0, retrieval_s = 0.0, seconds = 0.0;
   int merges = 0, views = 0;
-  for (const Told& one : all) {
+  for (const RecordedMessage& one : all) {
     if (one.client >= clients) continue;
     auto& session = sessions[one.client];
     if (one.message.subject == subject::kHello) {
@@ -280,9 +281,9 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
   }
   const double minutes = static_cast<double>(clients) * seconds / 60.0;
   nlohmann::ordered_json row{{"clients", clients},
-                             {"joinings", merges},
-                             {"joining_s_per_client_minute", merging_s / minutes},
-                             {"longest_joining_s", longest_s},
+                             {"merges", merges},
+                             {"merging_s_per_client_minute", merging_s / minutes},
+                             {"longest_merge_s", longest_s},
                              {"retrieval_ms", 1e3 * retrieval_s / std::max(1, views)}};
   const auto& joined = server.merged();
   row["components"] = joined.components.size();
@@ -291,7 +292,7 @@ nlohmann::ordered_json lockstep(const std::vector<Told>& all, std::size_t client
     row["members"] = joined.components.front().members.size();
   }
   for (const auto& [stage, spent_s] : stages_s) row["stages_s_per_client_minute"][stage] = spent_s / minutes;
-  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
+  for (const fusion::StageTime& stage : joined.stages) row["last_merge_s"][stage.name] = stage.seconds;
   const auto sealed = server.seal(pool, *make_silent_progress());
   std::vector<Eigen::Vector3d> live, at_the_end;
   if (!joined.components.empty() && !sealed.components.empty())
@@ -354,7 +355,7 @@ nlohmann::ordered_json team(std::size_t clients, double seconds) {
   row["dropped"] = dropped, row["borrowed_seen"] = borrowed;
   const fusion::FusionResult& joined = server.finish().merged();
   row["components"] = joined.components.size();
-  for (const fusion::StageTime& stage : joined.stages) row["last_joining_s"][stage.name] = stage.seconds;
+  for (const fusion::StageTime& stage : joined.stages) row["last_merge_s"][stage.name] = stage.seconds;
   return row;
 }
 
@@ -366,7 +367,7 @@ int main(int argc, char** argv) try {
   if (what == "record" && argc > 2) {
     record(argv[2], static_cast<std::size_t>(number(3, 16)), number(4, 60));
   } else if ((what == "replay" || what == "lockstep") && argc > 3) {
-    const std::vector<Told> all = read(argv[2]);
+    const std::vector<RecordedMessage> all = read(argv[2]);
     auto rows = nlohmann::ordered_json::array();
     std::istringstream counts(argv[3]);
     for (std::string count; std::getline(counts, count, ',');) {

@@ -150,7 +150,7 @@ TEST(LiveServerTrouble, says_why_maps_could_not_be_joined_and_joins_them_the_nex
   for (const ClientCounts& client : server.counts().clients) EXPECT_EQ(client.refused, 0U);
 }
 
-TEST(LiveServerTrouble, keeps_nothing_of_those_who_come_and_tell_nothing) {
+TEST(LiveServerTrouble, keeps_nothing_of_those_who_come_and_publish_nothing) {
   LiveMapServer server(TierId("edge"), {}, {}, {}, std::nullopt);
   for (std::int64_t run = 0; run < 10'100; ++run) {  // more than a server keeps
     const auto link = server.connect();

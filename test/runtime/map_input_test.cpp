@@ -122,7 +122,7 @@ TEST_F(JournalAsInput, is_refused_where_no_server_could_have_kept_it) {
   EXPECT_THAT(refusal(ErrorCode::kCorrupt), testing::HasSubstr("does not fit"));
 }
 
-TEST_F(JournalAsInput, is_refused_where_nobody_told_anything) {
+TEST_F(JournalAsInput, is_refused_where_nobody_published_anything) {
   { mapdb::UpdateJournal begun(path); }
   EXPECT_THAT(refusal(ErrorCode::kBadInput), testing::HasSubstr("no map in it"));
 }

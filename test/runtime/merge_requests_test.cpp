@@ -142,10 +142,10 @@ TEST_F(MergeRequestsTest, a_pair_that_is_refused_may_meet_in_a_third_ones_map) {
   EXPECT_THAT(in_words(refused),
               testing::StartsWith("robot0 + robot2: in one map, through robot1 (the merge of robot0"));
   EXPECT_THAT(in_words(refused), testing::EndsWith("; not matched to each other: the user excluded this pair"));
-  const auto told = merges_json(report)[1];
-  EXPECT_EQ(told["accepted"], false);
-  EXPECT_EQ(told["in_one_map"], true);
-  EXPECT_EQ(told["connected_through"][0], "robot1");
+  const auto pair = merges_json(report)[1];
+  EXPECT_EQ(pair["accepted"], false);
+  EXPECT_EQ(pair["in_one_map"], true);
+  EXPECT_EQ(pair["connected_through"][0], "robot1");
   const Explanation page = explain(folder / "out", "robot0", "robot2", {}, pool);
   EXPECT_THAT(page.text,
               testing::AllOf(HasSubstr("in one map, through robot1"), HasSubstr("in the team's map robot2 began at"),

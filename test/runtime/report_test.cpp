@@ -36,7 +36,7 @@ Report report_of(Decision decision, std::size_t components) {
   return report;
 }
 
-TEST(Report, tells_where_b_is_seen_from_a_the_other_way_round_than_the_alignment) {
+TEST(Report, reports_b_seen_from_a_which_is_the_inverse_of_the_alignment) {
   const auto merges = merges_json(report_of(Decision::accepted, 1));
   ASSERT_EQ(merges.size(), 1u);
   const auto& pose = merges[0]["b_from_a"];  // inverse of (1, 2, 90 deg)
@@ -48,7 +48,7 @@ TEST(Report, tells_where_b_is_seen_from_a_the_other_way_round_than_the_alignment
   EXPECT_EQ(merges[0]["witnesses"][0], to_hex(hash_of_bytes("a witness")));
 }
 
-TEST(Report, tells_an_alignment_in_space_with_its_scale) {
+TEST(Report, reports_an_alignment_in_space_with_its_scale) {
   Report report = report_of(Decision::accepted, 1);
   const Sim3 a_from_b{
       {Eigen::Vector3d(1.0, 2.0, 3.0), Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitX()))}, 2.0};
@@ -94,7 +94,7 @@ TEST(Report, ends_with_the_exit_code_of_what_happened) {
   EXPECT_EQ(report.exit_code(), ExitCode::interrupted);
 }
 
-TEST(Report, tells_people_why_maps_stayed_apart) {
+TEST(Report, says_why_maps_stayed_apart) {
   const std::string words = in_words(report_of(Decision::refused, 2), "maps/office");
   EXPECT_THAT(words, HasSubstr("robot alpha: 10 scans of 20 s in 2.0 s (10 x real time)"));
   EXPECT_THAT(words, HasSubstr("alpha + beta: kept apart: they fit together in more than one way"));
@@ -102,7 +102,7 @@ TEST(Report, tells_people_why_maps_stayed_apart) {
   EXPECT_THAT(words, HasSubstr("maps/office"));
 }
 
-TEST(Report, tells_which_merge_put_maps_into_one) {
+TEST(Report, says_which_merge_put_maps_into_one) {
   Verdict direct = verdict(Decision::accepted);
   direct.probability = 0.21;
   direct.in_one_map = InOneMap{{}, {MapId("gamma")}};

@@ -5,6 +5,8 @@
 #include <mapweave/core/files.h>
 #include <support/temporary_folder.h>
 
+#include <algorithm>
+
 namespace mapweave::runtime {
 namespace {
 
@@ -128,6 +130,35 @@ TEST_F(PlanTest, carries_out_the_effective_configuration_as_the_first_one) {
     EXPECT_EQ(first.robots[i].edge, second.robots[i].edge);
     EXPECT_EQ(first.robots[i].log, second.robots[i].log);
   }
+}
+
+TEST(RunConfiguration, takes_options_by_the_keys_of_earlier_versions) {
+  RunConfiguration configuration;
+  testing::internal::CaptureStderr();
+  load(configuration, {{},
+                       {},
+                       {"bind.longest_gap_s=2", "bind.tie_m=0.11", "bind.tie_rad=0.12", "bind.step_m=0.13",
+                        "bind.step_share=0.14", "bind.step_rad=0.15", "bind.least_shared=16", "rig.tie_m=0.21",
+                        "rig.tie_rad=0.22", "rig.step_m=0.23", "rig.step_share=0.24", "rig.step_rad=0.25",
+                        "rig.step_scale=0.26", "rig.way.doubt_m=0.27", "fusion.visual.companions=31"}});
+  const std::string notes = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(std::count(notes.begin(), notes.end(), '\n'), 15) << notes;
+  const rig::LaserCameraOptions& alignment = configuration.laser_cameras;
+  EXPECT_EQ(alignment.longest_gap_s, 2.0);
+  EXPECT_EQ(alignment.extrinsic_sigma_m, 0.11);
+  EXPECT_EQ(alignment.extrinsic_sigma_rad, 0.12);
+  EXPECT_EQ(alignment.covisibility_sigma_m, 0.13);
+  EXPECT_EQ(alignment.covisibility_sigma_per_m, 0.14);
+  EXPECT_EQ(alignment.covisibility_sigma_rad, 0.15);
+  EXPECT_EQ(alignment.least_shared, 16);
+  EXPECT_EQ(configuration.rig.extrinsic_sigma_m, 0.21);
+  EXPECT_EQ(configuration.rig.extrinsic_sigma_rad, 0.22);
+  EXPECT_EQ(configuration.rig.covisibility_sigma_m, 0.23);
+  EXPECT_EQ(configuration.rig.covisibility_sigma_per_m, 0.24);
+  EXPECT_EQ(configuration.rig.covisibility_sigma_rad, 0.25);
+  EXPECT_EQ(configuration.rig.covisibility_sigma_scale, 0.26);
+  EXPECT_EQ(configuration.rig.trajectory.doubt_m, 0.27);
+  EXPECT_EQ(configuration.fusion.visual.covisible, 31);
 }
 
 TEST_F(PlanTest, refuses_what_cannot_be_run_and_says_where_it_stands) {

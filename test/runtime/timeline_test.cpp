@@ -73,7 +73,7 @@ TEST(Timeline, takes_the_wire_that_is_named) {
   EXPECT_NEAR(line.robots[1].arrived_s, 2.0 + 2.0, 1e-6);
 }
 
-TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
+TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_sends_to_robots) {
   TimelineOptions options = with(Mode::offload, wires());
   options.cloud.at = "south";
   Work work = two_robots();
@@ -88,7 +88,7 @@ TEST(Timeline, joins_at_an_edge_where_there_is_no_cloud_and_tells_robots) {
   EXPECT_NEAR(line.pushes[0].arrived_s, 18.5 + 1.0, 1e-6);
 }
 
-TEST(Timeline, lends_maps_once_all_are_there_to_edges_that_have_fused_their_own) {
+TEST(Timeline, sends_maps_once_all_are_there_to_edges_that_have_fused_their_own) {
   Work work = two_robots();
   work.edges[0].sent_bytes = 500'000;
   work.edges[0].judging_s = 2.0;

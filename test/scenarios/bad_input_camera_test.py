@@ -44,7 +44,7 @@ class CameraFolder(support.Scenario):
                 self.assert_says(self.mapweave(*commands[verb], code=BAD_INPUT), *words)
                 self.assert_nothing_left("out", "out.rawlog", "parts")
 
-    def test_inspect_tells_the_same_of_a_folder_and_of_its_rawlog(self):
+    def test_inspect_says_the_same_of_a_folder_and_of_its_rawlog(self):
         self.mapweave("convert", "walk/", "walk.rawlog")
         for recording in ("walk", "walk/", "walk.rawlog"):
             done = self.mapweave("inspect", recording)

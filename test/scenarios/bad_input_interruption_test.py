@@ -116,10 +116,10 @@ class Interruption(support.Scenario):
                     killed = pid
             time.sleep(0.05)
         self.assertIsNotNone(killed, "no helper was running")
-        said, told = process.communicate(timeout=180 * support.PATIENCE)
-        self.assertEqual(process.returncode, CANNOT_WRITE, told)
-        self.assertIn("mrpt_mapper", said + told)
-        self.assertIn("beta", said + told)
+        said, message = process.communicate(timeout=180 * support.PATIENCE)
+        self.assertEqual(process.returncode, CANNOT_WRITE, message)
+        self.assertIn("mrpt_mapper", said + message)
+        self.assertIn("beta", said + message)
         self.assertTrue((self.folder / "out/robots/alpha/map.pgm").exists())
         self.assertIn("trouble", {robot["id"]: robot for robot in self.read_json("out/summary.json")["robots"]}["beta"])
 
@@ -136,9 +136,9 @@ class Interruption(support.Scenario):
                         os.kill(helpers[0], signal.SIGKILL)
                         break
                     time.sleep(0.02)
-                _, told = process.communicate(timeout=60 * support.PATIENCE)
-                self.assertEqual(process.returncode, CANNOT_WRITE, told)
-                self.assertIn("helper mrpt_mapper ended by signal", told)
+                _, message = process.communicate(timeout=60 * support.PATIENCE)
+                self.assertEqual(process.returncode, CANNOT_WRITE, message)
+                self.assertIn("helper mrpt_mapper ended by signal", message)
                 self.assert_nothing_left("out")
 
 

@@ -29,7 +29,7 @@ class BadJournal(support.Scenario):
         database.close()
         return path
 
-    def test_one_that_nobody_told_anything(self):
+    def test_one_to_which_nobody_published_anything(self):
         self.journal()
         self.refuse("no map in it")
 

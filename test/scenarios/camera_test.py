@@ -83,13 +83,13 @@ class Cameras(support.Scenario):
         self.mapweave("slam", world / "alpha.rawlog", "--sensor", "mono", "--out", "all")
         summary = json.loads((self.folder / "all/summary.json").read_text())
         self.assertEqual([camera["label"] for camera in summary["robots"][0]["cameras"]], ["mono", "rgbd", "stereo"])
-        ways = sorted((self.folder / "all").glob("cameras/*/trajectory.tum"))
-        self.assertEqual(len(ways), 3)
+        trajectories = sorted((self.folder / "all").glob("cameras/*/trajectory.tum"))
+        self.assertEqual(len(trajectories), 3)
         robot = {row[0]: row[1:4] for row in poses(self.folder / "all/trajectory.tum")}
-        for way in ways:
-            apart = [math.dist(row[1:4], robot[row[0]]) for row in poses(way)]
-            self.assertLess(max(apart), 0.15, way)
-        self.assertEqual(len(robot), len({row[0] for way in ways for row in poses(way)}))
+        for trajectory in trajectories:
+            apart = [math.dist(row[1:4], robot[row[0]]) for row in poses(trajectory)]
+            self.assertLess(max(apart), 0.15, trajectory)
+        self.assertEqual(len(robot), len({row[0] for trajectory in trajectories for row in poses(trajectory)}))
         # Without depth, but with wheels.
         self.assertLess(self.error(self.folder / "all/trajectory.tum", world / "alpha.truth.tum"), 0.1)
         self.assertGreater(summary["robots"][0]["rig"]["ties"], 10)

@@ -100,17 +100,17 @@ class Inputs(support.Scenario):
             self.assertIn("not drawn", done.stdout)
             self.assertIn("not drawn", " ".join(self.read_json("map/summary.json")["notes"]))
 
-    def test_split_and_export_tell_how_they_were_carried_out(self):
+    def test_split_and_export_say_how_they_were_carried_out(self):
         self.write("room.log", "\n".join(support.room_lines(12)) + "\n")
         self.mapweave("split", "room.log", "--robots", "2", "--at", "1001.1", "--overlap", "0.3", "--out", "logs")
-        told = (self.folder / "logs/config.yaml").read_text()
+        found = (self.folder / "logs/config.yaml").read_text()
         for words in ("robots: 2", "overlap_s: 0.3", "at_s: [1001.1", "scan_rate_hz"):
-            self.assertIn(words, told)
+            self.assertIn(words, found)
         self.mapweave("slam", "room.log", "--out", "map")
         self.mapweave("export", "map/map.mwdb", "--out", "only", "--pcd")
-        told = (self.folder / "only/config.yaml").read_text()
-        self.assertIn("pcd: true", told)
-        self.assertIn("png: false", told)
+        found = (self.folder / "only/config.yaml").read_text()
+        self.assertIn("pcd: true", found)
+        self.assertIn("png: false", found)
 
 
 class OneRobot(support.Scenario):

@@ -8,7 +8,7 @@ from support import APART, DONE
 
 
 def sealed(folder):
-    """Every file's bytes by its name, but for what tells of time: those parts of the reports are taken out."""
+    """Every file's bytes by its name, but for times: those parts of the reports are taken out."""
     files = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file():

@@ -37,6 +37,9 @@ RUNS = {
     "timeline": ("timeline", "{maps}"),
 }
 
+# Those that take seconds, for a look at each build.
+QUICK_RUNS = ("timeline", "carmen", "late", "g2o", "slip", "jump", "lost", "swept", "folder", "team")
+
 CASES = {
     "lasers": """
 sensor rgbd
@@ -302,7 +305,7 @@ fusion.sole_witness_probability 0; fusion.visual.most_pairs=1
 fusion.visual.candidates 1
 fusion.visual.most_pairs 3
 fusion.visual.enough_witnesses 1
-fusion.visual.companions 0
+fusion.visual.covisible 0
 fusion.visual.least_alike 0.9
 fusion.visual.adjustments 0
 fusion.visual.sigma_px 3
@@ -356,37 +359,37 @@ rig.longest_gap_s 0.05
 rig.least_common_s 100
 rig.threshold_m 5; rig.threshold_rad=3
 rig.threshold_rad 3; rig.threshold_m=5
-rig.tie_m 0.1
-rig.tie_rad 0.1
+rig.extrinsic_sigma_m 0.1
+rig.extrinsic_sigma_rad 0.1
 rig.acceleration_m_per_s2 9
 rig.acceleration_rad_per_s2 9
-rig.step_m 0.1
-rig.step_share 0.3
-rig.step_rad 0.1
+rig.covisibility_sigma_m 0.1
+rig.covisibility_sigma_per_m 0.3
+rig.covisibility_sigma_rad 0.1
 rig.least_shared 200
 rig.wrong_m 0.0001; rig.wrong_share=0
 rig.wrong_share 0; rig.wrong_m=0.0001
 rig.wrong_rad 0.00001
 rig.most_wrong 1; rig.wrong_m=0.0001 rig.wrong_share=0
-rig.way.longest_gap_s 0.05
-rig.way.hand_over_s 9
-rig.way.doubt_m 0.0001
-rig.way.doubt_rad 0.0001
-rig.way.odometry_s 0.01; rig.way.doubt_m=0.0001
+rig.trajectory.longest_gap_s 0.05
+rig.trajectory.hand_over_s 9
+rig.trajectory.doubt_m 0.0001
+rig.trajectory.doubt_rad 0.0001
+rig.trajectory.odometry_s 0.01; rig.trajectory.doubt_m=0.0001
 """,
     "monocular": """
-rig.step_scale 0.5
+rig.covisibility_sigma_scale 0.5
 rig.wheels_share 0.5
 """,
     "both": """
 fusion.max_wall_conflict 0; fusion.merge_probability=1
-bind.longest_gap_s 0.001
-bind.tie_m 0.5
-bind.tie_rad 0.5
-bind.step_m 0.5
-bind.step_share 0.5
-bind.step_rad 0.5
-bind.least_shared 1000
+laser_camera_alignment.longest_gap_s 0.001
+laser_camera_alignment.extrinsic_sigma_m 0.5
+laser_camera_alignment.extrinsic_sigma_rad 0.5
+laser_camera_alignment.covisibility_sigma_m 0.5
+laser_camera_alignment.covisibility_sigma_per_m 0.5
+laser_camera_alignment.covisibility_sigma_rad 0.5
+laser_camera_alignment.least_shared 1000
 """,
     "dense": """
 output.ply false

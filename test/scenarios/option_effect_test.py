@@ -2,7 +2,8 @@
 Those that may have none are listed with the reason, and printed.
 
 The runs, the options and the values they are changed to stand in option_effect_cases.py. An option that is in no case fails the test.
-Some options alone:  MAPWEAVE_PROGRAM=... python3 -B test/scenarios/option_effect_test.py 'bind\\.' 'rig\\.way'
+All of it takes a quarter of an hour; --quick tries the options of QUICK_RUNS alone, and still that each option has a case.
+Some options alone:  MAPWEAVE_PROGRAM=... python3 -B test/scenarios/option_effect_test.py 'rig\\.' 'visual\\.loops'
 """
 import concurrent.futures
 import json
@@ -16,7 +17,7 @@ import threading
 
 import support
 from determinism_test import TIMES, sealed, without
-from option_effect_cases import CASES, RUNS, TOO_LARGE, WITHOUT_EFFECT
+from option_effect_cases import CASES, QUICK_RUNS, RUNS, TOO_LARGE, WITHOUT_EFFECT
 from option_effect_inputs import INPUTS, WRITTEN
 
 JOBS = 2
@@ -141,10 +142,12 @@ class Laboratory:
 
 class OptionEffect(support.Scenario):
     chosen = []
+    quick = False
 
     def test_every_option_changes_something(self):
         reference = option_names(mapweave("config", "reference").stdout)
-        tried = [change for change in changes() if not self.chosen or any(re.match(choice, change.option) for choice in self.chosen)]
+        tried = [change for change in changes() if (not self.quick or change.run in QUICK_RUNS) and
+                 (not self.chosen or any(re.match(choice, change.option) for choice in self.chosen))]
         laboratory = Laboratory(self.folder)
         with concurrent.futures.ThreadPoolExecutor(JOBS) as pool:
             results = [(change, pool.submit(laboratory.differences, change)) for change in tried]
@@ -165,5 +168,6 @@ class OptionEffect(support.Scenario):
 
 
 if __name__ == "__main__":
-    OptionEffect.chosen, sys.argv[1:] = sys.argv[1:], []
+    OptionEffect.quick = "--quick" in sys.argv
+    OptionEffect.chosen, sys.argv[1:] = [argument for argument in sys.argv[1:] if argument != "--quick"], []
     support.main()

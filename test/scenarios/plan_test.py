@@ -25,49 +25,49 @@ class Plan(support.Scenario):
         given = problem(robot_scans={"r0": 1200}, links=[["r1", "e2", 1e6, 0.02]])
         for method in ("default", "recslam", "greedy", "random", "exact"):
             with self.subTest(method):
-                told = json.loads(self.plan(given, "--method", method, "--json").stdout)
-                self.assertEqual(list(told), KEYS)
-                self.assertEqual(told["method"], method)
-                self.assertEqual(sorted(robot for group in told["groups"] for robot in group), sorted(given["robots"]))
-                self.assertEqual(sorted(map(len, told["groups"])), [3, 3, 4])
-                for group in told["groups"]:
-                    self.assertEqual(len({told["placement"][robot] for robot in group}), 1)
-                inside = {frozenset((a, b)) for group in told["groups"] for a in group for b in group if a != b}
+                plan_json = json.loads(self.plan(given, "--method", method, "--json").stdout)
+                self.assertEqual(list(plan_json), KEYS)
+                self.assertEqual(plan_json["method"], method)
+                self.assertEqual(sorted(robot for group in plan_json["groups"] for robot in group), sorted(given["robots"]))
+                self.assertEqual(sorted(map(len, plan_json["groups"])), [3, 3, 4])
+                for group in plan_json["groups"]:
+                    self.assertEqual(len({plan_json["placement"][robot] for robot in group}), 1)
+                inside = {frozenset((a, b)) for group in plan_json["groups"] for a in group for b in group if a != b}
                 cut = sum(weight for a, b, weight in given["overlaps"] if frozenset((a, b)) not in inside)
-                self.assertAlmostEqual(told["cut_weight"], cut, 9)
-                self.assertLessEqual(told["lower_bound_seconds"], told["predicted_seconds"])
+                self.assertAlmostEqual(plan_json["cut_weight"], cut, 9)
+                self.assertLessEqual(plan_json["lower_bound_seconds"], plan_json["predicted_seconds"])
 
     def test_metis_groups_where_the_program_has_it(self):
         done = self.plan(problem(), "--method", "metis", "--json", code=(0, BAD_INPUT))
         if done.returncode == BAD_INPUT:
             self.assert_says(done, "built without METIS")
             self.skipTest("built without METIS")
-        told = json.loads(done.stdout)
-        self.assertEqual(list(told), KEYS)
-        self.assertEqual(told["method"], "metis")
-        self.assertEqual(sorted(map(len, told["groups"])), [3, 3, 4])
+        plan_json = json.loads(done.stdout)
+        self.assertEqual(list(plan_json), KEYS)
+        self.assertEqual(plan_json["method"], "metis")
+        self.assertEqual(sorted(map(len, plan_json["groups"])), [3, 3, 4])
 
     def test_the_default_is_near_the_exact_cut(self):
         cuts = {method: json.loads(self.plan(problem(14, 4), "--method", method, "--json").stdout)["cut_weight"] for method in ("default", "exact")}
         self.assertLessEqual(cuts["default"], 1.05 * cuts["exact"])
 
     def test_the_same_seed_gives_the_same_plan(self):
-        told = []
+        plan_json = []
         for _ in range(2):
-            told.append(json.loads(self.plan(problem(60, 4), "--seed", "7", "--json").stdout))
-            del told[-1]["algorithm_seconds"]
-        self.assertEqual(told[0], told[1])
+            plan_json.append(json.loads(self.plan(problem(60, 4), "--seed", "7", "--json").stdout))
+            del plan_json[-1]["algorithm_seconds"]
+        self.assertEqual(plan_json[0], plan_json[1])
 
-    def test_people_are_told_in_words(self):
+    def test_people_get_words(self):
         text = self.plan(problem()).stdout
         for word in ("10 robots in 3 groups", "e0:", "no plan is below"):
             self.assertIn(word, text)
 
     def test_partial_offloading_names_further_edges(self):
-        told = json.loads(self.plan(problem(), "--edges-per-robot", "2", "--json").stdout)
-        for robot, edges in told["further_placement"].items():
+        plan_json = json.loads(self.plan(problem(), "--edges-per-robot", "2", "--json").stdout)
+        for robot, edges in plan_json["further_placement"].items():
             self.assertEqual(len(edges), 1)
-            self.assertNotEqual(edges[0], told["placement"][robot])
+            self.assertNotEqual(edges[0], plan_json["placement"][robot])
 
     def test_sensible_plans_for_odd_problems(self):
         zero = problem()
@@ -103,12 +103,12 @@ class Profile(support.Scenario):
         self.write("room.log", "\n".join(support.room_lines(40)) + "\n")
         self.mapweave("split", "room.log", "--robots", "2", "--overlap", "1", "--out", "logs")
         self.mapweave("run", "logs/run.yaml", "--out", "map", code=(0, 4))
-        told = json.loads(self.mapweave("profile", "map", "--out", "model.json", "--json").stdout)
-        self.assertGreater(told["model"]["slam_s_per_scan"], 0)
-        terms = {term["term"]: term for term in told["terms"]}
+        plan_json = json.loads(self.mapweave("profile", "map", "--out", "model.json", "--json").stdout)
+        self.assertGreater(plan_json["model"]["slam_s_per_scan"], 0)
+        terms = {term["term"]: term for term in plan_json["terms"]}
         self.assertIn("what edges send", terms)
-        self.assertGreaterEqual(told["model"]["edge_bytes_per_map_byte"], 1)
-        # Two robots and one coefficient leave a degree of freedom to tell an interval by; one edge leaves none.
+        self.assertGreaterEqual(plan_json["model"]["edge_bytes_per_map_byte"], 1)
+        # Two robots and one coefficient leave a degree of freedom for an interval; one edge leaves none.
         self.assertEqual(terms["SLAM"]["samples"], 2)
         for point in terms["SLAM"]["points"]:
             self.assertGreater(point["half_width"], 0)
@@ -143,7 +143,7 @@ class Profile(support.Scenario):
         self.write("led/summary.json", '{"timeline": {"robots": 3}}')
         self.assert_says(self.mapweave("timeline", "led", code=BAD_INPUT), "led/summary.json", "timeline.robots")
 
-    def test_a_run_that_mapped_on_board_tells_nothing_of_offloading(self):
+    def test_a_run_that_mapped_on_board_has_no_times_of_offloading(self):
         self.write("room.log", "\n".join(support.room_lines(40)) + "\n")
         self.mapweave("split", "room.log", "--robots", "2", "--overlap", "1", "--out", "logs")
         self.mapweave("run", "logs/run.yaml", "--out", "map", "--set", "mode=onboard", code=(0, 4))

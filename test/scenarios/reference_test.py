@@ -4,9 +4,9 @@ import support
 
 class Reference(support.Scenario):
     def test_the_stored_reference_is_the_program_s_own(self):
-        told = self.mapweave("config", "reference").stdout
+        shown = self.mapweave("config", "reference").stdout
         stored = (support.ROOT / "configs/reference.yaml").read_text()
-        self.assertEqual(stored, told, "run: build/release/bin/mapweave config reference > configs/reference.yaml")
+        self.assertEqual(stored, shown, "run: build/release/bin/mapweave config reference > configs/reference.yaml")
 
     def test_every_example_is_accepted_but_for_the_logs_it_lacks(self):
         for path in sorted((support.ROOT / "configs").glob("*.yaml")):

@@ -91,7 +91,7 @@ TEST(LatencyModel, counts_no_more_than_whole_maps_as_shared) {
   EXPECT_DOUBLE_EQ(latency.computing_seconds({0, 1}, 0), without_s + 1.0);
 }
 
-TEST(LatencyModel, tells_each_term_of_what_it_predicts) {
+TEST(LatencyModel, reports_each_term_of_what_it_predicts) {
   const Problem problem = two_edges();
   const LatencyModel model = round_numbers();
   const LatencyTerms terms = Latency(problem, model).terms({{0, 1}, {2}});
@@ -273,7 +273,8 @@ TEST(Regression, takes_nothing_for_what_took_no_time) {
   EXPECT_NEAR(found.coefficients[0], 0.01, 1e-12);
 }
 
-// What a run of three robots on two edges tells, by laws that fits are to find; `scale` of how much each robot drove.
+// What a run of three robots on two edges measures, by laws that fits are to find; `scale` of how much each robot
+// drove.
 nlohmann::json summary_of(const std::string& mode, double scale) {
   using Json = nlohmann::json;
   const std::pair<const char*, const char*> kRobots[] = {{"a", "n"}, {"b", "n"}, {"c", "s"}};
@@ -360,7 +361,7 @@ TEST_F(ProfileOfRuns, learns_every_term_from_runs_that_offload) {
   EXPECT_NEAR(profile.terms[5].shown.front().value, 0.8, 1e-6);
 }
 
-TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_tells) {
+TEST_F(ProfileOfRuns, learns_from_each_mode_what_it_measures) {
   const LatencyModel unknown;
   const Profile onboard = profile_runs({run("1", summary_of("onboard", 1)), run("2", summary_of("onboard", 3))});
   EXPECT_EQ(onboard.model.scan_bytes, unknown.scan_bytes);

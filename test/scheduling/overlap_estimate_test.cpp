@@ -93,7 +93,7 @@ TEST(EstimatedOverlap, finds_little_between_strangers) {
   }
 }
 
-TEST(OverlapEstimator, tells_who_shares_something_as_maps_grow) {
+TEST(OverlapEstimator, knows_who_shares_something_as_maps_grow) {
   const auto team = apartment(4, 3, 0.4);
   OverlapEstimator estimator;
   EXPECT_TRUE(estimator.overlaps().empty());
@@ -112,7 +112,7 @@ TEST(OverlapEstimator, tells_who_shares_something_as_maps_grow) {
   for (const auto& [a, b, degree] : estimator.overlaps()) EXPECT_NE(a, team.robots[0].id);
 }
 
-TEST(OverlapEstimator, compares_ten_thousand_ways_without_all_pairs) {
+TEST(OverlapEstimator, compares_ten_thousand_routes_without_all_pairs) {
   std::mt19937 random(3);
   OverlapEstimator estimator;
   constexpr int kRobots = 10000;
@@ -125,7 +125,7 @@ TEST(OverlapEstimator, compares_ten_thousand_ways_without_all_pairs) {
   }
   const auto shared = estimator.overlaps();
   EXPECT_LT(shared.size(), std::size_t{kRobots} * 8);
-  // Who drives where others do is known to: of those whose ways begin within two metres, nearly all.
+  // Who drives where others do is known to: of those whose routes begin within two metres, nearly all.
   std::set<std::pair<RobotId, RobotId>> known;
   for (const auto& [a, b, degree] : shared) known.emplace(a, b);
   int near = 0, found = 0;

@@ -120,8 +120,9 @@ TEST(LowerBound, counts_what_capacities_leave_to_the_cloud) {
   EXPECT_LE(bound, least_of_all(latency));
 }
 
-TEST(LowerBound, holds_for_more_kinds_of_robots_than_it_tells_apart) {
-  Problem problem = random_problem(100, 25, 6);  // scans of their own: 100 kinds of robots, of which 80 are told apart
+TEST(LowerBound, holds_for_more_kinds_of_robots_than_it_distinguishes) {
+  Problem problem =
+      random_problem(100, 25, 6);  // scans of their own: 100 kinds of robots, of which 80 are distinguished
   const Plan plan = make_plan(problem, {});
   EXPECT_LE(plan.lower_bound_seconds, plan.predicted_seconds);
   EXPECT_GT(plan.lower_bound_seconds, 0.2 * plan.predicted_seconds);

@@ -146,7 +146,7 @@ Problem sized(std::size_t robots, std::vector<std::optional<std::uint32_t>> capa
   return problem;
 }
 
-TEST(GroupSizes, differ_by_one_at_most_unless_capacities_bind) {
+TEST(GroupSizes, differ_by_one_at_most_unless_capacities_forbid) {
   const auto none = std::nullopt;
   EXPECT_THAT(group_sizes(sized(10, {none, none, none})), ElementsAre(4, 3, 3));
   EXPECT_THAT(group_sizes(sized(10, {none, 2u, none})), ElementsAre(4, 4, 2));

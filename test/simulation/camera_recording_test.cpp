@@ -39,7 +39,7 @@ TEST(CameraRecording, measures_the_distance_of_the_wall_ahead) {
   EXPECT_EQ(frame.left.values.size(), 160u * 120u);
 }
 
-TEST(CameraRecording, keeps_the_worlds_clock_and_tells_the_truth) {
+TEST(CameraRecording, keeps_the_worlds_clock_and_writes_the_truth) {
   WorldOptions options = camera_world(tiny_camera(SimulatedCameraKind::mono));
   options.robots[0].start_s = 2.0;
   options.cameras[0].yaw_deg = 90.0;

@@ -93,7 +93,7 @@ TEST(FeatureSensor, flips_the_wanted_share_of_bits) {
   EXPECT_NEAR(bits / count / 256.0, 0.1, 0.005);
 }
 
-TEST(FeatureSensor, tells_disparities_of_stereo_cameras) {
+TEST(FeatureSensor, measures_disparities_of_stereo_cameras) {
   FeatureOptions options;
   options.pixel_noise = options.outliers = 0.0;
   const Sensor sensor(camera_world(camera(SimulatedCameraKind::stereo)), options);

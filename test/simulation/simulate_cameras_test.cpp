@@ -43,7 +43,7 @@ std::vector<SimulatedLog> simulated(const WorldOptions& options, const fs::path&
 std::map<std::string, std::string> all_files(const fs::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    // A rawlog tells where its pictures lie only by their names, so that all is the same wherever it lies.
+    // A rawlog says where its pictures lie only by their names, so that all is the same wherever it lies.
     if (entry.is_regular_file()) files[fs::relative(entry.path(), folder).string()] = read_file(entry.path());
   }
   return files;

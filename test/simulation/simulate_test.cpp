@@ -138,7 +138,7 @@ TEST(Simulate, says_that_it_cannot_write) {
   }
 }
 
-TEST(Observations, carry_the_mounting_and_the_geometry_of_the_laser) {
+TEST(Observations, carry_the_extrinsics_and_the_geometry_of_the_laser) {
   WorldOptions options = small_world();
   options.laser.x_m = 0.2;
   options.laser.yaw_deg = 30.0;

@@ -21,14 +21,14 @@ TEST(FreeSpace, never_claims_more_room_than_there_is) {
   int inside = 0;
   for (int i = 0; i < 3000; ++i) {
     const Point2 p{numbers.uniform(-1.0, 19.0), numbers.uniform(-1.0, 14.0)};
-    const double told = space.distance_to_walls(p);
-    EXPECT_LE(told, test::distance_to_nearest_wall(plan, p)) << p.x << " " << p.y;
-    inside += told >= 0.25;
+    const double distance_m = space.distance_to_walls(p);
+    EXPECT_LE(distance_m, test::distance_to_nearest_wall(plan, p)) << p.x << " " << p.y;
+    inside += distance_m >= 0.25;
   }
   EXPECT_GT(inside, 800);
 }
 
-TEST(FreeSpace, knows_no_way_out_of_the_building_or_through_narrow_doors) {
+TEST(FreeSpace, knows_no_path_out_of_the_building_or_through_narrow_doors) {
   ApartmentOptions options;
   options.connecting_doors = 0.0;
   options.door_width_m = 0.7;

@@ -32,7 +32,7 @@ TEST(WheelOdometry, does_not_move_while_the_robot_stands) {
     EXPECT_THAT(odometry.step({5.0, -2.0, 1.0}), test::IsNear(Pose2{0.0, 0.0, 0.0}, 1e-12, 1e-12));
 }
 
-TEST(WheelOdometry, errs_with_the_root_of_the_way_whatever_the_steps) {
+TEST(WheelOdometry, errs_with_the_root_of_the_path_whatever_the_steps) {
   WheelOdometryOptions options = perfect_odometry();
   options.yaw_noise_deg = 0.5;
   options.noise_m = 0.02;
@@ -85,7 +85,7 @@ TEST(WheelOdometry, slips_as_often_and_as_far_as_its_options_say) {
   options.slips_per_100_m = 4.0;
   options.slip_min_deg = 3.0;
   options.slip_max_deg = 10.0;
-  int slips = 0, left = 0, told = 0;
+  int slips = 0, left = 0, reported = 0;
   for (int run = 0; run < 50; ++run) {
     WheelOdometry odometry(options, static_cast<std::uint64_t>(run), "alpha");
     Pose2 last{};
@@ -99,9 +99,9 @@ TEST(WheelOdometry, slips_as_often_and_as_far_as_its_options_say) {
       ++slips;
       left += miss > 0.0;
     }
-    told += odometry.slips();
+    reported += odometry.slips();
   }
-  EXPECT_EQ(slips, told);
+  EXPECT_EQ(slips, reported);
   EXPECT_NEAR(slips, 400, 80);  // 10000 m; four standard deviations
   EXPECT_NEAR(left, slips / 2, 50);
 }

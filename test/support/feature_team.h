@@ -31,7 +31,7 @@ inline simulation::WorldOptions camera_world(simulation::PlanKind kind, std::int
   return options;
 }
 
-// An apartment of seven rooms, so many metres of way for each; every robot shares rooms with the next.
+// An apartment of seven rooms, so many metres of path for each; every robot shares rooms with the next.
 inline simulation::WorldOptions apartment(std::size_t robots, double length_m, std::int64_t seed = 7) {
   simulation::WorldOptions options = camera_world(simulation::PlanKind::apartment, seed, robots);
   for (std::size_t i = 0; i < robots; ++i) {

@@ -40,8 +40,8 @@ class StarryCorridor {
     random_.seed(noise_seed);
   }
   // world_from_camera of one that looks along the ring, after so much of its middle.
-  static Pose3 along_ring(double way_m) {
-    const double angle = way_m / kRadius_m;
+  static Pose3 along_ring(double path_m) {
+    const double angle = path_m / kRadius_m;
     return {{kRadius_m * std::cos(angle), 0.0, kRadius_m * std::sin(angle)},
             Eigen::Quaterniond(Eigen::AngleAxisd(-angle, Eigen::Vector3d::UnitY()))};
   }

@@ -1,5 +1,5 @@
 #pragma once
-// What two robots in an apartment tell their edge's map server.
+// What two robots in an apartment publish to their edge's map server.
 
 #include <support/feature_team.h>
 
@@ -42,14 +42,14 @@ inline const std::vector<ReceivedUpdate>& received_updates() {
   static const std::vector<ReceivedUpdate> all = received_in_the_apartment();
   return all;
 }
-// Where a robot is by a camera without depth, whose lengths are so many times the true ones: those of its way, and of
+// Where a robot is by a camera without depth, whose scale is so many times the true one: of its path, and of
 // what it sees.
 inline Pose3 single(Pose3 map_from_robot, const Eigen::Vector3d& camera_m, double scale) {
   const Eigen::Vector3d gone_m = transformed(camera_m, map_from_robot) - camera_m;
   map_from_robot.t += (scale - 1.0) * gone_m;
   return map_from_robot;
 }
-// What such a camera tells.
+// What such a camera publishes.
 inline MapUpdate single(MapUpdate update, double scale) {
   const Eigen::Vector3d camera_m = keyframe_of(update.nodes.front())->geometry->robot_from_camera.t;
   for (Node& node : update.nodes) {

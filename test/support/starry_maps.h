@@ -1,5 +1,5 @@
 #pragma once
-// Maps of keyframes in rooms whose walls carry landmarks, at poses of our choice: what clients would tell, without
+// Maps of keyframes in rooms whose walls carry landmarks, at poses of our choice: what clients would publish, without
 // clients.
 
 #include <mapweave/maps/map.h>
@@ -14,13 +14,14 @@ struct StarryOptions {
   double pixel_noise = 0.3;
   double inverse_depth_noise = 0.002;
   double drift_rad_per_keyframe = 0.0;  // in yaw: the map bends
-  bool depth = true;  // false: one camera, whose way and landmarks it has `scale` times as long; where it sits it knows
+  bool depth =
+      true;  // false: one camera, whose path and landmarks have `scale` times their size; where it sits it knows
   double scale = 1.0;
   const char* sensor = "camera";
   Eigen::Vector3d camera_m{0.1, 0.0, 0.6};  // on the robot
 };
 
-// Rooms of 8 x 8 x 3 m, 12 m from one centre to the next along x. look: rooms of one look cannot be told apart.
+// Rooms of 8 x 8 x 3 m, 12 m from one centre to the next along x. look: rooms of one look cannot be distinguished.
 class StarryBuilding {
  public:
   explicit StarryBuilding(const std::vector<int>& looks, int landmarks_per_room = 1200) {
@@ -109,7 +110,7 @@ class StarryBuilding {
   std::vector<BinaryDescriptor> descriptors_;
 };
 
-// A turn on the spot and a way along x.
+// A turn on the spot and a path along x.
 inline std::vector<Pose2> look_around(double x, double y, double first_yaw, double last_yaw, int count) {
   std::vector<Pose2> poses;
   for (int i = 0; i < count; ++i) {

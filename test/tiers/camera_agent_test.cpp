@@ -58,7 +58,7 @@ std::string bytes_of(const std::vector<Map>& maps) {
   return bytes;
 }
 
-TEST(CameraAgent, tells_what_waited_long_in_parts_that_together_say_the_same) {
+TEST(CameraAgent, publishes_what_waited_long_in_parts_that_together_say_the_same) {
   Drive drive(20), whole(20);
   drive.go(1);
   whole.go(1);
@@ -75,7 +75,7 @@ TEST(CameraAgent, tells_what_waited_long_in_parts_that_together_say_the_same) {
       map = updated(std::move(map), update);
       removed += update.removed_nodes.size();
     }
-    for (const std::string& bytes : drive.tell(server)) {
+    for (const std::string& bytes : drive.publish(server)) {
       EXPECT_LT(bytes.size(), kShortestQueue);
       EXPECT_EQ(decode_map_update(bytes, "test").sequence, ++last);
       ++parts;
@@ -89,22 +89,23 @@ TEST(CameraAgent, tells_what_waited_long_in_parts_that_together_say_the_same) {
   EXPECT_GT(parts, 2 * whole.robot.count / 100) << "more than one for each time";
 }
 
-TEST(CameraAgent, tells_all_again_where_a_server_lacks_what_another_confirmed) {
+TEST(CameraAgent, publishes_all_again_where_a_server_lacks_what_another_confirmed) {
   Drive drive;
   drive.go(1);
   VisualServer first(TierId("edge"), {}, {}), younger(TierId("edge"), {}, {});
   drive.meet(first);
   younger.greet(drive.hello());
   drive.go(60);
-  for (const std::string& update : drive.tell(first)) younger.receive(drive.hello().session, update);
+  for (const std::string& update : drive.publish(first)) younger.receive(drive.hello().session, update);
   const auto began = younger.maps().at(0).nodes.size();
   drive.go(60);
   drive.tell(first);
   drive.go(60);
   drive.meet(first);
-  std::size_t told_before = 0;
-  for (const std::string& update : drive.tell(first)) told_before += decode_map_update(update, "test").base == 0;
-  EXPECT_EQ(told_before, 0U) << "the same server hears what is new alone";
+  std::size_t published_before = 0;
+  for (const std::string& update : drive.publish(first))
+    published_before += decode_map_update(update, "test").base == 0;
+  EXPECT_EQ(published_before, 0U) << "the same server receives what is new alone";
 
   VisualServer empty(TierId("edge"), {}, {});
   drive.meet(empty);
@@ -127,7 +128,7 @@ TEST(CameraAgent, tells_all_again_where_a_server_lacks_what_another_confirmed) {
   EXPECT_EQ(bytes_of(again.maps()), bytes_of(younger.maps()));
 }
 
-TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of_the_same_run) {
+TEST(CameraAgent, takes_the_place_of_what_an_earlier_one_of_the_same_run_published) {
   Drive before, drive;
   VisualServer server(TierId("edge"), {}, {});
   before.go(120);
@@ -144,13 +145,13 @@ TEST(CameraAgent, takes_the_place_of_what_a_server_was_told_by_an_earlier_one_of
   EXPECT_EQ(server.maps()[0].nodes.size(), drive.client.keyframes().size());
 }
 
-// What a server hears of a drive, twice a second, over a wire of so many bytes a second (0: any).
+// What a server receives of a drive, twice a second, over a wire of so many bytes a second (0: any).
 struct Received {
   double kB_per_s = 0.0;
   std::size_t rounds = 0, views = 0, corrections = 0;
   std::size_t behind = 0;  // rounds after which the server lacked a keyframe, or had one elsewhere than the client
   double features = 0.0;   // of a keyframe, on the mean
-  std::size_t most_features_behind = 0;  // of a keyframe that was told when the server was behind before
+  std::size_t most_features_behind = 0;  // of a keyframe that was published when the server was behind before
   // At the end: keyframes at the server, at the client, and those that are not where the client has them.
   std::size_t keyframes = 0, kept = 0, lacking = 0;
 };
@@ -158,14 +159,14 @@ struct Received {
 // Keyframes that the server lacks or has farther off than what is worth a message.
 std::size_t lacking(const Drive& drive, const VisualServer& server) {
   const Pose3& robot_from_camera = drive.robot.place.robot_from_camera;
-  std::map<Stamp, Pose3> told;
+  std::map<Stamp, Pose3> published;
   for (const Map& map : server.maps())
     for (const auto& [id, node] : map.nodes)
-      told[node.stamp] = compose(compose(inverse(robot_from_camera), node.map_from_node), robot_from_camera);
+      published[node.stamp] = compose(compose(inverse(robot_from_camera), node.map_from_node), robot_from_camera);
   std::size_t count = 0;
   for (const visual::PlacedFrame& keyframe : drive.client.keyframes()) {
-    const auto known = told.find(keyframe.stamp);
-    count += known == told.end() || !((known->second.t - keyframe.map_from_camera.t).norm() < 0.004);
+    const auto known = published.find(keyframe.stamp);
+    count += known == published.end() || !((known->second.t - keyframe.map_from_camera.t).norm() < 0.004);
   }
   return count;
 }
@@ -222,8 +223,8 @@ Received received_over(double bytes_per_s) {
   return received;
 }
 
-// The order in which it tells less: features, then keyframes and where they are, never where the client is.
-TEST(CameraAgent, tells_fewer_features_first_then_keyframes_later_and_always_where_it_is) {
+// The order in which it publishes less: features, then keyframes and where they are, never where the client is.
+TEST(CameraAgent, publishes_fewer_features_first_then_keyframes_later_and_always_its_pose) {
   const Received wide = received_over(0.0), narrow = received_over(25e3), narrowest = received_over(10e3);
   EXPECT_GT(wide.kB_per_s, 30.0) << "or there is nothing to save";
   EXPECT_EQ(wide.behind, 0U);

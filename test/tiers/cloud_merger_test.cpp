@@ -9,8 +9,8 @@
 namespace mapweave::tiers {
 namespace {
 
-// A map told in two updates: its first scans, then all of it.
-std::vector<std::string> told_in_two(const Map& whole, const std::string& tier) {
+// A map sent in two updates: its first scans, then all of it.
+std::vector<std::string> sent_in_two(const Map& whole, const std::string& tier) {
   Map first = whole;
   first.submaps = {};
   while (first.nodes.size() > whole.nodes.size() / 2) first.nodes.erase(NodeId(first.nodes.back().first));
@@ -38,8 +38,8 @@ struct CloudTest : testing::Test {
 };
 
 TEST_F(CloudTest, answers_alike_whatever_the_order_of_updates_and_their_repetition) {
-  const auto alpha = told_in_two(test::make_map("alpha", 6), "north"),
-             beta = told_in_two(test::make_map("beta", 4, 900.0), "south");
+  const auto alpha = sent_in_two(test::make_map("alpha", 6), "north"),
+             beta = sent_in_two(test::make_map("beta", 4, 900.0), "south");
   for (const auto& bytes : {alpha[0], alpha[1], beta[0], beta[1]}) cloud.receive(bytes, "test");
   CloudMerger other(TierId("cloud"), {});
   for (const auto& bytes : {beta[1], alpha[1], alpha[1], alpha[0], beta[1], alpha[0], beta[0], alpha[1]})
@@ -69,16 +69,16 @@ TEST_F(CloudTest, has_edges_judge_what_lies_on_two_of_them_and_joins_as_it_would
   EdgeServer north(TierId("north"), {RobotId("alpha"), RobotId("gamma")}, {}),
       south(TierId("south"), {RobotId("beta")}, {});
   CloudMerger alone(TierId("cloud"), {});
-  const auto tell = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
+  const auto send = [&](EdgeServer& edge, const char* robot, int scans, double first_range_m) {
     const Map map = test::make_map(robot, scans, 100.0, first_range_m);  // no copies of one recording
     for (const std::string& bytes : edge.step({RobotId(robot), map, std::nullopt}, pool, *progress).for_cloud) {
       cloud.receive(bytes, "test");
       alone.receive(bytes, "test");
     }
   };
-  tell(north, "alpha", 6, 2.0);
-  tell(north, "gamma", 4, 2.12);
-  tell(south, "beta", 6, 2.05);
+  send(north, "alpha", 6, 2.0);
+  send(north, "gamma", 4, 2.12);
+  send(south, "beta", 6, 2.05);
   EXPECT_TRUE(cloud.judging_tasks({TierId("north")}, pool).empty()) << "south does not answer";
   const auto judging_tasks = cloud.judging_tasks({north.id(), south.id()}, pool);
   ASSERT_EQ(judging_tasks.size(), 2u) << "two pairs, one each";
@@ -110,7 +110,7 @@ TEST_F(CloudTest, gives_edges_no_judging_task_that_they_cannot_do) {
 }
 
 TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {
-  const auto alpha = told_in_two(test::make_map("alpha", 6), "north");
+  const auto alpha = sent_in_two(test::make_map("alpha", 6), "north");
   const Receipt gap = cloud.receive(alpha[1], "test");
   EXPECT_EQ(gap.stored, 0u);
   EXPECT_EQ(gap.awaited, 1u);
@@ -124,7 +124,7 @@ TEST_F(CloudTest, says_what_is_missing_and_does_not_seal_before_it_has_come) {
 }
 
 TEST_F(CloudTest, stores_nothing_of_bytes_that_cannot_be_decoded) {
-  std::string bytes = told_in_two(test::make_map("alpha", 6), "north")[0];
+  std::string bytes = sent_in_two(test::make_map("alpha", 6), "north")[0];
   bytes.resize(bytes.size() / 2);
   EXPECT_THROW(cloud.receive(bytes, "test"), Error);
   EXPECT_THROW(cloud.receive("not a message", "test"), Error);
@@ -136,7 +136,7 @@ TEST_F(CloudTest, stores_nothing_of_an_update_that_does_not_fit) {
   MapUpdate update;
   update.origin = {TierId("north"), alpha.id};
   update.sequence = 1;
-  update.moved.push_back({alpha.nodes.front().first, Pose3{}});  // of a node that was never told
+  update.moved.push_back({alpha.nodes.front().first, Pose3{}});  // of a node that was never sent
   EXPECT_THROW(cloud.receive(encode(update), "test"), Error);
   EXPECT_TRUE(cloud.receipts().empty());
   update.moved.clear();
@@ -144,9 +144,9 @@ TEST_F(CloudTest, stores_nothing_of_an_update_that_does_not_fit) {
   EXPECT_THROW(cloud.receive(encode(update), "test"), Error);
 }
 
-TEST_F(CloudTest, refuses_a_map_that_two_edges_tell) {
-  cloud.receive(told_in_two(test::make_map("alpha", 6), "north")[0], "test");
-  EXPECT_THROW(cloud.receive(told_in_two(test::make_map("alpha", 6), "south")[1], "test"), Error);
+TEST_F(CloudTest, refuses_a_map_that_two_edges_send) {
+  cloud.receive(sent_in_two(test::make_map("alpha", 6), "north")[0], "test");
+  EXPECT_THROW(cloud.receive(sent_in_two(test::make_map("alpha", 6), "south")[1], "test"), Error);
   ASSERT_EQ(cloud.receipts().size(), 1u);
   EXPECT_EQ(cloud.receipts()[0].origin.tier, TierId("north"));
 }

@@ -33,7 +33,7 @@ Coordinator two_corridors(double hysteresis = 0.1) {
 
 TierId at(const Coordinator& coordinator, const char* robot) { return coordinator.edge_of().at(RobotId(robot)); }
 
-TEST(Coordinator, groups_who_announces_the_same_way) {
+TEST(Coordinator, groups_who_announces_the_same_route) {
   Coordinator coordinator = two_corridors();
   const auto decision = coordinator.decide(0.0);
   ASSERT_TRUE(decision);
@@ -46,7 +46,7 @@ TEST(Coordinator, groups_who_announces_the_same_way) {
   EXPECT_GT(decision->expected_s, 0.0);
   EXPECT_LE(decision->lower_bound_s, decision->expected_s);
   EXPECT_THAT(decision->because, testing::Contains("robot a comes"));
-  EXPECT_FALSE(coordinator.decide(1.0)) << "nothing was heard";
+  EXPECT_FALSE(coordinator.decide(1.0)) << "nothing was received";
 }
 
 TEST(Coordinator, moves_robots_off_an_edge_that_goes_and_nobody_else) {

@@ -18,7 +18,7 @@ struct EdgeTest : testing::Test {
   }
 };
 
-TEST_F(EdgeTest, tells_the_cloud_a_map_as_soon_as_its_robot_ends) {
+TEST_F(EdgeTest, sends_the_cloud_a_map_as_soon_as_its_robot_ends) {
   const Map alpha = test::make_map("alpha", 4);
   const auto effects = end("alpha", alpha);
   EXPECT_FALSE(effects.fused);

@@ -34,11 +34,11 @@ std::size_t count_of(const fusion::Component& component, ConstraintKind kind) {
                                                 [&](const auto& entry) { return entry.first.kind == kind; }));
 }
 
-// What a server makes of what another one was told.
-fusion::FusionResult sealed_again(const VisualServer& told, const rig::RigOptions& rig, int threads = 1,
+// What a server makes of what another one received.
+fusion::FusionResult sealed_again(const VisualServer& known, const rig::RigOptions& rig, int threads = 1,
                                   bool reversed = false) {
   VisualServer server(TierId("edge"), {}, {}, rig);
-  VisualServer::Snapshot snapshot = told.snapshot();
+  VisualServer::Snapshot snapshot = known.snapshot();
   if (reversed) std::reverse(snapshot.begin(), snapshot.end());
   for (const auto& [from, update] : snapshot) {
     server.greet(hello_of(from));
@@ -99,7 +99,7 @@ TEST(RigServer, joins_cameras_that_never_see_the_same_by_their_ties_alone) {
   EXPECT_EQ(sealed_again(team.server, without_ties()).components.size(), 2U);
 }
 
-TEST(RigServer, lends_each_camera_what_other_cameras_of_its_rig_made) {
+TEST(RigServer, shares_with_each_camera_what_other_cameras_of_its_rig_made) {
   for (const auto& camera : back_to_back().robots)
     EXPECT_GT(camera.borrowed_seen, 50U) << camera.place.client.sensor.str();
 }
@@ -143,9 +143,9 @@ TEST(RigServer, gives_a_single_camera_the_scale_of_its_rig) {
     for (const auto& [id, node] : map.nodes)
       if (id.session == *ahead) {
         EXPECT_FALSE(server.share(*ahead, {map.id, node.stamp, node.map_from_node, 0}))
-            << "lengths that came from it do not come back to it";
+            << "a scale that came from it does not come back to it";
       }
-  // It hears in its own lengths what it is lent, and how long they truly are where it is corrected.
+  // It receives shared landmarks in its own scale, and the true scale where it is corrected.
   const std::vector<Map> maps = server.maps();
   const auto own = std::find_if(maps.begin(), maps.end(), [&](const Map& map) { return map.id == name; });
   ASSERT_NE(own, maps.end());
@@ -164,10 +164,10 @@ TEST(RigServer, gives_a_single_camera_the_scale_of_its_rig) {
     const Eigen::Vector3d in_team =
         transformed(known->point_in_anchor(), team.nodes.find(known->anchor)->map_from_node);
     const Eigen::Vector3d& camera_m =
-        keyframe_of(node)->geometry->robot_from_camera.t;  // on the robot, whatever its map's lengths
+        keyframe_of(node)->geometry->robot_from_camera.t;  // on the robot, whatever its map's scale
     const Eigen::Vector3d truly = transformed(in_team, inverse(team_from_node)) - camera_m,
-                          told = transformed(landmark.point_in_map, inverse(node.map_from_node)) - camera_m;
-    EXPECT_LT((told / kScale - truly).norm(), 0.05 * truly.norm());
+                          published = transformed(landmark.point_in_map, inverse(node.map_from_node)) - camera_m;
+    EXPECT_LT((published / kScale - truly).norm(), 0.05 * truly.norm());
   }
 }
 

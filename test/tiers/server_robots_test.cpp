@@ -196,7 +196,7 @@ TEST(ServerRobots, does_not_follow_one_of_three_that_errs) {
     }
 }
 
-TEST(ServerRobots, hears_cameras_of_one_map_alone) {
+TEST(ServerRobots, receives_from_cameras_of_one_map_alone) {
   rig::RigOptions without_ties;
   without_ties.enabled = false;
   // By another light: nobody knows again what it sees.
@@ -237,7 +237,7 @@ TEST(ServerRobots, hears_cameras_of_one_map_alone) {
   EXPECT_EQ(replay.server.robot(kAlpha)->team, MapId("alpha.ahead"));
 }
 
-TEST(ServerRobots, hears_the_newest_run_of_each_camera) {
+TEST(ServerRobots, receives_from_the_newest_run_of_each_camera) {
   Replay replay;
   replay.join();
   for (const Said& one : without(said(0), [](const Said& one) { return one.seconds > 3.0; })) replay.say(one);
@@ -279,7 +279,7 @@ TEST(ServerRobots, does_not_know_who_said_nothing_or_is_in_no_joined_map) {
   EXPECT_FALSE(replay.server.robot(kAlpha)) << "no clock shows that";
 }
 
-TEST(ServerRobots, hears_a_client_that_is_told_nothing_now) {
+TEST(ServerRobots, receives_from_a_client_that_is_sent_nothing_now) {
   Replay replay;
   replay.join();
   const Said first = said(0).front();
@@ -302,7 +302,7 @@ TEST(ServerRobots, knows_a_robot_with_one_camera) {
   EXPECT_LT(received.farthest_m(), 0.1);
 }
 
-TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_whose_lengths_are_its_own) {
+TEST(ServerRobots, knows_a_robot_by_a_camera_without_depth_of_unknown_scale) {
   constexpr double kScale = 0.4;
   Replay replay({}, [](MapUpdate& update) {
     const SensorId camera = update.nodes.front().id.session.client.sensor;

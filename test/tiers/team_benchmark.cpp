@@ -28,11 +28,11 @@ double processor_s() {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-struct TrueWay {
+struct TrueTrajectory {
   Pose3 robot_from_camera;
   std::map<std::int64_t, Eigen::Vector3d> camera;  // in the world, by stamp
 };
-using Truth = std::map<RobotId, TrueWay>;
+using Truth = std::map<RobotId, TrueTrajectory>;
 
 // What became of robots' maps, against the truth.
 struct Judged {
@@ -46,8 +46,9 @@ Judged judged(const fusion::FusionResult& result, const Truth& truth) {
   for (const fusion::Component& component : result.components) {
     std::vector<matching::PointPair> pairs;
     for (const auto& [id, node] : component.map.nodes) {
-      const TrueWay& way = truth.at(id.session.client.robot);
-      pairs.push_back({way.camera.at(node.stamp.ns), compose(node.map_from_node, way.robot_from_camera).t});
+      const TrueTrajectory& trajectory = truth.at(id.session.client.robot);
+      pairs.push_back(
+          {trajectory.camera.at(node.stamp.ns), compose(node.map_from_node, trajectory.robot_from_camera).t});
     }
     const double error_m = FeatureTeam::laid(pairs);
     judged.falsely_joined += component.members.size() > 1 && error_m > kFalse_m;
@@ -74,8 +75,8 @@ double alone_m(const std::deque<FeatureTeam::Robot>& robots) {
   return std::sqrt(square);
 }
 
-// What is told of keyframes and landmarks: once in full, then what changes of them alone (CORB-SLAM, table 1).
-struct ToldParts {
+// What is published of keyframes and landmarks: once in full, then what changes of them alone (CORB-SLAM, table 1).
+struct PublishedParts {
   struct Part {
     std::size_t count = 0, bytes = 0;
     double seconds = 0.0;  // of a processor, at both ends: encoding and decoding
@@ -94,7 +95,7 @@ struct ToldParts {
   Part keyframes, landmarks, moved_keyframes, changed_landmarks;
 
   void add(const std::string& bytes) {
-    const MapUpdate told = decode_map_update(bytes, "client");
+    const MapUpdate received = decode_map_update(bytes, "client");
     MapUpdate nothing;
     nothing.origin = told.origin;
     nothing.sequence = told.sequence;
@@ -120,7 +121,7 @@ struct ToldParts {
   }
 };
 
-// by_themselves_m: of the same robots where nobody tells them anything.
+// by_themselves_m: of the same robots where nobody sends them anything.
 nlohmann::json report(const char* name, FeatureTeam& team, double began_s, double by_themselves_m) {
   const auto silent = make_silent_progress();
   const double driven_s = processor_s();
@@ -159,17 +160,17 @@ nlohmann::json apartment(int robots) {
   tiers::ServerOptions sharing;
   sharing.share = tiers::Sharing::view;
   FeatureTeam team(test::apartment(static_cast<std::size_t>(robots), 60.0), sharing, {}, 2);
-  ToldParts parts;
+  PublishedParts parts;
   team.overheard = [&](const FeatureTeam::Robot&, const std::string& bytes) { parts.add(bytes); };
   team.run();
   FeatureTeam unheard(test::apartment(static_cast<std::size_t>(robots), 60.0), tiers::ServerOptions{}, {}, 2);
   unheard.run();
-  auto told =
+  auto row =
       report(("apartment, " + std::to_string(robots) + " robots").c_str(), team, began_s, alone_m(unheard.robots));
   std::size_t loops = 0;
   for (const auto& robot : unheard.robots) loops += robot.client->loops().size();
-  told["told"] = parts.json(), told["loops_alone"] = loops;
-  return told;
+  row["published"] = parts.json(), row["loops_alone"] = loops;
+  return row;
 }
 
 nlohmann::json single_camera() {
@@ -192,9 +193,9 @@ nlohmann::json single_camera() {
   team.run();
   double scale = 0.0;
   beta.error_m(0, true, &scale);
-  auto told = report("a single camera in a mapped area", team, began_s, alone_m(team.robots));
-  told["scale"] = scale;
-  return told;
+  auto row = report("a single camera in a mapped area", team, began_s, alone_m(team.robots));
+  row["scale"] = scale;
+  return row;
 }
 
 nlohmann::json another_day() {
@@ -217,9 +218,9 @@ nlohmann::json another_day() {
     team.run();
     const auto& robot = team.robots.front();
     alone += 0.5 * robot.error_m() * robot.error_m();
-    TrueWay& way = truth[robot.place.client.robot];
-    way.robot_from_camera = robot.place.robot_from_camera;
-    way.camera.insert(robot.truth.begin(), robot.truth.end());
+    TrueTrajectory& trajectory = truth[robot.place.client.robot];
+    trajectory.robot_from_camera = robot.place.robot_from_camera;
+    trajectory.camera.insert(robot.truth.begin(), robot.truth.end());
   }
   const auto silent = make_silent_progress();
   const Judged found = judged(server.seal(pool, *silent), truth);

@@ -58,7 +58,7 @@ class InboxTest : public ::testing::Test {
   UpdateInbox inbox_{origin_};
 };
 
-TEST_F(InboxTest, holds_what_was_told_after_each_update) {
+TEST_F(InboxTest, holds_what_was_published_after_each_update) {
   EXPECT_GT(removed_, 5U);
   for (std::size_t i = 0; i < updates_.size(); ++i) {
     take(i);

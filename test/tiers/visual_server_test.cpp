@@ -35,7 +35,7 @@ TEST(VisualServer, merges_what_its_clients_publish_and_shares_it_with_them) {
   FeatureTeam& team = apartment();
   ASSERT_EQ(team.server.merged().components.size(), 1U);
   for (const auto& robot : team.robots) {
-    std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, heard %.1f kB in %.0f s\n",
+    std::printf("%s: error %.4f m, %zu borrowed landmarks seen; sent %.1f kB, received %.1f kB in %.0f s\n",
                 robot.place.client.robot.str().c_str(), robot.error_m(), robot.borrowed_seen,
                 1e-3 * static_cast<double>(robot.agent->sent_bytes()),
                 1e-3 * static_cast<double>(robot.agent->received_bytes()), static_cast<double>(robot.next) / 12.0);
@@ -73,14 +73,14 @@ TEST(VisualServer, has_every_map_as_its_client_has_it) {
     Map whole;
     visual::VisualClient& client = *robot.client;
     const auto maps = apartment().server.maps();
-    const auto told = std::find_if(maps.begin(), maps.end(),
-                                   [&](const Map& map) { return map.id == visual::map_of(robot.place.client, 0); });
-    ASSERT_NE(told, maps.end());
+    const auto published = std::find_if(
+        maps.begin(), maps.end(), [&](const Map& map) { return map.id == visual::map_of(robot.place.client, 0); });
+    ASSERT_NE(published, maps.end());
     std::size_t keyframes = 0;
     for (const visual::PlacedFrame& frame : client.keyframes()) keyframes += frame.session == 0;
-    EXPECT_EQ(told->nodes.size(), keyframes);
-    for (const auto& [id, node] : told->nodes) EXPECT_EQ(id.session, *client.run(robot.place));
-    for (const auto& [id, landmark] : told->landmarks) EXPECT_EQ(id.session, *client.run(robot.place));
+    EXPECT_EQ(published->nodes.size(), keyframes);
+    for (const auto& [id, node] : published->nodes) EXPECT_EQ(id.session, *client.run(robot.place));
+    for (const auto& [id, landmark] : published->landmarks) EXPECT_EQ(id.session, *client.run(robot.place));
   }
 }
 
@@ -103,7 +103,7 @@ TEST(VisualServer, seals_the_same_whatever_order_updates_come_in) {
       awaited = std::max(awaited, received.receipt.awaited);
       for (const std::string& stored : received.stored)
         EXPECT_TRUE(std::any_of(received_updates().begin(), received_updates().end(),
-                                [&](const ReceivedUpdate& told) { return told.bytes == stored; }));
+                                [&](const ReceivedUpdate& published) { return published.bytes == stored; }));
     }
     EXPECT_EQ(awaited > 0, server == &shuffled) << "a gap is noticed";
   }
@@ -175,7 +175,7 @@ TEST(VisualServer, refuses_what_is_not_a_clients_own_and_others_do_not_notice) {
   update = decode_map_update(received_updates().front().bytes, "test");
   const NodeId unknown{alpha, 4000};
   update.moved.push_back({unknown, {}});
-  EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody told of";
+  EXPECT_EQ(code_of(alpha, encode(update)), ErrorCode::kBadInput) << "a keyframe that nobody published";
   std::string newer = received_updates().front().bytes;
   const std::size_t version = newer.find('\x08');  // the header begins with it
   ASSERT_NE(version, std::string::npos);
@@ -300,7 +300,7 @@ TEST(VisualServer, closes_a_clients_loop_on_anothers_keyframes) {
   EXPECT_LT(error_m[Sharing::full], 0.87 * error_m[Sharing::none]);
 }
 
-TEST(VisualServer, tells_a_single_camera_where_it_is_at_true_scale) {
+TEST(VisualServer, sends_a_single_camera_its_pose_at_true_scale) {
   auto options = two_in_an_apartment();
   options.robots[1] = options.robots[0];
   options.robots[1].id = "beta";

@@ -1,5 +1,5 @@
 // What it is worth to a camera client that a server shares landmarks of a map with it made before (CVS III-C), and
-// tells it where it is. borrowing_benchmark FOLDER [FIRST]: a TUM folder with groundtruth.txt. The frames before number
+// sends it its pose. borrowing_benchmark FOLDER [FIRST]: a TUM folder with groundtruth.txt. The frames before number
 // FIRST (416) make the map, the others borrow from it: with their depth, and as a camera alone. borrowing_benchmark
 // [METRES [SEED]]: in a simulated building, by features.
 
@@ -66,8 +66,8 @@ struct Server {
   }
 };
 
-// The map's frame by all of its frames' axes and places: places alone hardly tell it for a camera that turns on the
-// spot.
+// The map's frame by all of its frames' axes and places: places alone hardly determine it for a camera that turns on
+// the spot.
 Pose3 world_from_map(const VisualClient& client, const Drive& drive) {
   Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -105,7 +105,7 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
   ClientOptions options;
   options.session.await_place = alone && shares;
   VisualClient client(drive.camera, 0.0, options);
-  int lost = 0, told = 0;
+  int lost = 0, published = 0;
   double spent_ms = 0.0;
   for (std::size_t i = 0; i < drive.stamps.size(); ++i) {
     const double before = now_ms();
@@ -124,7 +124,7 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
     }
     if (tracked.keyframe)
       for (const MapUpdate& update : client.take_updates(kBeta, PublishedDetail::light))
-        for (const LandmarkChange& change : update.borrowed) told += static_cast<int>(change.seen.size());
+        for (const LandmarkChange& change : update.borrowed) published += static_cast<int>(change.seen.size());
     spent_ms += now_ms() - before;
   }
   const auto pairs = pairs_of(client, drive);
@@ -138,7 +138,7 @@ void borrow(Server& server, const Drive& drive, const Pose3& first, const char* 
   std::printf(
       "%-28s error %.4f m, scale %.4f; %zu frames placed, %d lost; %.2f ms a frame; %d sightings of borrowed ones\n",
       what, std::sqrt(square / static_cast<double>(pairs.size())), similar->scale, pairs.size(), lost,
-      spent_ms / static_cast<double>(drive.stamps.size()), told);
+      spent_ms / static_cast<double>(drive.stamps.size()), published);
 }
 
 void compare(const Drive& mapping, const Drive& borrowing, bool has_pictures) {

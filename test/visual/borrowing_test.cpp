@@ -15,9 +15,9 @@ using test::place_of;
 using test::SharingServer;
 using test::StarryCorridor;
 
-Pose3 along(double way_m) {
-  return {{0.5 * std::sin(0.4 * way_m), 0.2 * std::sin(0.7 * way_m), way_m},
-          Eigen::Quaterniond(Eigen::AngleAxisd(0.15 * std::sin(0.5 * way_m), Eigen::Vector3d::UnitY()))};
+Pose3 along(double path_m) {
+  return {{0.5 * std::sin(0.4 * path_m), 0.2 * std::sin(0.7 * path_m), path_m},
+          Eigen::Quaterniond(Eigen::AngleAxisd(0.15 * std::sin(0.5 * path_m), Eigen::Vector3d::UnitY()))};
 }
 constexpr double kStep_m = 0.06;
 constexpr int kFrames = 400;
@@ -39,7 +39,7 @@ struct Drive {
   StarryCorridor corridor{2};
   VisualClient client;
   std::vector<Pose3> truth;
-  Map told;
+  Map published;
   std::size_t borrowed_seen = 0;
   explicit Drive(ClientOptions options = {}) : client(corridor.camera, 0.0, options) {}
 
@@ -53,7 +53,7 @@ struct Drive {
       ASSERT_EQ(tracked.state, TrackState::tracked) << i;
       if (!tracked.keyframe) continue;
       for (const MapUpdate& update : client.take_updates(place_of("beta"), PublishedDetail::light)) {
-        told = updated(std::move(told), decode_map_update(encode(update), "test"));
+        published = updated(std::move(published), decode_map_update(encode(update), "test"));
         for (const LandmarkChange& change : update.borrowed) {
           EXPECT_EQ(change.id.session.client.robot, RobotId("alpha"));
           for (const LandmarkSighting& sighting : change.seen)
@@ -84,7 +84,7 @@ TEST(Borrowing, keeps_a_client_from_drifting) {
   EXPECT_EQ(alone.borrowed_seen, 0U);
 }
 
-TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
+TEST(Borrowing, publishes_no_landmark_of_others_as_its_own) {
   Drive drive;
   drive.run(60, [&](const Pose3& world_from_camera) {
     drive.client.borrow(
@@ -95,9 +95,9 @@ TEST(Borrowing, tells_no_landmark_of_others_as_its_own) {
   EXPECT_GT(drive.borrowed_seen, 100U);
   drive.client.finish();
   for (const MapUpdate& update : drive.client.take_updates(place_of("beta"), PublishedDetail::exact))
-    drive.told = updated(std::move(drive.told), update);
-  EXPECT_EQ(drive.told.landmarks.size(), drive.client.landmarks().size());
-  for (const auto& [id, landmark] : drive.told.landmarks) {
+    drive.published = updated(std::move(drive.published), update);
+  EXPECT_EQ(drive.published.landmarks.size(), drive.client.landmarks().size());
+  for (const auto& [id, landmark] : drive.published.landmarks) {
     EXPECT_EQ(id.session.client.robot, RobotId("beta"));
     for (const LandmarkSighting& sighting : landmark.seen)
       EXPECT_EQ(sighting.node.session.client.robot, RobotId("beta"));
@@ -158,7 +158,7 @@ TEST(Borrowing, holds_no_more_than_it_needs) {
   drive.client.borrow(place_of("beta"), 0, flood);
   EXPECT_LE(drive.client.borrowed(), 3000U);
   drive.run(320, [](const Pose3&) {});
-  EXPECT_EQ(drive.client.borrowed(), 0U) << "out of the way for long";
+  EXPECT_EQ(drive.client.borrowed(), 0U) << "out of view for long";
 }
 
 TEST(Borrowing, gives_the_same_numbers_every_time) {
@@ -207,7 +207,7 @@ const RoomMap& room_map() {
 }
 
 enum class Camera { depth, pair, alone };
-// How a client measures lengths.
+// How a client measures scale.
 struct Measuring {
   Camera camera;
   double too_near_per_m = 0.0;  // what its depths' inverses are too large by
@@ -260,7 +260,7 @@ void compare(const Measuring& measuring, const std::function<void(double with, d
   }
 }
 
-TEST(Borrowing, keeps_clients_that_measure_lengths_badly_from_drifting) {
+TEST(Borrowing, keeps_clients_that_measure_scale_badly_from_drifting) {
   for (const Measuring& measuring :
        {Measuring{Camera::depth, 0.03, 1.0}, Measuring{Camera::pair, 0.0, 1.05}, Measuring{Camera::alone}})
     compare(measuring, [](double with, double without) {
@@ -269,7 +269,7 @@ TEST(Borrowing, keeps_clients_that_measure_lengths_badly_from_drifting) {
     });
 }
 
-TEST(Borrowing, costs_clients_that_measure_as_well_as_the_lender_no_more_than_its_map_errs) {
+TEST(Borrowing, costs_clients_that_measure_as_well_as_the_owner_no_more_than_its_map_errs) {
   for (const Measuring& measuring : {Measuring{Camera::depth, 0.008, 1.0}, Measuring{Camera::pair}})
     compare(measuring, [](double with, double without) { EXPECT_LT(with, without + room_map().error_m); });
 }

@@ -27,7 +27,7 @@ TEST(DrivenMotion, adds_up_what_odometry_says) {
   EXPECT_NEAR(driven.radians, 0.2, 1e-9);
   go_on(driven, std::nullopt);
   go_on(driven, ahead(9.0));
-  EXPECT_NEAR(driven.metres, 0.5, 1e-9) << "nothing is known of the way while odometry is silent";
+  EXPECT_NEAR(driven.metres, 0.5, 1e-9) << "nothing is known of the motion while odometry is silent";
 }
 
 TEST(DrivenMotion, odometry_allows_more_the_farther_it_drove) {

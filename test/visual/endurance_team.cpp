@@ -223,13 +223,13 @@ class Server {
 }  // namespace
 
 void drive_team(const simulation::WorldOptions& options, const tiers::ServerOptions& sharing) {
-  mallopt(M_ARENA_MAX, 1);  // mallinfo2() tells of one
+  mallopt(M_ARENA_MAX, 1);  // mallinfo2() reports one
   WorkerPool here(1);
   const simulation::World world(options, here);
   const simulation::FeatureOptions features;
   const simulation::LandmarkField field(world.scene(0), world.buildings()[0], features);
   std::printf("%8s %8s %8s %8s %8s %10s %10s %10s %6s %6s %8s %8s\n", "minute", "who", "ms", "held MB", "MB",
-              "keyframes", "landmarks", "borrowed", "seen", "lost", "wait kB", "heard MB");
+              "keyframes", "landmarks", "borrowed", "seen", "lost", "wait kB", "received MB");
   std::fflush(stdout);
   std::vector<Wire> wires;
   for (std::size_t i = 0; i < options.robots.size(); ++i) {

@@ -1,6 +1,6 @@
 #pragma once
 // Hours of driving by clients with features that publish to a map server and borrow landmarks from it. Each robot is a
-// process, and the server is one, so that what each of them holds can be told apart; they go on in lockstep, by data
+// process, and the server is one, so that what each of them holds can be measured; they go on in lockstep, by data
 // time.
 
 #include <mapweave/simulation/world.h>

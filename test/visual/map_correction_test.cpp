@@ -5,8 +5,8 @@
 namespace mapweave::visual {
 namespace {
 
-// Two sessions of one camera alone saw the same three places; the second one's lengths are half as long, and its frame
-// is turned.
+// Two sessions of one camera alone saw the same three places; the second one's scale is half the first one's, and its
+// frame is turned.
 TEST(MapCorrection, joins_sessions_of_different_scale) {
   const View second_from_first =
       view_of({{0.4, -0.2, 1.0}, Eigen::Quaterniond(Eigen::AngleAxisd(0.8, Eigen::Vector3d::UnitY()))});
@@ -64,7 +64,7 @@ struct Corrected {
   double scale_of_newest, depth_of_newest, worst_m;
 };
 
-// A round way whose steps are mapped shorter than they are, by keyframe; the loop tells by how much at the end.
+// A round path whose steps are mapped shorter than they are, by keyframe; the loop shows by how much at the end.
 Corrected corrected(const std::vector<double>& mapped_scale, bool with_wheels) {
   LandmarkMap map;
   map.camera = {640, 480, 500.0, 500.0, 319.5, 239.5};

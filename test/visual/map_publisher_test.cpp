@@ -26,7 +26,7 @@ Map received(Map map, const std::vector<MapUpdate>& updates) {
   return map;
 }
 
-TEST(MapPublisher, tells_a_server_all_that_the_client_knows) {
+TEST(MapPublisher, publishes_all_that_the_client_knows) {
   VisualClient client(room.camera, 0.0, {});
   Map server;
   std::uint64_t sequence = 0;
@@ -67,21 +67,21 @@ TEST(MapPublisher, tells_a_server_all_that_the_client_knows) {
   }
 }
 
-TEST(MapPublisher, tells_features_once_and_then_what_moved) {
+TEST(MapPublisher, publishes_features_once_and_then_what_moved) {
   VisualClient client(room.camera, 0.0, {});
   int keyframes = 0;
-  std::size_t told = 0, first_bytes = 0;
+  std::size_t published = 0, first_bytes = 0;
   for (int i = 0; i < 60; ++i) {
     if (!client.add(room.frame(at(i), walk(i))).keyframe) continue;
     ++keyframes;
     const auto updates = client.take_updates(kPlace, PublishedDetail::light);
     ASSERT_EQ(updates.size(), 1U);
-    told += updates[0].nodes.size();
+    published += updates[0].nodes.size();
     if (keyframes == 1) first_bytes = encode(updates[0]).size();
     EXPECT_LE(updates[0].nodes.size(), 1U) << "the new keyframe alone";
   }
   ASSERT_GT(keyframes, 3);
-  EXPECT_EQ(told, static_cast<std::size_t>(keyframes));
+  EXPECT_EQ(published, static_cast<std::size_t>(keyframes));
   EXPECT_GT(first_bytes, 2000U);
   EXPECT_TRUE(client.take_updates(kPlace, PublishedDetail::light).empty()) << "nothing is new";
 }

@@ -37,8 +37,8 @@ Laid laid_on(const VisualClient& client, const std::vector<Pose3>& truth) {
   result.scale =
       between(first, last).t.norm() / between(placed.front().map_from_camera, placed.back().map_from_camera).t.norm();
   for (const PlacedFrame& frame : placed) {
-    const Eigen::Vector3d way = result.scale * between(placed.front().map_from_camera, frame.map_from_camera).t;
-    result.worst_m = std::max(result.worst_m, (way - between(first, true_pose(frame)).t).norm());
+    const Eigen::Vector3d motion = result.scale * between(placed.front().map_from_camera, frame.map_from_camera).t;
+    result.worst_m = std::max(result.worst_m, (motion - between(first, true_pose(frame)).t).norm());
   }
   return result;
 }
@@ -70,7 +70,7 @@ TEST(MonoClient, takes_scale_from_odometry) {
   EXPECT_NEAR(laid_on(client, truth).scale, 1.0, 0.03);
 }
 
-TEST(MonoClient, tells_nobody_of_depths_that_it_worked_out_itself) {
+TEST(MonoClient, publishes_no_depths_that_it_worked_out_itself) {
   ClientOptions options;
   options.depth.inverse_depth_sigma = 1.0;  // whatever a depth camera may have
   VisualClient client(room.camera, 0.0, options);
@@ -98,9 +98,9 @@ TEST(MonoClient, waits_while_it_stands_or_only_turns) {
 TEST(MonoClient, holds_on_while_it_turns_on_the_spot) {
   VisualClient client(room.camera, 0.0, {});
   std::vector<Pose3> truth;
-  const auto way = [](int i) { return i < 30 ? walk(i) : compose(walk(30), test::standing(0, 0, 0.03 * (i - 30))); };
+  const auto motion = [](int i) { return i < 30 ? walk(i) : compose(walk(30), test::standing(0, 0, 0.03 * (i - 30))); };
   for (int i = 0; i < 90; ++i) {
-    truth.push_back(way(i));
+    truth.push_back(motion(i));
     EXPECT_NE(client.add(picture(i, truth.back())).state, TrackState::lost) << i;
   }
   const Pose3 turned = between(client.trajectory().front().map_from_camera, client.trajectory().back().map_from_camera);

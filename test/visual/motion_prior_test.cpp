@@ -29,7 +29,7 @@ Pose3 looking_ahead() {
   return {{0.2, 0.0, 0.5}, Eigen::Quaterniond(robot_from_camera)};
 }
 
-TEST(MotionPrior, tells_nothing_at_the_first_frame_nor_without_odometry) {
+TEST(MotionPrior, is_unknown_at_the_first_frame_and_without_odometry) {
   MotionPrior prior;
   EXPECT_FALSE(prior.at(stamp_from_seconds(1.0), looking_ahead()));
   EXPECT_FALSE(prior.at(stamp_from_seconds(1.1), looking_ahead()));

@@ -58,7 +58,7 @@ ClientOptions waiting() {
 TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
   VisualClient client(room.camera, 0.0, waiting());
   std::vector<Pose3> truth;
-  Map told;
+  Map published;
   int tracked_frames = 0;
   for (int i = 0; i < 90; ++i) {
     truth.push_back(walk(i));
@@ -82,7 +82,7 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
         client.borrow(place_of("beta"), 0,
                       SharingServer::in_map(server().under(room.camera, world_from_camera), server().world_from_map));
       for (const MapUpdate& update : client.take_updates(place_of("beta"), PublishedDetail::light))
-        told = updated(std::move(told), decode_map_update(encode(update), "test"));
+        published = updated(std::move(published), decode_map_update(encode(update), "test"));
     }
   }
   double scale = 0;
@@ -95,8 +95,8 @@ TEST(PlaceExchange, starts_a_camera_alone_at_true_scale_in_the_servers_frame) {
   ASSERT_EQ(client.reanchored().size(), 1U);
   EXPECT_EQ(client.reanchored()[0].map, MapId("team"));
   EXPECT_EQ(client.reanchored()[0].session, 0);
-  // What it tells lies in the frame of the map that it was answered in.
-  for (const auto& [id, node] : told.nodes) {
+  // What it publishes lies in the frame of the map that it was answered in.
+  for (const auto& [id, node] : published.nodes) {
     const auto number = static_cast<std::size_t>(std::lround((node.stamp.seconds() - 100.0) * 15.0));
     const Pose3 world_from_camera =
         compose(compose(server().world_from_map, node.map_from_node), test::kRobotFromCamera);
@@ -172,14 +172,14 @@ TEST(PlaceExchange, brings_a_lost_client_back_into_its_map) {
 
 TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
   test::StarryCorridor corridor(3), again(4);
-  const auto way = [](int i) { return test::standing(0.3 * std::sin(0.1 * i), 0.05 * i, 0.0); };
+  const auto pose_of = [](int i) { return test::standing(0.3 * std::sin(0.1 * i), 0.05 * i, 0.0); };
   VisualClient mapper(corridor.camera, 0.0, {}), client(corridor.camera, 0.0, waiting());
-  for (int i = 0; i < 80; ++i) mapper.add(corridor.frame(at(i), way(i), 0.1, 0.0002));
+  for (int i = 0; i < 80; ++i) mapper.add(corridor.frame(at(i), pose_of(i), 0.1, 0.0002));
   SharingServer known;
-  known.learn(mapper, place_of("alpha"), way(0));
+  known.learn(mapper, place_of("alpha"), pose_of(0));
   std::vector<Pose3> truth;
   for (int i = 0; i < 70; ++i) {
-    truth.push_back(way(i));
+    truth.push_back(pose_of(i));
     FeatureFrame frame = again.frame(at(i), truth.back(), 0.3, 0.0);
     std::fill(frame.inverse_depths.begin(), frame.inverse_depths.end(), 0.0F);
     const Tracked tracked = client.add(frame);
@@ -191,8 +191,8 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
       const auto request = client.place_request(place_of("beta"));
       ASSERT_TRUE(request);
       PlaceAnswer answer{request->stamp, MapId("team"),
-                         compose(compose(inverse(known.world_from_map), way(0)), inverse(test::kRobotFromCamera)),
-                         shared_at(way(0))};
+                         compose(compose(inverse(known.world_from_map), pose_of(0)), inverse(test::kRobotFromCamera)),
+                         shared_at(pose_of(0))};
       ASSERT_EQ(client.place(place_of("beta"), answer), PlaceVerdict::taken);
     } else if (tracked.keyframe) {
       client.borrow(place_of("beta"), 0,
@@ -200,7 +200,7 @@ TEST(PlaceExchange, starts_a_sensor_of_features_that_measures_no_depth) {
     }
   }
   EXPECT_LT(error_of(client, truth), 0.03);
-  EXPECT_TRUE(client.landmarks().empty()) << "nothing tells it the depth of anything else";
+  EXPECT_TRUE(client.landmarks().empty()) << "nothing gives it the depth of anything else";
 }
 
 }  // namespace

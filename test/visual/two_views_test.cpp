@@ -50,7 +50,7 @@ void expect_motion(const TwoViews& found, const View& truth, double tolerance_ra
             10.0 * tolerance_rad);
 }
 
-TEST(TwoViews, tells_motion_and_points_of_a_room) {
+TEST(TwoViews, finds_motion_and_points_of_a_room) {
   const View truth = motion_of(0.3, 0.05, 0.1, 0.04);
   const auto found = relate_views(seen_from(truth, World::room, 0.0, 0), camera, {});
   ASSERT_TRUE(found);

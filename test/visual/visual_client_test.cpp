@@ -90,7 +90,7 @@ TEST(VisualClient, finds_itself_again_after_a_jump) {
     truth.push_back(walk(i));
     client.add(room.frame(at(i), truth.back()));
   }
-  // The camera is covered, and carried back some way meanwhile.
+  // The camera is covered, and carried back some metres meanwhile.
   Frame dark = room.frame(at(40), walk(40));
   std::fill(dark.grey.pixels.begin(), dark.grey.pixels.end(), std::uint8_t{4});
   truth.push_back(walk(40));

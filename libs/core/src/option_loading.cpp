@@ -2,8 +2,10 @@
 #include "yaml_tree.h"
 
 #include <mapweave/core/files.h>
+#include <mapweave/core/log.h>
 #include <mapweave/core/nearest_name.h>
 #include <mapweave/core/options.h>
+#include <mapweave/core/renamed_options.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -72,6 +74,13 @@ Option* find_option(OptionFields& fields, std::string_view name) {
   return found == fields.end() ? nullptr : &*found;
 }
 
+// Also by the name that it had before; `prefix`: the section's key.
+Option* find_option(OptionFields& fields, const std::string& prefix, std::string_view name) {
+  if (Option* option = find_option(fields, name)) return option;
+  const auto present = present_name(prefix, name);
+  return present ? find_option(fields, *present) : nullptr;
+}
+
 // Where one layer's values come from, and how it speaks of places and keys.
 struct Layer {
   ErrorCode code = ErrorCode::kBadInput;
@@ -104,11 +113,16 @@ class Loader {
     const YamlNode node = parsed(value, layer);
     std::deque<OptionFields> elements;  // of the lists on the way, kept while they are looked into
     OptionFields* fields = &root_;
+    std::string present;  // the key so far, as its options are called now
     for (std::size_t begin = 0;;) {
       const std::size_t end = std::min(key.find('.', begin), key.size());
-      Option* option = find_option(*fields, std::string_view(key).substr(begin, end - begin));
+      Option* option = find_option(*fields, present, std::string_view(key).substr(begin, end - begin));
       if (option == nullptr) throw unknown_key(key, layer);
-      if (end == key.size()) return apply(*option, node, key, layer);
+      present = joined(present, option->name);
+      if (end == key.size()) {
+        if (present != key) note_renamed(layer.spelt(key), layer.spelt(present), layer.place(0));
+        return apply(*option, node, present, layer);
+      }
       begin = end + 1;
       if (auto* section = std::get_if<OptionSection>(&option->as)) {
         fields = &section->fields;
@@ -116,7 +130,8 @@ class Loader {
         const std::size_t index_end = std::min(key.find('.', begin), key.size());
         elements.push_back(list->element(index_in(*list, key, begin, index_end, layer)));
         fields = &elements.back();
-        if (index_end == key.size()) return apply_element(*fields, node, key, layer);
+        present = joined(present, key.substr(begin, index_end - begin));
+        if (index_end == key.size()) return apply_element(*fields, node, present, layer);
         begin = index_end + 1;
       } else {
         throw unknown_key(key, layer);
@@ -125,6 +140,7 @@ class Loader {
   }
 
   Origins take_origins() { return std::move(origins_); }
+  const std::vector<std::string>& notes() const { return notes_; }
 
  private:
   static YamlNode parsed(std::string_view bytes, const Layer& layer) {
@@ -176,9 +192,18 @@ class Loader {
 
   void apply_section(OptionFields& fields, const YamlNode& map, const std::string& prefix, const Layer& layer) {
     for (std::size_t i = 0; i < map.items.size(); ++i) {
-      Option* option = find_option(fields, map.keys[i]);
-      if (option == nullptr) throw unknown_key_in(fields, map.keys[i], map.key_lines[i], layer);
-      apply(*option, map.items[i], joined(prefix, map.keys[i]), layer, map.key_lines[i]);
+      const std::string& name = map.keys[i];
+      const int line = map.key_lines[i];
+      Option* option = find_option(fields, prefix, name);
+      if (option == nullptr) throw unknown_key_in(fields, name, line, layer);
+      const std::string key = joined(prefix, option->name);
+      if (option->name != name) {
+        if (std::count(map.keys.begin(), map.keys.end(), option->name) > 0)
+          throw layer.error(line, "'" + name + "' is the old name of '" + option->name + "', which is set as well",
+                            "remove '" + name + "'");
+        note_renamed(name, key, layer.place(line));
+      }
+      apply(*option, map.items[i], key, layer, line);
     }
   }
 
@@ -309,8 +334,13 @@ class Loader {
     origins_.set(key, {layer.place(line), layer.file});
   }
 
+  void note_renamed(const std::string& before, const std::string& now, const std::string& place) {
+    notes_.push_back(place + ": '" + before + "' is now called '" + now + "'; the old name works in this version");
+  }
+
   OptionFields root_;
   Origins origins_;
+  std::vector<std::string> notes_;
 };
 
 }  // namespace
@@ -362,6 +392,7 @@ Origins load_fields(OptionFields fields, const ConfigurationSources& sources) {
     loader.apply_value(with_dots(std::string_view(setting).substr(0, equals)),
                        std::string_view(setting).substr(equals + 1), layer);
   }
+  for (const std::string& note : loader.notes()) log(LogLevel::warning, note);
   return loader.take_origins();
 }
 

@@ -1,5 +1,5 @@
 #pragma once
-// A map seen from above, with what people need around it: title, legend, robots' ways and scale.
+// A map seen from above, with what people need around it: title, legend, robots' trajectories and scale.
 
 #include "drawing.h"
 

@@ -9,7 +9,7 @@ struct Colour {
   std::uint8_t red, green, blue;
 };
 
-// Of the robot at this place among the RobotIds present. 8 that people with any colour vision can tell apart on white
+// Of the robot at this place among the RobotIds present. 8 that people with any colour vision can distinguish on white
 // (Okabe and Ito; Tol), 8 darker ones, and over again.
 Colour robot_colour(std::size_t place);
 

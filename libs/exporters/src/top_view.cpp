@@ -91,7 +91,7 @@ std::string top_view_png(const std::vector<ColouredPoint>& points, const std::ve
     MAPWEAVE_EXPECT(point.point.allFinite(), "a point is finite");
     if (robot_x.empty() || point.point.z() < static_cast<float>(highest + kAboveRobots_m)) shown.push_back(&point);
   }
-  MAPWEAVE_EXPECT(!shown.empty() || !robot_x.empty(), "a top view shows points or ways");
+  MAPWEAVE_EXPECT(!shown.empty() || !robot_x.empty(), "a top view shows points or trajectories");
   std::stable_sort(shown.begin(), shown.end(),
                    [](const auto* a, const auto* b) { return a->point.z() < b->point.z(); });
 

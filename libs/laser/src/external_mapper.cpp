@@ -19,7 +19,7 @@ extern char** environ;
 namespace mapweave::laser {
 namespace {
 
-constexpr int kInterruptCheck_ms = 100;
+constexpr int kInterruptCheck_ms = 100;  // how late an interruption may be noticed
 constexpr int kExitChecks = 1000,
               kExitCheck_us =
                   5000;  // a process that has closed its stream is given 5 s to end (it may be dumping core)

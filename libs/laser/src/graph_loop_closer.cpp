@@ -155,7 +155,7 @@ void LaserLoopCloser::commit_agreeing() {
       if (std::max(other.a, loop.a) - std::min(other.a, loop.a) > 6 ||
           std::max(other.b, loop.b) - std::min(other.b, loop.b) > 6)
         continue;
-      // Around the cycle: a -> b -> other.b -> other.a -> a. The way along the robot's path is short, so it hardly
+      // Around the cycle: a -> b -> other.b -> other.a -> a. The chain along the robot's path is short, so it hardly
       // drifts.
       const Pose2 by_other = compose(compose(between(poses_[loop.a], poses_[other.a]), other.a_from_b),
                                      between(poses_[other.b], poses_[loop.b]));

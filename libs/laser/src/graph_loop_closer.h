@@ -35,7 +35,7 @@ class LaserLoopCloser {
   struct Uncertainty {
     double position_m, yaw_rad;
   };
-  // Of every submap as seen from `from`: along the way of least uncertainty through the graph.
+  // Of every submap as seen from `from`: along the path of least uncertainty through the graph.
   std::vector<Uncertainty> uncertainty_from(std::size_t from) const;
   bool search(std::size_t a, std::size_t b, const Uncertainty& uncertainty, const Map& map);
   void commit_agreeing();

@@ -9,9 +9,9 @@
 namespace mapweave::laser {
 namespace {
 
-constexpr std::size_t kFewest = 6, kMost = 40;  // stretches
-constexpr double kMedianOfNormal = 0.6745;      // of |x| where x is standard normal
-constexpr double kLeast = 0.03, kLargest = 6.0;
+constexpr std::size_t kFewest = 6, kMost = 40;   // stretches
+constexpr double kMedianOfNormal = 0.6745;       // of |x| where x is standard normal
+constexpr double kLeast = 0.03, kLargest = 6.0;  // bounds of the factor, whatever few stretches say
 
 }  // namespace
 

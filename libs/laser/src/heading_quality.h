@@ -22,7 +22,7 @@ class HeadingQuality {
   double factor() const { return factor_; }
 
  private:
-  static constexpr double kStretch_m = 5.0;
+  static constexpr double kStretch_m = 5.0;  // of path between two headings that are compared
   std::optional<double> start_;
   double length_m_ = 0.0, turn_rad_ = 0.0, variance_ = 0.0;
   std::deque<double> ratios_;

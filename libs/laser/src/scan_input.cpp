@@ -45,7 +45,7 @@ std::optional<ScanGeometry> geometry_of(const mrpt::obs::CObservation2DRangeScan
   if (!std::isfinite(pose.yaw() + pose.pitch() + pose.roll()) || !(pose.norm() < kFarthest_m)) return std::nullopt;
   geometry.robot_from_laser = pose_from_mrpt(pose);
   if (options.sweep == SweepSource::given && options.sweep_s > 0.0) {
-    // MRPT's scans do not tell how long they took; their rays stand in the order in which the laser turns.
+    // MRPT's scans do not say how long they took; their rays stand in the order in which the laser turns.
     const bool along = options.sweep_order == SweepOrder::along_rays;
     geometry.ray_step_s = (along ? options.sweep_s : -options.sweep_s) / static_cast<double>(rays - 1);
     geometry.first_ray_s = options.sweep_s * ((along ? 0.0 : 1.0) - options.sweep_stamp);
@@ -77,7 +77,7 @@ Pose2 ScanPacker::steady(Stamp stamp, const Pose2& odometry_from_robot) {
   return result;
 }
 
-// Turn rates are summed up; a unit that tells headings alone is taken at its word.
+// Turn rates are summed up; a unit that measures headings alone is taken at its word.
 std::optional<LaserInput> ScanPacker::inertial(Stamp stamp, const mrpt::obs::CObservationIMU& reading) {
   const bool has_rate = reading.has(mrpt::obs::IMU_WZ), has_heading = reading.has(mrpt::obs::IMU_YAW);
   if (options_.sweep == SweepSource::none || !(has_rate || has_heading) ||

@@ -13,19 +13,23 @@ constexpr double kNear_m = 0.6, kTurned_rad = 1.0;  // and see the same walls
 constexpr double kClearlyOther_rad_s = 0.2;         // between two turn rates
 constexpr double kSpacing_s = 0.08;                 // between pairs
 constexpr std::size_t kMostKept = 100;              // scans at once
+// Of a scan: bounds of time, and of what a fit needs.
 constexpr std::size_t kMostPoints = 120, kFewestPoints = 30;
+// Pairs for an answer and for the first look at them; pairs and scans after which it stops.
 constexpr std::size_t kFewestPairs = 24, kFirstEvaluation = 40, kMostPairs = 320, kMostScans = 8000;
 constexpr std::size_t kBlocks = 12;  // of pairs: neighbours err alike
+// Of readings: the robot's own body; rays at a flat angle.
 constexpr double kNearest_m = 0.1, kFarthest_m = 30.0;
-constexpr float kBeforeFirst_rad = 1e-3F;  // the first ray's angle, rounded, may lie before it
-constexpr int kRounds = 6;
-constexpr double kSigma_m = 0.04;  // of a wall point's distance, from where it weighs less
-constexpr double kTurnSigma_rad = 0.03;
-constexpr float kReach_m = 0.25F;
-constexpr double kLongestEstimate_s = 1.0;
+constexpr float kBeforeFirst_rad = 1e-3F;   // the first ray's angle, rounded, may lie before it
+constexpr int kRounds = 6;                  // of reweighted least squares
+constexpr double kSigma_m = 0.04;           // of a wall point's distance, from where it weighs less
+constexpr double kTurnSigma_rad = 0.03;     // of odometry's turn against the matched one
+constexpr float kReach_m = 0.25F;           // of a pair of points
+constexpr double kLongestEstimate_s = 1.0;  // stands for an error where nothing is known
+// Searched both ways; steps; half the time that a turn rate is taken over.
 constexpr double kLongestDelay_s = 0.4, kDelayStep_s = 0.02, kMotion_s = 0.05;
-constexpr double kOdometryGap_s = 0.5;
-constexpr double kAgreeing = 0.3;  // share of pairs that odometry must turn alike
+constexpr double kOdometryGap_s = 0.5;  // that is interpolated over
+constexpr double kAgreeing = 0.3;       // share of pairs that odometry must turn alike
 
 double robust(double residual, double sigma) {
   const double odd = 1.0 + residual * residual / (sigma * sigma);

@@ -87,8 +87,8 @@ std::vector<DescribedLandmark> landmarks_of(const Repeated& forms, const FormRea
 
 }  // namespace
 
-form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable& sessions) {
-  form::LentLandmark form;
+form::SharedLandmark form_of(const DescribedLandmark& landmark, const SessionTable& sessions) {
+  form::SharedLandmark form;
   *form.mutable_id() = form_of(landmark.id, sessions);
   const Eigen::Vector3i point = landmark_units(landmark.point_in_map),
                         feature = landmark_units(landmark.feature_from_point);
@@ -101,7 +101,7 @@ form::LentLandmark form_of(const DescribedLandmark& landmark, const SessionTable
   return form;
 }
 
-DescribedLandmark FormReader::shared_landmark(const form::LentLandmark& form) const {
+DescribedLandmark FormReader::shared_landmark(const form::SharedLandmark& form) const {
   if (form.point_size() != 3 || form.feature_size() != 3 || form.descriptor().size() != kDescriptorBytes)
     corrupt("a shared landmark has " + std::to_string(form.point_size()) + " and " +
             std::to_string(form.feature_size()) + " coordinates and a descriptor of " +

@@ -67,7 +67,7 @@ form::Judgement form_of(const Judgement&, const SessionTable&);
 form::Verdict form_of(const Verdict&);
 form::Landmark form_of(const Landmark&, const SessionTable&);
 form::LandmarkChange form_of(const LandmarkChange&, const SessionTable&);
-form::LentLandmark form_of(const DescribedLandmark&, const SessionTable&);
+form::SharedLandmark form_of(const DescribedLandmark&, const SessionTable&);
 form::Pose form_of(const Pose3&);
 form::Keyframe form_of(const KeyframeFeatures&, const Geometries&);
 
@@ -94,7 +94,7 @@ class FormReader {
   Verdict verdict(const form::Verdict&) const;
   Landmark landmark(const form::Landmark&) const;
   LandmarkChange landmark_change(const form::LandmarkChange&) const;
-  DescribedLandmark shared_landmark(const form::LentLandmark&) const;
+  DescribedLandmark shared_landmark(const form::SharedLandmark&) const;
   Pose3 pose(const form::Pose&) const;
   Hash hash(const std::string& bytes) const;
   SessionId session(std::uint32_t place) const;

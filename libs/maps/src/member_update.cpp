@@ -46,7 +46,7 @@ MapUpdate member_update(const Map& team, const Map& own) {
   }
   part.submaps.erase_all(others);
   MapUpdate update = difference(part, own);
-  // All nodes are named, so that the update tells which sessions it is about.
+  // All nodes are named, so that the update says which sessions it is about.
   update.moved.clear();
   for (const auto& [id, node] : own.nodes)
     if (part.nodes.contains(id)) update.moved.push_back({id, node.map_from_node});

@@ -295,7 +295,7 @@ double Search::cost_at(const Sim3& a_from_b, const std::vector<std::uint32_t>& c
 
 // Gauss-Newton, damped (Levenberg-Marquardt) where a step does not help.
 Sim3 Search::descended(Sim3 a_from_b, const std::vector<std::uint32_t>& chosen, int steps) const {
-  constexpr double kSettled = 1e-5;
+  constexpr double kSettled = 1e-5;  // of the cost: what another step would gain at most
   double damping = 1e-6;
   for (int step = 0; step < steps; ++step) {
     const Normal normal = normal_at(a_from_b, chosen);
@@ -328,7 +328,7 @@ std::optional<AlignmentFit> Search::refined(const Sim3& guess) const {
   AlignmentFit fit;
   fit.a_from_b = guess;
   fit.inliers = support_of(guess).inliers;
-  constexpr int kRounds = 4;
+  constexpr int kRounds = 4;  // each fit is made of the inliers of the one before
   for (int round = 0; round < kRounds && fit.inliers.size() >= least; ++round) {
     fit.a_from_b = descended(fit.a_from_b, fit.inliers, options_.refinements);
     std::vector<std::uint32_t> inliers = support_of(fit.a_from_b).inliers;
@@ -344,7 +344,7 @@ std::optional<AlignmentFit> Search::refined(const Sim3& guess) const {
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   if (!scale.allFinite()) return std::nullopt;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * information * scale.asDiagonal());
-  constexpr double kOpen = 1e-8;
+  constexpr double kOpen = 1e-8;  // of the information: nothing holds that direction
   if (!(solver.eigenvalues()(0) > kOpen)) return std::nullopt;
   fit.rms_sigma = std::sqrt(normal.square / std::max(1.0, 2.0 * static_cast<double>(normal.sightings)));
   const Eigen::MatrixXd inverse_scaled =

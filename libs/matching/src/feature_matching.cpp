@@ -85,7 +85,7 @@ std::vector<FeatureMatch> match_features(const FeaturesView& a, const FeaturesVi
 
 std::vector<FeatureMatch> turning_alike(const FeaturesView& a, const FeaturesView& b, std::vector<FeatureMatch> matches,
                                         double window_deg) {
-  constexpr std::size_t kFew = 8, kBins = 36;
+  constexpr std::size_t kFew = 8, kBins = 36;  // fewer show no common angle; of 10 degrees each
   if (matches.size() < kFew || window_deg >= 360.0 || a.points == nullptr || b.points == nullptr) return matches;
   const auto bin_of = [&](const FeatureMatch& match) {
     const double turn =

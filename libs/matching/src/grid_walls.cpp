@@ -7,8 +7,8 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr double kCell_m = 0.1;
-constexpr int kMostCells = 2048;
+constexpr double kCell_m = 0.1;        // twice a usual cell: as fine as walls of two makers agree
+constexpr int kMostCells = 2048;       // across: bounds time and memory
 constexpr double kWallShare = 0.125;   // of a reduced cell's pixels: enough to be wall, so that thin walls stay
 constexpr double kSmooth_cells = 1.5;  // free space is blurred by this before its gradient is taken
 constexpr double kOneSided =

@@ -26,6 +26,7 @@ GuidedSearch search_landmarks(const std::vector<LandmarkView>& landmarks, const 
                               double radius_px, int max_distance) {
   const KeyframeView& keyframe = grid.keyframe();
   GuidedSearch search;
+  // In front of the camera; Lowe's test; a share of the depth; pixels that show what stands there.
   constexpr double kNearest = 1e-3, kRatio = 0.9, kInFront = 0.75, kAround = 16.0;
   std::vector<std::uint32_t> near;
   for (std::uint32_t i = 0; i < landmarks.size(); ++i) {

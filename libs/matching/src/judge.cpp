@@ -162,7 +162,7 @@ std::vector<Peak> peaks_of(const SubmapModel& a, const SubmapModel& b, const Wid
 // The best place of some walls of b in a narrow window.
 std::vector<Peak> peak_of(const SubmapModel& a, const std::vector<WallPoint>& walls, const WideWindow& window,
                           const JudgeOptions& options) {
-  constexpr std::size_t kFewest = 40;
+  constexpr std::size_t kFewest = 40;  // walls: of fewer, a share says nothing
   if (walls.size() < kFewest) return {};
   const auto best = correlate(a.field(), some_of(walls, 150), window.a_from_b,
                               {window.radius_m, window.yaw_rad, 0.0175}, {10.0, 10.0});
@@ -272,8 +272,8 @@ Judgement judge_in_field_of_a(const SubmapView& a, const SubmapView& b, const Wi
   for (const auto& hypothesis : distinct) {
     Alignment alignment;
     alignment.a_from_b.pose = spatial(hypothesis.match.field_from_scan);
-    // Points share the errors of the submaps they come from: fifty of them tell no more than one does. The floor of 1
-    // cm and 0.1 degrees is that of the submaps' own drift.
+    // Points share the errors of the submaps they come from: fifty of them hold no more information than one does. The
+    // floor of 1 cm and 0.1 degrees is that of the submaps' own drift.
     Eigen::Matrix3d information = hypothesis.match.information / 50.0;
     information.diagonal() += Eigen::Vector3d(1e-2, 1e-2, 1e-1);
     const Eigen::Matrix3d covariance =

@@ -8,8 +8,8 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
-constexpr double kSlack_m = 1e-6;  // rounding loses no cell
+constexpr double kUnitTolerance = 1e-6;  // rounding of what was encoded
+constexpr double kSlack_m = 1e-6;        // rounding loses no cell
 
 bool is_within(const Eigen::Vector3d& point, double most) {
   return point.allFinite() && point.cwiseAbs().maxCoeff() <= most;
@@ -164,6 +164,7 @@ class LandmarkIndex::View {
     if (knows_range &&
         (range * options_.most_range_ratio < nearest_m || range > farthest_m * options_.most_range_ratio))
       return std::nullopt;
+    // The cosine of a direction that nobody knows; range counts less than direction.
     constexpr double kUnknown = 0.5, kOfRange = 0.2;
     const double apart = knows_range ? std::max({1.0, nearest_m / range, range / farthest_m}) : 1.0;
     return (knows_direction ? cosine : kUnknown) - kOfRange * (apart - 1.0);
@@ -320,6 +321,7 @@ std::vector<LandmarkIndex::Seen> LandmarkIndex::look(const Frustum& frustum, con
             if (const auto members = cells_.find(cell); members != cells_.end())
               looked_into.push_back(&members->second);
   }
+  // Cells and cache lines that are fetched ahead: speed, never content.
   constexpr std::size_t kAhead = 2, kLine = 64, kLines = 8;
   for (std::size_t i = 0; i < looked_into.size(); ++i) {
     if (i + kAhead < looked_into.size()) {  // memory is what this waits for

@@ -14,7 +14,7 @@ OrbFeatures orb_features(const PictureView& picture, const OrbFeatureOptions& op
       "a picture has pixels");
   const cv::Mat grey(picture.height, picture.width, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
                      picture.row_bytes);
-  constexpr int kEdge = 31, kFirstLevel = 0, kPointsOfTest = 2, kPatch = 31;
+  constexpr int kEdge = 31, kFirstLevel = 0, kPointsOfTest = 2, kPatch = 31;  // OpenCV's defaults
   const auto orb = cv::ORB::create(options.features, static_cast<float>(options.scale), options.levels, kEdge,
                                    kFirstLevel, kPointsOfTest, cv::ORB::HARRIS_SCORE, kPatch, options.fast_threshold);
   std::vector<cv::KeyPoint> points;

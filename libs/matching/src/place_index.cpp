@@ -6,8 +6,8 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr std::uint32_t kBlock = 65536;
-constexpr std::size_t kFewDead = 64;
+constexpr std::uint32_t kBlock = 65536;  // slots, so that a slot's number in its block fits 16 bits
+constexpr std::size_t kFewDead = 64;     // that are left, so that small indexes are not rebuilt again and again
 
 void expect_bag(const BagOfWords& bag, std::size_t words) {
   int sum = 0;

@@ -8,7 +8,7 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr std::size_t kPoints = 180;
+constexpr std::size_t kPoints = 180;  // as laser.graph.front_end.most_points
 
 WallField field_of(const Submap& submap, const Table<NodeId, Node>& nodes) {
   WallField field;

@@ -118,7 +118,7 @@ std::vector<Pose3> poses_from_three_points(const std::array<Vector3d, 3>& rays, 
   const Vector3d side(p01.squaredNorm(), p02.squaredNorm(), p12.squaredNorm());  // of 01, 02, 12
   const Vector3d cosine(rays[0].dot(rays[1]), rays[0].dot(rays[2]), rays[1].dot(rays[2]));
   const Vector3d normal = p01.cross(p12);
-  constexpr double kFlat = 1e-6;
+  constexpr double kFlat = 1e-6;  // of the longest side: three points in a line
   if (!(normal.norm() > kFlat * side.maxCoeff()) || !(cosine.maxCoeff() < 1.0 - 1e-12)) return poses;
 
   // With l the distances along the rays: l^T M_ij l = side_ij. Two combinations have 0 on the right.

@@ -12,8 +12,8 @@ namespace {
 
 using Point = pcl::PointNormal;
 using Cloud = pcl::PointCloud<Point>;
-constexpr std::size_t kMostPoints = 600;
-constexpr std::size_t kFewestPoints = 30;
+constexpr std::size_t kMostPoints = 600;   // of the moving side: bounds time
+constexpr std::size_t kFewestPoints = 30;  // fewer are aligned by chance
 
 Cloud::Ptr cloud_of(const SubmapModel& model, const Pose2& target_from_model) {
   auto cloud = std::make_shared<Cloud>();

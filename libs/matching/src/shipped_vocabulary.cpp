@@ -1,6 +1,6 @@
 #include <mapweave/matching/binary_vocabulary.h>
 
-// The bytes of the file become part of the library, so that no program has to be told where it lies.
+// The bytes of the file become part of the library, so that no program has to know where it lies.
 asm(R"(
     .section .rodata
     .balign 16

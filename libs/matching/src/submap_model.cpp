@@ -7,12 +7,12 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr double kSightRange_m = 30.0;  // rays say nothing about cells beyond
-constexpr double kSightStep_m = 0.20;   // scans nearer to the last one drawn say nothing new about free space
-constexpr double kSightStep_rad = 0.20;
+constexpr double kSightRange_m = 30.0;   // rays say nothing about cells beyond
+constexpr double kSightStep_m = 0.20;    // scans nearer to the last one drawn say nothing new about free space
+constexpr double kSightStep_rad = 0.20;  // turned by less, a scan sees the same cells
 constexpr double kInverseSight = 1.0 / SubmapModel::kSightResolution;
-constexpr std::size_t kQueryPoints = 200;
-constexpr double kViewpointStep_m = 2.0;
+constexpr std::size_t kQueryPoints = 200;  // that stand for a submap's walls in a search: bounds time
+constexpr double kViewpointStep_m = 2.0;   // nearer viewpoints see the same rings of walls
 
 struct Counts {
   std::uint16_t hits = 0, passes = 0;
@@ -52,7 +52,7 @@ bool is_free(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
 // Where an occupied cell is seen from: across the line that the occupied cells around it lie along, on the sides that
 // are free; where they lie along none, from the free cells beside it. In the grid's axes.
 std::vector<std::pair<double, double>> faces_of(const OccupancyGrid& grid, std::int32_t column, std::int32_t row) {
-  constexpr double kAround_m = 0.16;
+  constexpr double kAround_m = 0.16;  // of a wall's cell: its normal is that of its neighbours
   const int around = std::clamp(static_cast<int>(std::lround(kAround_m / grid.resolution_m)), 1, 6);
   double count = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
   for (int dy = -around; dy <= around; ++dy)

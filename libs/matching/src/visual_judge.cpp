@@ -226,7 +226,7 @@ class Judge {
   std::optional<Grown> grown(const AlignmentFit& start, const Pairs& candidates) const {
     AlignmentFit fit = start;
     std::optional<Grown> result;
-    constexpr int kRounds = 2;
+    constexpr int kRounds = 2;  // the second one searches from the first one's pose
     for (int round = 0; round < kRounds; ++round) {
       const double radius = options_.guided_radius_px / (1 << round);
       const GuidedSearch in_b = guided(a_, b_, inverse(fit.a_from_b), radius),
@@ -327,8 +327,8 @@ class Judge {
     std::set<std::pair<int, int>> cells;
     std::vector<double> gaps;
     int meeting = 0;
-    constexpr double kMeeting = 0.1;  // of the distance: stereo tells far depths no better
-    constexpr int kColumns = 8, kRows = 6;
+    constexpr double kMeeting = 0.1;        // of the distance: stereo measures far depths no better
+    constexpr int kColumns = 8, kRows = 6;  // of the picture, as its sides are to each other
     const Pinhole& camera_a = a_.place.keyframes.front().camera;
     const Pinhole& camera_b = b_.place.keyframes.front().camera;
     for (const FeaturePair& pair : best.pairs) {
@@ -361,7 +361,7 @@ class Judge {
   Reason doubt_of(const Evidence& e, int inliers) const {
     if (inliers < options_.min_inliers) return Reason::little_overlap;
     if (e.inliers < options_.min_found || e.conflict > options_.max_conflict) return Reason::contradiction;
-    constexpr double kLeastMeeting = 0.5;
+    constexpr double kLeastMeeting = 0.5;  // most of what both sides measured has to agree
     if (e.verifier_inliers < kLeastMeeting) return Reason::inconsistent;
     if (e.second_best_ratio > options_.max_second_best) return Reason::ambiguous;
     if (e.observability(1) < options_.min_spread) return Reason::unobservable;

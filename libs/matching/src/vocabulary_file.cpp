@@ -11,10 +11,11 @@
 namespace mapweave::matching {
 namespace {
 
+// More than any vocabulary; bounds what a hostile file takes.
 constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 28;
-constexpr std::size_t kMostLineBytes = 512;
-constexpr int kMostBranching = 64, kMostLevels = 12;
-constexpr double kMostWeight = 1000.0;
+constexpr std::size_t kMostLineBytes = 512;           // of DBoW's text form: 32 numbers and a few more
+constexpr int kMostBranching = 64, kMostLevels = 12;  // far beyond usual trees of 10 and 6
+constexpr double kMostWeight = 1000.0;                // weights are logarithms of counts
 
 // The numbers of one line.
 class LineReader {

@@ -46,7 +46,7 @@ class Clustering {
   // Greedy k-means++ (Arthur, Vassilvitskii, SODA 2007): candidates for each next centre are drawn by the squared
   // distance to those there are, and the one that leaves least is taken. Ends early where no other descriptor is left.
   std::vector<OrbDescriptor> first_centres(const Members& members, std::uint64_t node) const {
-    constexpr int kCandidates = 4;
+    constexpr int kCandidates = 4;  // of each new centre, of which the best is kept (k-means++)
     CountedRandom random(options_.seed, node);
     std::vector<OrbDescriptor> centres = {all_[members[random.below(members.size())]]};
     Squares squares(members.size(), 257 * 257);

@@ -5,8 +5,8 @@
 namespace mapweave::matching {
 namespace {
 
-constexpr int kKernelRadius = 4;  // likelihood cells
-constexpr double kKernelSigma_m = 0.07;
+constexpr int kKernelRadius = 4;         // likelihood cells
+constexpr double kKernelSigma_m = 0.07;  // how far a wall may seem to be off: sensor, pose and cell
 constexpr double kInverseResolution = 1.0 / WallField::kResolution;
 constexpr double kInverseCellSide = 1.0 / WallField::kCellSide;
 constexpr float kNoise_m = 0.02F;  // of a wall point across its wall: the floor of a distribution's width

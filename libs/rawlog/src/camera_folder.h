@@ -34,7 +34,7 @@ enum class FolderKind { kMono, kStereo, kDepth };
 
 struct CameraFolder {
   std::filesystem::path folder,
-      calibration;  // `calibration`: the file that tells the size of the pictures, for messages
+      calibration;  // `calibration`: the file that holds the size of the pictures, for messages
   FolderKind kind = FolderKind::kMono;
   std::vector<FolderFrame> frames;  // stamps rise
   mrpt::img::TCamera first, second;

@@ -67,7 +67,7 @@ class CarmenReader final : public RecordSource {
   std::uint64_t bytes_total() const override { return bytes_->file_bytes(); }
 
  private:
-  // Reads the whole log once, as far as it is good: what is wrong is told when the stream comes there.
+  // Reads the whole log once, as far as it is good: what is wrong is reported when the stream comes there.
   static LaserSurvey survey(ByteSource& bytes) {
     LaserSurvey survey;
     LaserLine line;

@@ -75,7 +75,8 @@ double median(std::vector<double> values) {
 
 double rounded(double value) { return std::round(value * 1e4) / 1e4 + 0.0; }  // never -0
 
-// The mounting that nearly all lines agree on; nullopt where they do not (a corrected laser pose beside raw odometry).
+// The laser's extrinsics that nearly all lines agree on; nullopt where they do not (a corrected laser pose beside raw
+// odometry).
 std::optional<Pose2> agreed(const std::vector<Pose2>& poses) {
   if (poses.empty()) return std::nullopt;
   std::vector<double> x, y, turn;

@@ -60,7 +60,7 @@ class LaserSurvey {
   Pose2 first_pose_;
 };
 
-// Makes observations of lines. Old-style lines tell nothing of their rays' angles: 180, 181, 360, 361, 720 or 721 rays
+// Makes observations of lines. Old-style lines do not hold their rays' angles: 180, 181, 360, 361, 720 or 721 rays
 // span 180 deg with ray 0 at -90 deg; of an even number the last stands one step short of +90 deg (CARMEN's and
 // GMapping's habit).
 class LaserLineConverter {

@@ -26,7 +26,7 @@ struct ObjectHeader {
   }  // "mrpt::obs::CObservationOdometry"; older logs: "CObservationOdometry"
 };
 
-// Throws Error: kCorrupt for lengths that cannot be, an object that the file does not hold whole or that lacks its end
+// Throws Error: kCorrupt for sizes that cannot be, an object that the file does not hold whole or that lacks its end
 // flag; kUnsupported for a class that MRPT does not know, here or within. Classes other than laser scans, odometry,
 // actions, sensory frames and comments are looked at no further than their name. `most_bytes`: an object that announces
 // more is damage.

@@ -30,7 +30,7 @@ constexpr const char* kOdometryLabel = "ODOMETRY";  // of odometry that came as 
 using Object = mrpt::serialization::CSerializable::Ptr;
 
 // The first of MRPT's own words that say something: without banners and labels, and without "an object cannot be read",
-// which is told anyway.
+// which is reported anyway.
 std::string reason_of(const std::string& message) {
   constexpr std::string_view kLabel = "Message:";
   std::istringstream lines(message);

@@ -20,7 +20,7 @@ class RecordSource {
   // Adds the next records of the file, none or several; false at its clean end. Throws Error; what was added before is
   // good.
   virtual bool read(std::vector<PlacedRecord>& records) = 0;
-  // What to tell of an error in the records: the error, or what the rest of the file shows to be its cause. Ends the
+  // What to report of an error in the records: the error, or what the rest of the file shows to be its cause. Ends the
   // reading.
   virtual std::exception_ptr cause_of(std::exception_ptr seen) { return seen; }
   virtual std::string place_name(std::uint64_t place) const = 0;  // "a.log:17"

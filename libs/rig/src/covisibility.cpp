@@ -36,7 +36,7 @@ Covisibility covisibility(const Map& map) {
 }
 
 std::vector<CovisibilityEdge> covisibility_edges(const Covisibility& seen, int least_shared) {
-  constexpr std::size_t kMostNeighbours = 5;
+  constexpr std::size_t kMostNeighbours = 5;  // those that share most; more make the graph dense, not stiffer
   std::vector<CovisibilityEdge> result;
   for (std::size_t i = 1; i < seen.keyframes.size(); ++i) {
     std::size_t count = 0, with_the_last = 0;

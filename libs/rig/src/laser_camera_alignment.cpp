@@ -77,8 +77,10 @@ std::vector<Constraint> covisibility_constraints(const Map& map, const LaserCame
   std::vector<Constraint> result;
   for (const CovisibilityEdge& edge : covisibility_edges(covisibility(map), options.least_shared)) {
     const Pose3 motion = between(edge.from->map_from_node, edge.to->map_from_node);
-    result.push_back(constraint_in_plane(ConstraintKind::scan_match, edge.from->id, edge.to->id, motion,
-                                         options.step_m + options.step_share * motion.t.norm(), options.step_rad));
+    result.push_back(
+        constraint_in_plane(ConstraintKind::scan_match, edge.from->id, edge.to->id, motion,
+                            options.covisibility_sigma_m + options.covisibility_sigma_per_m * motion.t.norm(),
+                            options.covisibility_sigma_rad));
   }
   return result;
 }
@@ -108,8 +110,8 @@ LaserCameraMap align_cameras(Map laser, const std::vector<Map>& cameras, const L
     const auto add = [&](const Constraint& constraint) { constraints.emplace(constraint.id, constraint); };
     for (const MatchedKeyframe& match : matches)
       add(constraint_in_plane(ConstraintKind::extrinsic, match.laser.before->id, match.keyframe->id,
-                              between(match.laser.before->map_from_node, match.laser.map_from_robot), options.tie_m,
-                              options.tie_rad));
+                              between(match.laser.before->map_from_node, match.laser.map_from_robot),
+                              options.extrinsic_sigma_m, options.extrinsic_sigma_rad));
     for (const Constraint& covisible : covisibility_constraints(placed, options)) add(covisible);
     for (const auto& [id, constraint] : placed.constraints)
       if (id.kind == ConstraintKind::extrinsic) add(constraint);  // between cameras of the robot

@@ -185,7 +185,8 @@ class RigMerger {
       const std::string other = parts_[common.moments.front().other].camera;
       WhyApart& why = why_apart_[number];
       why.what = format(
-          "cameras '%s' and '%s' contradict each other in %d of %d stretches of their way, and their maps stay apart: ",
+          "cameras '%s' and '%s' contradict each other in %d of %d stretches of their path, and their maps stay "
+          "apart: ",
           other.c_str(), part.camera.c_str(), static_cast<int>(wrong), static_cast<int>(informative));
       if (const auto turn = wrong_turn_rad(all, options_))
         why.advice = format("they would agree if '%s' were mounted %.0f deg farther to the %s than the log says",

@@ -124,7 +124,7 @@ class RigGraph {
   // The same for a motion of the wheels, by the camera that agrees most with it. Where no camera tracked, the robot may
   // have been carried.
   double disagreement_of_cameras(const MovedKeyframe& from, const MovedKeyframe& to) const {
-    constexpr double kNobodySaw = 10.0;
+    constexpr double kNobodySaw = 10.0;  // times the usual error, where no camera confirms the motion
     double least = kNobodySaw;
     for (const std::size_t m : members_) {
       if (parts_[m].wheels) continue;
@@ -154,9 +154,9 @@ class RigGraph {
       RigEdge edge{from,
                    to,
                    motion,
-                   slack * (options_.step_m + options_.step_share * length_m),
-                   slack * options_.step_rad,
-                   part.metric ? kSameScale : slack * options_.step_scale,
+                   slack * (options_.covisibility_sigma_m + options_.covisibility_sigma_per_m * length_m),
+                   slack * options_.covisibility_sigma_rad,
+                   part.metric ? kSameScale : slack * options_.covisibility_sigma_scale,
                    ConstraintKind::scan_match};
       const double less = doubt(edge, part.metric);
       edge.sigma_m *= less;
@@ -193,7 +193,7 @@ class RigGraph {
       RigEdge edge{from,
                    to,
                    motion,
-                   seen->sigma_m + options_.step_share * own.t.norm(),
+                   seen->sigma_m + options_.covisibility_sigma_per_m * own.t.norm(),
                    seen->sigma_rad,
                    metric ? kSameScale : 0.0,
                    ConstraintKind::extrinsic};

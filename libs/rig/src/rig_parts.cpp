@@ -22,8 +22,8 @@ std::optional<VirtualKeyframe> virtual_keyframe(const RigPart& part, Stamp stamp
   const double bend_s2 = 0.5 * share * (1.0 - share) * gap_s * gap_s;
   return VirtualKeyframe{interpolated(poses[before].map_from_robot, poses[after].map_from_robot, share),
                          interpolated(part.placed[before].map_from_robot, part.placed[after].map_from_robot, share),
-                         options.tie_m + bend_s2 * options.acceleration_m_per_s2,
-                         options.tie_rad + bend_s2 * options.acceleration_rad_per_s2};
+                         options.extrinsic_sigma_m + bend_s2 * options.acceleration_m_per_s2,
+                         options.extrinsic_sigma_rad + bend_s2 * options.acceleration_rad_per_s2};
 }
 
 CommonTime common_with(const std::vector<RigPart>& parts, const std::vector<std::size_t>& group, std::size_t part,
@@ -43,6 +43,7 @@ CommonTime common_with(const std::vector<RigPart>& parts, const std::vector<std:
 }
 
 std::vector<CommonMotion> common_motions(const std::vector<CommonMoment>& m, const RigPart& part) {
+  // Shorter motions contradict nothing; over longer times they drift.
   constexpr double kLeast_m = 0.3, kLeast_rad = 0.3, kLongest_s = 10.0;
   std::vector<CommonMotion> result;
   for (std::size_t first = 0, i = 1; i < m.size(); ++i) {

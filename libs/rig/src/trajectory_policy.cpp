@@ -25,7 +25,7 @@ std::vector<CameraVote> TrajectoryPolicy::believed(Stamp stamp, const std::vecto
     for (const CameraVote& b : votes) widest = std::max(widest, apart(a.pose, b.pose));
   if (widest > 1.0) chosen = majority(stamp, votes, odometry);
   const StampedPose now{stamp, mean(chosen)};
-  constexpr double kClose = 0.5;
+  constexpr double kClose = 0.5;  // of the doubt: cameras agree clearly
   if (widest < kClose || !agreed_) agreed_ = now;
   before_last_ = last_;
   last_ = now;

@@ -191,7 +191,7 @@ std::string sensor_name(const std::string& label) {
 std::vector<StampedPose> robot_trajectory_of(const Map& map, const std::vector<FrameTrajectory>& trajectories,
                                              const std::vector<StampedPose>& odometry,
                                              const rig::RobotTrajectoryOptions& options) {
-  // A camera is heard by how much its keyframes see, above all of depth.
+  // A camera counts by how much its keyframes see, above all of depth.
   constexpr double kDepth = 3.0;
   std::map<std::string, std::pair<double, double>> seen;  // of each: sightings, keyframes
   for (const auto& [id, node] : map.nodes) ++seen[id.session.client.sensor.str()].second;

@@ -21,7 +21,7 @@ std::string where(const ReportedTransform& transform, Sense sense, const Reporte
   std::string text = format("%s %s x %.2f m, y %.2f m, yaw %.1f degrees of %s's map", pair.b.c_str(),
                             sense == Sense::grids ? "has its origin at" : "began at", pose.x, pose.y,
                             pose.phi * 180.0 / M_PI, pair.a.c_str());
-  if (std::abs(transform.scale - 1.0) > 1e-6) text += format(", its lengths times %.3f", transform.scale);
+  if (std::abs(transform.scale - 1.0) > 1e-6) text += format(", scaled by %.3f", transform.scale);
   return text;
 }
 

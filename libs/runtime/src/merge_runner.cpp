@@ -1,6 +1,7 @@
 #include "kept_requests.h"
 #include "results.h"
 
+#include <mapweave/core/renamed_options.h>
 #include <mapweave/runtime/map_input.h>
 #include <mapweave/runtime/map_names.h>
 #include <mapweave/runtime/merge_runner.h>
@@ -63,7 +64,7 @@ void apply_options(const std::vector<KeptRequests>& kept, const Origins& origins
     }
   if (kept.empty()) return;
   for (const std::string& setting : kept.front().options) {
-    if (!origins.place_of(setting.substr(0, setting.find('='))).empty()) continue;
+    if (!origins.place_of(present_key(setting.substr(0, setting.find('=')))).empty()) continue;
     try {
       load(configuration, {{}, {}, {setting}});
       notes.push_back("as before: " + setting);

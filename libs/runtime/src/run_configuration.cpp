@@ -102,7 +102,7 @@ NetworkOptions network_of(NetworkOptions network, const RunPlan& plan, const Ori
   return network;
 }
 
-// Who joins, coordinates and hears, and whether edges can hold everyone.
+// Who merges, coordinates and receives the team's map, and whether edges can hold everyone.
 void expect_tiers(const RunConfiguration& configuration, const RunPlan& plan, const Origins& origins) {
   const std::vector<std::string> edges = names_of(plan.edges), robots = names_of(plan.robots);
   const auto expect_edge = [&](const std::string& name, const std::string& key) {

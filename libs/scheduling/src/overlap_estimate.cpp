@@ -133,7 +133,7 @@ std::optional<EstimatedOverlap> estimate_overlap(const MapSummary& a, const MapS
     const double degree = overlap_degree(a, b, {});
     return degree > 0.0 ? std::optional(EstimatedOverlap{{}, degree}) : std::nullopt;
   }
-  if (a.is_in_team_frame != b.is_in_team_frame) return std::nullopt;  // a way that is only announced shows no walls
+  if (a.is_in_team_frame != b.is_in_team_frame) return std::nullopt;  // a route that is only announced shows no walls
   const std::vector<CellPoint> walls = walls_of(b);
   std::vector<CellPoint> some;  // spread evenly
   constexpr std::size_t kSome = 60;
@@ -207,7 +207,7 @@ std::vector<std::pair<RobotId, RobotId>> OverlapEstimator::candidates() const {
     std::map<std::size_t, double> votes;
     for (const Word& word : words[a]) {
       const auto& others = seen_by.at(word);
-      constexpr std::size_t kCommon = 64;  // a word of so many tells nothing, but is asked of those beside
+      constexpr std::size_t kCommon = 64;  // a word of so many is no evidence, but is asked of those beside
       const std::size_t at =
           static_cast<std::size_t>(std::lower_bound(others.begin(), others.end(), a) - others.begin());
       const std::size_t first = at > kCommon / 2 ? at - kCommon / 2 : 0,

@@ -94,7 +94,7 @@ void add_robot(const Json& line, const RobotOfRun& robot, bool offload, const st
 
 std::vector<std::tuple<std::string, std::string, double>> overlaps_of(const Json& timeline, const std::string& where) {
   std::vector<std::tuple<std::string, std::string, double>> overlaps;
-  if (!timeline.contains("overlaps")) return overlaps;  // of a program before they were told
+  if (!timeline.contains("overlaps")) return overlaps;  // of a program that did not record them
   for (const Json& given : list(timeline, "overlaps", where)) {
     constexpr const char* kKey = "timeline.overlaps";
     if (!given.is_array() || given.size() != 3)
@@ -168,11 +168,11 @@ void add_run(const std::filesystem::path& folder, Samples& samples) {
   if (all.scans > 0.0 && !anybody_sees) samples.cloud_fusion_s.push_back(of_fusion(all, seconds));
 }
 
-// Fits seconds (or bytes) to their basis, and tells a few predictions. Nothing without samples.
+// Fits seconds (or bytes) to their basis, and adds a few predictions. Nothing without samples.
 std::optional<std::vector<double>> fitted(const std::string& name, const std::string& unit, std::vector<Sample> samples,
                                           Profile& profile, const char* basis = "scans") {
   if (samples.empty()) {
-    profile.notes.push_back(name + " is not told by these runs: its default stands");
+    profile.notes.push_back(name + " is not measured by these runs: its default stands");
     return std::nullopt;
   }
   std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.at < b.at; });

@@ -74,7 +74,7 @@ void blur(RenderedView& view, const CameraModel& camera, const Pose3& world_from
         std::copy_n(in, channels, out);
         continue;
       }
-      // Between two columns and two rows where the way is short; the nearest pixels are as good along a longer one.
+      // Between two columns and two rows where the path is short; the nearest pixels are as good along a longer one.
       const int samples = std::clamp(static_cast<int>(length + 1.5f), 2, kMostBlurSamples);
       const float step = 1.0f / static_cast<float>(samples);
       float sum[3] = {0.0f, 0.0f, 0.0f};

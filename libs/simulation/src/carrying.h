@@ -14,7 +14,7 @@ struct Carry {
   double from_s, to_s;  // since the robot's start
 };
 
-// Takes the skipped parts of the way out and notes when the robot was in the air. What lies beyond the end of the way
+// Takes the skipped parts of the path out and notes when the robot was in the air. What lies beyond the end of the path
 // is left out.
 SimulatedTrajectory carried_away(const SimulatedTrajectory&, const RobotOptions&, std::vector<Carry>& carries);
 

@@ -15,7 +15,7 @@ constexpr double kTurnStep = 0.5;  // radians: turns on the spot are even, so th
 
 double distance(Point2 a, Point2 b) { return std::hypot(b.x - a.x, b.y - a.y); }
 
-// The path before time: poses in order; `speed` is what the way up to here allows; a pose at the place of the one
+// The path before time: poses in order; `speed` is what the path up to here allows; a pose at the place of the one
 // before is a turn on the spot.
 struct Station {
   Pose2 pose;
@@ -174,7 +174,7 @@ SimulatedTrajectory drive(const std::vector<Leg>& legs, const FreeSpace& space, 
   std::vector<Station> stations = Course(space, motion).follow(legs);
   if (length_m > 0.0) cut_at(stations, length_m);
 
-  // Speeds at the stations: what the way before and after each allows, then speeding up, then braking.
+  // Speeds at the stations: what the path before and after each allows, then speeding up, then braking.
   const std::size_t count = stations.size();
   std::vector<double> speeds(count, 0.0);
   for (std::size_t i = 1; i + 1 < count; ++i) speeds[i] = std::min(stations[i].speed, stations[i + 1].speed);

@@ -108,7 +108,7 @@ SimulatedTrajectory plan_trajectory(const RobotOptions& robot, const FloorPlan& 
     }
     auto path = space.path(*at, to);
     if (!path) {
-      throw Error(ErrorCode::kBadInput, "there is no way from " + described(*at) + " to " + described(to),
+      throw Error(ErrorCode::kBadInput, "there is no path from " + described(*at) + " to " + described(to),
                   "robot '" + robot.id + "'", "make doors wider or motion.clearance_m smaller");
     }
     for (std::size_t i = 1; i < path->size(); ++i)

@@ -13,14 +13,14 @@ constexpr double kFarthest_m = 1e6;  // from a map's origin
 void expect_own_map(const MapId& map, const ClientId& client, const std::string& where) {
   if (!visual::session_of(client, map))
     throw Error(ErrorCode::kBadInput, "map '" + map.str() + "' is not one of its own", where,
-                "a client tells of its own map alone");
+                "a client publishes its own map alone");
 }
 
 void expect_owned(const MapUpdate& update, const SessionId& owner, const std::string& where) {
   const auto expect = [&](const SessionId& session, const std::string& what) {
     if (session != owner)
       throw Error(ErrorCode::kBadInput, what + " is not of " + to_string(owner), where,
-                  "a client tells of its own map alone");
+                  "a client publishes its own map alone");
   };
   const auto expect_seen = [&](const std::vector<LandmarkSighting>& seen) {
     for (const LandmarkSighting& sighting : seen) expect(sighting.node.session, to_string(sighting.node));
@@ -35,7 +35,7 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
     expect_near(node.map_from_node, node.id);
     if (keyframe_of(node) == nullptr)
       throw Error(ErrorCode::kBadInput, to_string(node.id) + " is no keyframe", where,
-                  "cameras tell keyframes and landmarks");
+                  "cameras publish keyframes and landmarks");
   }
   for (const MovedNode& moved : update.moved) {
     expect(moved.id.session, to_string(moved.id));
@@ -55,7 +55,7 @@ void expect_owned(const MapUpdate& update, const SessionId& owner, const std::st
   if (!update.submaps.empty() || !update.constraints.empty() || !update.judgements.empty() ||
       !update.removed_submaps.empty() || !update.removed_constraints.empty())
     throw Error(ErrorCode::kBadInput, "a camera's update holds submaps, constraints or judgements", where,
-                "cameras tell keyframes and landmarks");
+                "cameras publish keyframes and landmarks");
 }
 
 }  // namespace mapweave::tiers

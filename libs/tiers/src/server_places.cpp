@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kLeastReported = 60;  // landmarks with a place, however narrow the wire
 constexpr double kAround_s = 0.5;        // from where a rig camera said it was to when its robot's place is asked for
-constexpr double kBetweenViews_s = 1.5;  // that tell how the robot moved
+constexpr double kBetweenViews_s = 1.5;  // that show how the robot moved
 constexpr double kFarthest = 2.0;        // of the way between two views, that is gone on with
 
 struct Whereabouts {

@@ -164,7 +164,7 @@ std::optional<Share> VisualServer::share(const SessionId& to, const ClientView& 
   Client& client = state.client(to);
   if (!visual::session_of(to.client, client_view.map))
     throw Error(ErrorCode::kBadInput, "map '" + client_view.map.str() + "' is not one of its own", name_of(to),
-                "a client tells of its own map alone");
+                "a client publishes its own map alone");
   client.note(client_view);
   const auto known = client.parts.find(client_view.map);
   if (state.options.share == Sharing::none || !state.view || known == client.parts.end()) return std::nullopt;

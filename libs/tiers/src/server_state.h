@@ -100,7 +100,7 @@ struct VisualServer::State {
   std::shared_ptr<MapMerge> merge;
   std::shared_ptr<BackgroundWork> work;  // of the merge
   std::shared_ptr<const TeamView> view;
-  std::shared_ptr<fusion::Pictures> pictures = std::make_shared<fusion::Pictures>();
+  std::shared_ptr<fusion::BagOfWordsCache> pictures = std::make_shared<fusion::BagOfWordsCache>();
   std::uint64_t views = 0;                          // counted
   std::size_t keyframes = 0, merged_keyframes = 0;  // published; when the maps were merged last
   std::size_t counted = 0;                          // of those published, at the last advance

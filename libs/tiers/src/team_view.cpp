@@ -28,7 +28,7 @@ matching::LandmarkIndex index_of(const Map& map, const matching::LandmarkIndexOp
 
 TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input,
                    const matching::LandmarkIndexOptions& index, const matching::DescriptionOptions& description,
-                   std::shared_ptr<fusion::Pictures> pictures, WorkerPool& pool)
+                   std::shared_ptr<fusion::BagOfWordsCache> pictures, WorkerPool& pool)
     : result_(std::move(result)) {
   for (const fusion::Component& component : result_.components) {
     components_.emplace_back(component, index, description, pictures);
@@ -49,7 +49,7 @@ TeamView::TeamView(fusion::FusionResult result, const std::vector<Map>& input,
 
 TeamView::Component::Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
                                const matching::DescriptionOptions& description,
-                               std::shared_ptr<fusion::Pictures> pictures)
+                               std::shared_ptr<fusion::BagOfWordsCache> pictures)
     : content_(content), index_(index), description_(description), pictures_(std::move(pictures)) {}
 
 void TeamView::Component::make_landmarks(WorkerPool& pool) const {

@@ -17,14 +17,14 @@ class TeamView {
  public:
   // `input`: what was merged to `result`.
   TeamView(fusion::FusionResult result, const std::vector<Map>& input, const matching::LandmarkIndexOptions& index,
-           const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures,
+           const matching::DescriptionOptions& description, std::shared_ptr<fusion::BagOfWordsCache> pictures,
            WorkerPool& pool);
 
   // What is asked seldom is made when it is asked for the first time. All calls are thread-safe.
   class Component {
    public:
     Component(const fusion::Component& content, const matching::LandmarkIndexOptions& index,
-              const matching::DescriptionOptions& description, std::shared_ptr<fusion::Pictures> pictures);
+              const matching::DescriptionOptions& description, std::shared_ptr<fusion::BagOfWordsCache> pictures);
     const fusion::Component& content() const { return content_; }
     void make_landmarks(WorkerPool& pool) const;
     const matching::LandmarkIndex& landmarks() const;  // in the team's frame
@@ -34,7 +34,7 @@ class TeamView {
     const fusion::Component& content_;
     const matching::LandmarkIndexOptions index_;
     const matching::DescriptionOptions description_;
-    const std::shared_ptr<fusion::Pictures> pictures_;
+    const std::shared_ptr<fusion::BagOfWordsCache> pictures_;
     mutable std::once_flag has_landmarks_, has_places_;
     mutable std::optional<matching::LandmarkIndex> landmarks_;
     mutable std::optional<fusion::PlaceFinder> places_;

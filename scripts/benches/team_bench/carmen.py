@@ -119,15 +119,15 @@ def mirrored(log):
 
 
 def with_odometry(log, seed, noise_m=0.02, turn_noise=0.02, scale=0.02, turn_scale=0.02, drift_deg_per_m=0.1):
-    """The log's poses falsified as wheels do: noise that grows with the root of the way, and constant errors of scale, of turns and of heading."""
+    """The log's poses falsified as wheels do: noise that grows with the root of the path, and constant errors of scale, of turns and of heading."""
     draw = random.Random(seed)
     scale, turn_scale = 1.0 + draw.gauss(0.0, scale), 1.0 + draw.gauss(0.0, turn_scale)
     drift = math.radians(draw.gauss(0.0, drift_deg_per_m))
     scans, pose = [], (0.0, 0.0, 0.0)
     for before, scan in zip([log.scans[0], *log.scans], log.scans):
         x, y, turn = between(before.robot, scan.robot)
-        way = math.hypot(x, y)
-        pose = compose(pose, (scale * x + draw.gauss(0.0, noise_m * math.sqrt(way)), scale * y + draw.gauss(0.0, noise_m * math.sqrt(way)),
-                              turn_scale * turn + drift * way + draw.gauss(0.0, turn_noise * math.sqrt(abs(turn)) + 0.005 * math.sqrt(way))))
+        path_m = math.hypot(x, y)
+        pose = compose(pose, (scale * x + draw.gauss(0.0, noise_m * math.sqrt(path_m)), scale * y + draw.gauss(0.0, noise_m * math.sqrt(path_m)),
+                              turn_scale * turn + drift * path_m + draw.gauss(0.0, turn_noise * math.sqrt(abs(turn)) + 0.005 * math.sqrt(path_m))))
         scans.append(scan.at(compose(pose, between(scan.robot, scan.laser)), pose))
     return Log(scans, log.parameters)

@@ -22,7 +22,7 @@ def cuts(arguments):
 
 
 def single(bench, log):
-    """Mean error of the log as one robot; {relation's number: metres} tells which it holds for."""
+    """Mean error of the log as one robot; {relation's number: metres} says which it holds for."""
     maps, _ = bench.store.maps(inputs.Cut(log, 1))
     team = {"r0": (0, judging.Trajectory.read(maps[0].with_suffix(".tum")))}
     return judging.totals(judging.errors(inputs.relations(log), team))
@@ -60,28 +60,28 @@ def run_by_edges(bench, cut, merges):
 
 
 def line(key, row):
-    told = []
+    totals = []
     for pair in row["pairs"]:
         error = f"{pair['error_m']:.3f}" if "error_m" in pair else "apart"
-        told.append(f"{pair['a']}{pair['b']}:{error}{'!' if pair['verdict'] == 'wrong' else ''}({pair['relations']})")
-    return f"{key} rc {row['exit_code']} components {row['components']} {row['cpu_s']:.1f} s  " + " ".join(told)
+        totals.append(f"{pair['a']}{pair['b']}:{error}{'!' if pair['verdict'] == 'wrong' else ''}({pair['relations']})")
+    return f"{key} rc {row['exit_code']} components {row['components']} {row['cpu_s']:.1f} s  " + " ".join(totals)
 
 
 def sums(rows):
-    told = {"runs": len(rows)}
+    totals = {"runs": len(rows)}
     pairs = [pair for row in rows for pair in row["pairs"]]
     for verdict in ("right", "wrong", "apart"):
-        told[verdict] = sum(pair["verdict"] == verdict for pair in pairs)
+        totals[verdict] = sum(pair["verdict"] == verdict for pair in pairs)
     tied = [pair for pair in pairs if pair["relations"] >= judging.WELL_TIED]
-    told["tied"], told["tied_joined"] = len(tied), sum(pair["verdict"] != "apart" for pair in tied)
+    totals["tied"], totals["tied_joined"] = len(tied), sum(pair["verdict"] != "apart" for pair in tied)
     for what in ("within", "within_sum_m", "across", "across_joined", "across_sum_m"):
-        told[what] = sum(row["totals"][what] for row in rows)
-    return told
+        totals[what] = sum(row["totals"][what] for row in rows)
+    return totals
 
 
-def team_error(told):
-    count = told["within"] + told["across_joined"]
-    return (told["within_sum_m"] + told["across_sum_m"]) / count if count else float("nan")
+def team_error(totals):
+    count = totals["within"] + totals["across_joined"]
+    return (totals["within_sum_m"] + totals["across_sum_m"]) / count if count else float("nan")
 
 
 def metres(total, count):
@@ -92,20 +92,20 @@ def report(bench, rows, singles, part):
     lines = []
     for log in dict.fromkeys(row["log"] for row in rows):
         for robots in sorted({row["robots"] for row in rows if row["log"] == log}):
-            told = sums([row for row in rows if row["log"] == log and row["robots"] == robots])
+            totals = sums([row for row in rows if row["log"] == log and row["robots"] == robots])
             alone = singles.get(log)
-            lines.append((log, robots, told["runs"], told["right"] + told["wrong"] + told["apart"], told["right"], told["wrong"], told["apart"],
-                          f"{told['tied_joined']} of {told['tied']}", metres(alone["within_sum_m"], alone["within"]) if alone else "-", f"{team_error(told):.4f}",
-                          metres(told["within_sum_m"], told["within"]), metres(told["across_sum_m"], told["across_joined"]), f"{told['across_joined']} of {told['across']}"))
+            lines.append((log, robots, totals["runs"], totals["right"] + totals["wrong"] + totals["apart"], totals["right"], totals["wrong"], totals["apart"],
+                          f"{totals['tied_joined']} of {totals['tied']}", metres(alone["within_sum_m"], alone["within"]) if alone else "-", f"{team_error(totals):.4f}",
+                          metres(totals["within_sum_m"], totals["within"]), metres(totals["across_sum_m"], totals["across_joined"]), f"{totals['across_joined']} of {totals['across']}"))
     bench.table(part, "One log cut into robots, judged by hand-checked relations (corrected logs: by the poses they bring)", HEADERS, lines)
 
 
 def judge(bench, rows, singles, part):
-    told = sums(rows)
-    bench.gate(part, "wrong pairs", told["wrong"], "0", told["wrong"] == 0)
-    if told["tied"]:
-        share = told["tied_joined"] / told["tied"]
-        bench.gate(part, "pairs with 20 relations or more in one map", f"{told['tied_joined']} of {told['tied']}", "95 %", share >= 0.95)
+    totals = sums(rows)
+    bench.gate(part, "wrong pairs", totals["wrong"], "0", totals["wrong"] == 0)
+    if totals["tied"]:
+        share = totals["tied_joined"] / totals["tied"]
+        bench.gate(part, "pairs with 20 relations or more in one map", f"{totals['tied_joined']} of {totals['tied']}", "95 %", share >= 0.95)
     for log, alone in singles.items():
         of_log = sums([row for row in rows if row["log"] == log])
         if of_log["across_joined"] and alone["within"]:
@@ -128,8 +128,8 @@ def run(bench, part="teams"):
         rows[key] = row
         print(line(key, row), flush=True)
         bench.keep(part, {key: row})
-    told = sums(list(rows.values()))
-    print(f"joined rightly {told['right']}, wrongly {told['wrong']}, left apart {told['apart']}, failed {failures}")
+    totals = sums(list(rows.values()))
+    print(f"joined rightly {totals['right']}, wrongly {totals['wrong']}, left apart {totals['apart']}, failed {failures}")
     singles = {} if bench.arguments.no_single else {log: single(bench, log) for log in bench.arguments.logs}
     kept = bench.keep(part, rows, singles=singles)
     report(bench, list(kept.values()), singles, part)

@@ -41,16 +41,16 @@ def said(merges, names):
 
 def differences(one, other, metres, degrees):
     """What two runs say otherwise, in words. Transforms count where a pair is joined."""
-    told = []
+    texts = []
     for pair in sorted(set(one) | set(other)):
         a, b = one.get(pair), other.get(pair)
         if a is None or b is None or a[:2] != b[:2]:
-            told.append(f"{pair}: {a and a[:2]} and {b and b[:2]}")
+            texts.append(f"{pair}: {a and a[:2]} and {b and b[:2]}")
         elif a[0] == "accepted":
             x, y, yaw = carmen.between(a[2], b[2])
             if math.hypot(x, y) > metres or abs(math.degrees(carmen.wrap(yaw))) > degrees:
-                told.append(f"{pair}: {math.hypot(x, y):.4f} m, {abs(math.degrees(yaw)):.3f} deg")
-    return told
+                texts.append(f"{pair}: {math.hypot(x, y):.4f} m, {abs(math.degrees(yaw)):.3f} deg")
+    return texts
 
 
 def outputs(out):
@@ -100,9 +100,9 @@ def run(bench):
             bench.gate("names", f"{log} in {robots}", failed, "a result", False)
             continue
         rows[f"{log} in {robots}"] = row
-        for what, told in row.items():
-            if isinstance(told, list):
-                bench.gate("names", f"{log} in {robots}, {what} ({row['joined']} pairs joined)", "the same" if not told else "; ".join(told[:4]), "the same", not told)
+        for what, texts in row.items():
+            if isinstance(texts, list):
+                bench.gate("names", f"{log} in {robots}, {what} ({row['joined']} pairs joined)", "the same" if not texts else "; ".join(texts[:4]), "the same", not texts)
         bench.keep("names", rows)
     kept = bench.keep("names", rows)
     what = [key for key, value in next(iter(kept.values()), {}).items() if isinstance(value, list)]

@@ -1,5 +1,5 @@
 """reliability: of the best alignments of all pairs of maps that the parts rooms, strangers and overlap judged, how many are right, by the
-probability that the verdict gives. Told apart: what nobody looked at when the weights were set."""
+probability that the verdict gives. Apart: what nobody looked at when the weights were set."""
 from benches.team_bench import overlaps
 
 SOURCES = {"rooms": "small simulated rooms", "strangers": "strangers, and stretches of one building", "overlap": "stretches of real logs that overlap"}

@@ -46,21 +46,21 @@ def truth(bench, log):
 
 
 class Seen:
-    """What was seen from where of one log. `metres`: the way up to each scan."""
+    """What was seen from where of one log. `metres`: the path up to each scan."""
 
     def __init__(self, bench, log):
         self.log, self.truth = log, truth(bench, log)
         with _lock:
             scans = inputs.text(log).scans
         self.stamps, self.metres, self._masks, self._cells = [], [], [], {}
-        way, last, looked = 0.0, None, None
+        path_m, last, looked = 0.0, None, None
         for scan in scans:
             pose = self.truth.at(scan.stamp)
             if pose is None:
                 continue
-            way += math.dist(pose[:2], last[:2]) if last else 0.0
+            path_m += math.dist(pose[:2], last[:2]) if last else 0.0
             self.stamps.append(scan.stamp)
-            self.metres.append(way)
+            self.metres.append(path_m)
             last = pose
             if looked is None or math.dist(pose[:2], looked[:2]) >= LOOK_EVERY_M or abs(carmen.wrap(pose[2] - looked[2])) >= LOOK_EVERY_RAD:
                 looked = pose
@@ -100,8 +100,8 @@ class Seen:
         """A stretch of so many metres somewhere: first and end."""
         length = draw.uniform(least_m, min(most_m, 0.4 * self.metres[-1]))
         start = draw.uniform(0.0, self.metres[-1] - length)
-        first = next(stamp for stamp, way in zip(self.stamps, self.metres) if way >= start)
-        end = next((stamp for stamp, way in zip(self.stamps, self.metres) if way >= start + length), self.stamps[-1] + 1.0)
+        first = next(stamp for stamp, path_m in zip(self.stamps, self.metres) if path_m >= start)
+        end = next((stamp for stamp, path_m in zip(self.stamps, self.metres) if path_m >= start + length), self.stamps[-1] + 1.0)
         return first, end
 
 

@@ -58,7 +58,7 @@ bool ComponentAudit::refuse(std::size_t who, const std::vector<std::size_t>& mem
 }
 
 void check_priors(const LaserMerger& lasers, const std::vector<Component>& components, std::vector<PairJoin>& pairs) {
-  constexpr double kProbable = 0.5;
+  constexpr double kProbable = 0.5;  // more likely than not
   for (PairJoin& pair : pairs) {
     Verdict& verdict = pair.result.verdict;
     std::optional<Pose2> a_from_b;

@@ -10,7 +10,7 @@ namespace {
 
 using Neighbours = std::map<MapId, std::set<MapId>>;  // by matched pairs
 
-// The maps between two on the shortest way that does not go over their own match; of equal ones that of the lowest
+// The maps between two on the shortest path that does not go over their own match; of equal ones that of the lowest
 // names.
 std::vector<MapId> path_between(const MapId& a, const MapId& b, const Neighbours& neighbours) {
   const auto may_step = [&](const MapId& from, const MapId& to) {

@@ -126,7 +126,7 @@ std::vector<PairJoin> PairJudging::compare_all(Progress& progress) {
   return pairs;
 }
 
-// What a map has twice tells nothing in other maps either.
+// What a map has twice is no evidence in other maps either.
 void PairJudging::doubt_what_repeats(std::vector<PairJoin>& pairs) const {
   std::vector<std::set<std::size_t>> known(maps_.size());
   std::vector<std::vector<Hash>> because(maps_.size());
@@ -208,7 +208,7 @@ double PairJudging::wall_conflict(std::size_t a, std::size_t b, const Pose2& a_f
       const Pose2 apart = between(maps_[a].map_from_submap[i], there);
       nearest = std::min(nearest, {std::hypot(apart.x, apart.y), i});
     }
-    constexpr double kNear_m = 6.0;
+    constexpr double kNear_m = 6.0;  // nearer submaps see about the same
     if (nearest.first > kNear_m) continue;
     const PreparedMap &one = maps_[a], &other = maps_[b];
     const Evidence e = matching::weigh(*cache_.get(*one.submaps[nearest.second], one.map->nodes),
@@ -287,7 +287,7 @@ bool lie_alike(const VisualMap& b, const Sim3& one, const Sim3& other) {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const MappedKeyframe& keyframe : b.keyframes())
     middle += keyframe.map_from_node.t / static_cast<double>(b.keyframes().size());
-  constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;
+  constexpr double kAlike_m = 1.0, kAlike_rad = 0.15;  // senses err: within that, two say the same
   const Eigen::Vector3d apart = transformed(middle, one) - transformed(middle, other);
   return apart.head<2>().norm() < kAlike_m &&
          std::abs(wrap_angle(planar(one.pose).phi - planar(other.pose).phi)) < kAlike_rad;

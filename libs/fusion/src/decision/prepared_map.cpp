@@ -6,7 +6,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr std::size_t kFewestPlaces = 10;
+constexpr std::size_t kFewestPlaces = 10;  // of a small map, so that it is asked about at all
 
 matching::Point2f placed(const Pose2& pose, const matching::Point2f& p) {
   const double c = std::cos(pose.phi), s = std::sin(pose.phi);

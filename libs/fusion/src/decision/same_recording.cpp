@@ -10,7 +10,7 @@ namespace {
 constexpr double kMostShared = 0.8;             // of the smaller map's scans: more, and they are one recording
 constexpr std::ptrdiff_t kFewestReadings = 20;  // with a return, of a scan that is like no other
 
-// Of what was sensed; nullopt where that tells nothing.
+// Of what was sensed; nullopt where that identifies nothing.
 std::optional<Hash> print_of(const Payload& payload) {
   Hasher hasher;
   if (const auto* scan = std::get_if<PackedScan>(&payload)) {

@@ -1,5 +1,5 @@
 #pragma once
-// Maps that hold the same recording, told by what was sensed: names, stamps and poses play no part.
+// Maps that hold the same recording, recognised by what was sensed: names, stamps and poses play no part.
 
 #include <mapweave/maps/map.h>
 

@@ -12,15 +12,17 @@ namespace {
 using matching::PlanarSimilarity;
 using matching::WallPoint;
 
-constexpr std::size_t kMostSamples = 8000;
-constexpr int kMostTiles = 32;  // across
-constexpr double kLeastCosine = 0.6;
+constexpr std::size_t kMostSamples = 8000;  // faces: bounds time
+constexpr int kMostTiles = 32;              // across
+constexpr double kLeastCosine = 0.6;        // between faces of one wall, where grids are bent
+// From how wrong a proposal may be to how far grids bend.
 constexpr double kRefineRadii_m[] = {1.5, 1.0, 0.7, 0.5};
-constexpr int kRefineRounds = 3;  // per radius
-constexpr std::size_t kFewest = 20;
-constexpr double kScalePrior = 0.08;  // pulls the scale back, in square metres per face
-constexpr int kBendRounds = 10;
-constexpr double kFirstRadius_m = 1.5, kLastRadius_m = 0.5;
+constexpr int kRefineRounds = 3;                             // per radius
+constexpr std::size_t kFewest = 20;                          // faces that a refinement needs
+constexpr double kScalePrior = 0.08;                         // pulls the scale back, in square metres per face
+constexpr int kBendRounds = 10;                              // in which the reach shrinks from first to last
+constexpr double kFirstRadius_m = 1.5, kLastRadius_m = 0.5;  // as kRefineRadii_m
+// Of a face from the one it is matched to: cells, and what bends within a tile.
 constexpr double kFaceSigma_m = 0.15;
 constexpr double kFaceWeight = 0.12;  // neighbouring faces of one wall err together
 

@@ -6,7 +6,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kBin_m = 0.5;
+constexpr double kBin_m = 0.5;  // speed alone: about the radius of a search
 
 }  // namespace
 

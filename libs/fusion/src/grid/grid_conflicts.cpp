@@ -9,6 +9,7 @@
 namespace mapweave::fusion {
 
 std::vector<PairHypothesis::Place> places_of(const std::vector<matching::WallPoint>& walls, double sample_m) {
+  // Walls this near hang together; shorter pieces are furniture.
   constexpr double kLeastCell_m = 0.2, kLeastLength_m = 0.6;
   const double cell_m = std::max(kLeastCell_m, 2.0 * sample_m);
   std::map<std::pair<long, long>, std::size_t> number_of;  // of the first wall in each cell, by row and column

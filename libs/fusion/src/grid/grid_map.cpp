@@ -12,9 +12,9 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr int kTilesAcross = 3;  // a submap has up to 3 x 3 tiles,
-constexpr int kTileStride = 2;   // and shares a row or column with the next
-constexpr double kCoarsest_m = 2.0;
+constexpr int kTilesAcross = 3;      // a submap has up to 3 x 3 tiles,
+constexpr int kTileStride = 2;       // and shares a row or column with the next
+constexpr double kCoarsest_m = 2.0;  // a cell: coarser rasters show no walls
 
 }  // namespace
 

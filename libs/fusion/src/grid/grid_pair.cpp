@@ -19,9 +19,9 @@ namespace {
 using matching::PlanarSimilarity;
 using matching::WallPoint;
 
-constexpr double kFit_m = 0.3;
-constexpr double kFitCosine = 0.7;
-constexpr double kConflictDepth_m = 0.6;
+constexpr double kFit_m = 0.3;                       // two grids' walls that are one: a few cells
+constexpr double kFitCosine = 0.7;                   // between their normals
+constexpr double kConflictDepth_m = 0.6;             // into free space: twice kFit_m
 constexpr double kApart_m = 3.0, kApart_rad = 0.15;  // alignments nearer than this are one, found twice
 constexpr double kSubstance = 0.4,
                  kLeastFit_m = 5.0;  // of the placement that fits most: enough to show how much conflict there need be
@@ -36,7 +36,7 @@ constexpr double kRival = 0.36, kRivalSlope = 16.0;
 constexpr double kConflict = 0.2, kConflictOverlap = 0.3, kConflictSlope = 40.0;
 constexpr double kOdds =
     4.75;  // odds that the product of the parts is multiplied by: calibrated, as merges of lasers are
-constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be told apart
+constexpr double kLeastWall_m = 8.0;  // of a grid in which places can be distinguished
 
 enum class Seen : std::uint8_t { nothing, fit, conflict };
 
@@ -212,7 +212,7 @@ Alignment rigid(const PreparedGrid& b, const Verified& best) {
   const Pose2 turned = compose(Pose2(0.0, 0.0, yaw), Pose2(-middle.x(), -middle.y(), 0.0));
   const Pose2 a_from_b(middle_in_a.x() + turned.x, middle_in_a.y() + turned.y, yaw);
 
-  // Each tile tells where b lies as well as its walls hold it and no better than grids bend.
+  // Each tile constrains where b lies as well as its walls hold it and no better than grids bend.
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d bending = bend_covariance();
   for (std::size_t i = 0; i < b.tile_centres.size(); ++i) {

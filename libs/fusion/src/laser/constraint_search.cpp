@@ -13,9 +13,9 @@ namespace {
 constexpr double kThorough_m = 15.0;    // radius of windows that are searched for what little two submaps share
 constexpr std::size_t kBeside = 6;      // submaps from a match along both trajectories where another may confirm it
 constexpr std::size_t kLookBeside = 2;  // submaps from a match along both trajectories that are looked up by it
-constexpr double kBesideRadius_m = 1.0, kBesideYaw_rad = 0.1;
-constexpr std::size_t kFewestLooks = 6;
-constexpr int kFruitless = 4;  // rounds without a new match that end the last search
+constexpr double kBesideRadius_m = 1.0, kBesideYaw_rad = 0.1;  // around what a match beside says
+constexpr std::size_t kFewestLooks = 6;                        // before what contradicts may end the search
+constexpr int kFruitless = 4;                                  // rounds without a new match that end the last search
 
 bool fixes_position(const SubmapMatch& match) {
   return match.is_observable && position_sigma(match.information.inverse()) <= kSure_m;

@@ -9,8 +9,8 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kSurest = 0.99;  // no pair of grids is surer than this
-constexpr double kAlike_m = 2.0, kAlike_rad = 0.15;
+constexpr double kSurest = 0.99;                     // no pair of grids is surer than this
+constexpr double kAlike_m = 2.0, kAlike_rad = 0.15;  // grids bend: within that, two say the same
 
 struct GridsOfTeams {
   double probability;

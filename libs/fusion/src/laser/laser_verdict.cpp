@@ -60,7 +60,7 @@ Eigen::Vector2d vector_of(const matching::Point2f& point) { return {point.x, poi
 // is chance.
 std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first_of_a, const PreparedMap& b,
                                          std::size_t first_of_b, const SolvedSubmaps& solved) {
-  constexpr double kBeside_m = 8.0;
+  constexpr double kBeside_m = 8.0;  // between middles: a submap's usual length
   std::vector<MatchedPlaces> places;
   for (std::size_t i = 0; i < a.submaps.size(); ++i)
     for (std::size_t j = 0; j < b.submaps.size(); ++j) {
@@ -76,7 +76,7 @@ std::vector<MatchedPlaces> places_beside(const PreparedMap& a, std::size_t first
 }  // namespace
 
 PairAudit pair_audit(const AuditedPair& pair, const PreparedMap& a, const PreparedMap& b) {
-  constexpr std::size_t kMostConflicts = 20;
+  constexpr std::size_t kMostConflicts = 20;  // for people; the longest first
   PairAudit audit{a.map->id, b.map->id, pair.coinciding_m, pair.contradicted_m, pair.unclear_m, {}};
   for (std::size_t i = 0; i < std::min(kMostConflicts, pair.contradictions.size()); ++i)
     audit.conflicts.push_back(
@@ -205,7 +205,7 @@ PairResult LaserMerger::result_of(std::size_t a, std::size_t b) const {
   }
   Alignment alignment;
   alignment.a_from_b.pose = spatial(mean_transform(transforms));
-  // Matches share the errors of the maps: however many agree, they tell no more than four do.
+  // Matches share the errors of the maps: however many agree, they count no more than four do.
   information *= std::min(1.0, 4.0 / static_cast<double>(matches.size()));
   alignment.covariance =
       spatial(Eigen::Matrix3d(information.inverse() + Eigen::Vector3d(4e-4, 4e-4, 3e-6).asDiagonal().toDenseMatrix()));

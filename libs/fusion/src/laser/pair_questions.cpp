@@ -11,7 +11,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kWideRadius_m = 12.0;
+constexpr double kWideRadius_m = 12.0;  // bounds the time of a search over all headings
 // Of one map with others, those most alike: looked at together, before the next ones; in the first round; in each later
 // one.
 constexpr std::size_t kAtOnce = 3, kMostAtFirst = 12, kMostLater = 6;

@@ -13,13 +13,13 @@ using matching::cell_of;
 using matching::WallPoint;
 
 constexpr double kFarthest_m = 2.0, kFarthest_rad = 0.12;  // of a displacement
-constexpr double kStep_m = 0.2, kStep_rad = 0.02;
-constexpr double kNear_m = 0.3;          // a step both ways, and a cell
-constexpr std::size_t kMostWalls = 400;  // of a side that are looked at
-constexpr double kContradiction = 2.0;   // a wall that is seen through, against one that coincides
-constexpr double kLess = 0.5;            // of what is in doubt, where it lies better
-constexpr double kGain_m = 1.0;
-constexpr double kSeenStill = 0.7;  // of the walls that the other side saw anything of
+constexpr double kStep_m = 0.2, kStep_rad = 0.02;          // about equal at kArm_m; bounds by kNear_m
+constexpr double kNear_m = 0.3;                            // a step both ways, and a cell
+constexpr std::size_t kMostWalls = 400;                    // of a side that are looked at
+constexpr double kContradiction = 2.0;                     // a wall that is seen through, against one that coincides
+constexpr double kLess = 0.5;                              // of what is in doubt, where it lies better
+constexpr double kGain_m = 1.0;                            // of wall, that a better place has at least
+constexpr double kSeenStill = 0.7;                         // of the walls that the other side saw anything of
 constexpr double kSame_m = 0.15,
                  kArm_m = 8.0;       // a displacement that is none; from the middle of a region to its walls, about
 constexpr double kPerMetre_m = 0.3;  // of wall on wall, that a metre of displacement has to be worth
@@ -203,7 +203,7 @@ class RegionFit {
     const std::size_t count = std::min(kMostWalls, walls.size());
     each_m_[side] =
         SeenRaster::kCell_m * static_cast<double>(walls.size()) / static_cast<double>(std::max<std::size_t>(1, count));
-    // From all over the region in turn, so that few tell how well all of them fit.
+    // From all over the region in turn, so that few show how well all of them fit.
     constexpr std::size_t kParts = 16;
     for (std::size_t part = 0; part < kParts; ++part)
       for (std::size_t i = part; i < count; i += kParts) walls_[side].push_back(walls[i * walls.size() / count]);

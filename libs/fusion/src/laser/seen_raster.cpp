@@ -50,7 +50,7 @@ std::vector<matching::WallPoint> walls_in(const std::vector<PlacedSubmap>& side,
 SeenRaster::SeenRaster(const std::vector<PlacedSubmap>& side, const PlaneBox& box, const SightOf& sight_of)
     : cells_(cell_of(box.x0_m, 1.0 / kCell_m), cell_of(box.y0_m, 1.0 / kCell_m), cell_of(box.x1_m, 1.0 / kCell_m),
              cell_of(box.y1_m, 1.0 / kCell_m)) {
-  constexpr double kBeyondWalls_m = 1.0;
+  constexpr double kBeyondWalls_m = 1.0;  // beside a submap that its raster covers
   for (const PlacedSubmap& submap : side) {
     PlaneBox around;
     around.add(submap.x_m, submap.y_m, submap.radius_m + kBeyondWalls_m);
@@ -83,7 +83,7 @@ matching::Raster<char> SeenRaster::walls_about() const {
 }
 
 OccupancyGrid SeenRaster::grid() const {
-  constexpr std::int16_t kSure = 100;
+  constexpr std::int16_t kSure = 100;  // log odds of any cell that was seen: sure, either way
   OccupancyGrid grid;
   grid.resolution_m = kCell_m;
   grid.origin_x_m = cells_.first_x() * kCell_m;

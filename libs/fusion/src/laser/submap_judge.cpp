@@ -42,7 +42,7 @@ const Submap& submap_of(const PreparedMap& map, std::size_t submap) { return *ma
 // In which order questions are answered, so that few submaps are needed at a time: a block of submaps on the one side
 // stays, those on the other come one after the other.
 std::vector<std::size_t> by_blocks(const std::vector<SubmapQuestion>& questions) {
-  constexpr std::size_t kBlock = 64;
+  constexpr std::size_t kBlock = 64;  // submaps that stay ready while others pass: speed, never content
   const auto key = [&](std::size_t i) {
     const SubmapQuestion& q = questions[i];
     return std::make_tuple(q.from / kBlock, q.to, q.from, i);
@@ -73,7 +73,7 @@ void SubmapJudge::prepare_sights(const std::vector<std::size_t>& submaps) {
   std::vector<std::size_t> missing;
   for (const std::size_t submap : submaps)
     if (sights_.find(submap) == nullptr) missing.push_back(submap);
-  constexpr std::size_t kAtOnce = 32;
+  constexpr std::size_t kAtOnce = 32;  // between looks at whether the cache is full, or an interruption came
   for (std::size_t first = 0; first < missing.size() && !sights_.is_full(); first += kAtOnce) {
     throw_if_interrupted();
     const auto sights =

@@ -18,6 +18,7 @@ using matching::WallPoint;
 
 constexpr double kCell_m = 0.1;  // a wall counts once in each
 constexpr double kRegion_m = RegionAgreement::kSide_m;
+// Where chance is measured: off the walls themselves, within a room.
 constexpr double kFarthestShift_m = 4.0, kNearestShift_m = 0.75, kShiftStep_m = 0.25;
 
 struct Region {
@@ -237,8 +238,9 @@ void gather(const std::vector<WallPoint>& walls, std::vector<Contradiction>& int
   }
 }
 
+// Samples: bound time.
 constexpr std::size_t kMostShiftedWalls = 400, kMostMirroredWalls = 150, kMostRegions = 12;
-constexpr double kLargeOverlap = 0.3;
+constexpr double kLargeOverlap = 0.3;  // of the smaller map: above it, mirror images are not asked
 
 // The two directions, at right angles, that most walls face.
 Eigen::Matrix2d directions_of(const std::array<std::vector<WallPoint>, 2>& known) {
@@ -304,7 +306,7 @@ double most_when_mirrored(const std::array<WallRaster, 2>& sides, const std::arr
     }
     return sum;
   };
-  constexpr double kTurn_rad = 0.015, kOffset_m = 0.5 * kShiftStep_m;
+  constexpr double kTurn_rad = 0.015, kOffset_m = 0.5 * kShiftStep_m;  // first steps, halved from there
   double most = -1.0, best_turn = 0.0, best_offset = 0.0;
   int best_axis = 0;
   const auto consider = [&](int axis, double turn, double offset) {

@@ -1,5 +1,6 @@
 #include "whole_map_proposals.h"
 
+#include <mapweave/fusion/wall_weights.h>
 #include <mapweave/maps/alignment.h>
 
 #include <algorithm>
@@ -9,15 +10,14 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr int kMost = 6;  // proposals of two maps
-constexpr double kContradiction = 4.0;
+constexpr int kMost = 6;                           // proposals of two maps
 constexpr double kLeastShared_m = 2.0;             // walls of one submap near walls of another
 constexpr std::size_t kMostQuestions = 6;          // of a proposal
 constexpr double kRadius_m = 1.5, kYaw_rad = 0.1;  // how wrong a proposal may be at one of its submaps: maps bend
 
 // Walls of a submap that another one has, about.
 double coinciding_m(const PlacedSubmap& of, const Pose2& in_from_of, const WallSight& in) {
-  constexpr std::size_t kSome = 80;
+  constexpr std::size_t kSome = 80;  // walls that stand for a submap's: bounds time
   constexpr double kCell_m = 0.1;
   const double c = std::cos(in_from_of.phi), s = std::sin(in_from_of.phi);
   const std::size_t count = std::min(kSome, of.walls->size());
@@ -78,7 +78,7 @@ std::vector<SubmapQuestion> WholeMapProposals::questions(std::size_t a, std::siz
   matching::GridProposalOptions options;
   options.scale_range = 0.0;
   options.most = kMost;
-  options.contradiction = kContradiction;
+  options.contradiction = kContradictionWeight;
   const matching::GridWalls &in_a = walls(a, submaps_a, sight_of), &in_b = walls(b, submaps_b, sight_of);
   // The same whatever the maps are called.
   const bool swapped = maps_[b].fingerprints < maps_[a].fingerprints;

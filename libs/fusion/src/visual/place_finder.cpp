@@ -10,7 +10,7 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kSamePlace_m = 1.0, kSamePlace_rad = 0.5;
+constexpr double kSamePlace_m = 1.0, kSamePlace_rad = 0.5;  // answers that far apart are two places
 
 }  // namespace
 
@@ -19,7 +19,7 @@ struct PlaceFinder::Known {
   matching::ChosenVocabulary vocabulary;
 };
 
-PlaceFinder::PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& pictures,
+PlaceFinder::PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& pictures,
                          WorkerPool& pool)
     : known_(new Known{VisualMap(map, vocabulary, pictures, pool), vocabulary}) {}
 PlaceFinder::~PlaceFinder() = default;
@@ -32,7 +32,7 @@ std::optional<FoundPlace> PlaceFinder::find(const KeyframeFeatures& picture, con
   if (map.empty()) return std::nullopt;
   Map asked;  // of this picture alone, named before all others
   asked.nodes.set(NodeId{}, {NodeId{}, {}, {}, std::make_shared<const Payload>(picture)});
-  Pictures pictures;
+  BagOfWordsCache pictures;
   const VisualMap question(asked, known_->vocabulary, pictures, pool);
   const VisualPlace place = question.place(0, 0);
   std::vector<matching::SimilarPlace> alike =

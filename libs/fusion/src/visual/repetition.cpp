@@ -9,8 +9,8 @@ constexpr std::size_t kOneIn = 6;  // witnesses at places that repeat are too ma
 
 // Elsewhere in the same map, what looks most like this keyframe.
 std::vector<VisualQuestion> elsewhere(const VisualMap& map, std::size_t keyframe, const VisualFusionOptions& options) {
-  constexpr double kApart_m = 2.0;
-  constexpr std::size_t kAsked = 2;
+  constexpr double kApart_m = 2.0;   // nearer, it is the same place
+  constexpr std::size_t kAsked = 2;  // most alike elsewhere: bounds time
   const MappedKeyframe& here = map.keyframes()[keyframe];
   const int least = std::max(1, static_cast<int>(options.least_alike * here.likeness));
   const auto is_here = [&](const NodeId& id) {
@@ -36,8 +36,8 @@ bool is_of_its_own(const VisualWitness& w, VisualRepetition& looked_at) {
 
 VisualRepetition repetition_within(const VisualMap& a, const VisualMap& b, std::vector<const VisualWitness*> clique,
                                    const FusionOptions& options, VisualJudge& judge, std::vector<Hash>& judged) {
-  constexpr std::size_t kMostLooks = 12;
-  constexpr double kMoved_m = 1.0;
+  constexpr std::size_t kMostLooks = 12;  // twice kOneIn: bounds time
+  constexpr double kMoved_m = 1.0;        // less, and the match says where the keyframe is anyway
   std::stable_sort(clique.begin(), clique.end(), [](const VisualWitness* one, const VisualWitness* other) {
     return one->judgement.probability > other->judgement.probability;
   });

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kMostDifferent = 50;  // bits
 constexpr double kClearly = 0.85;   // nearest descriptor to the second nearest
-constexpr double kCell_px = 24.0;
+constexpr double kCell_px = 24.0;   // speed alone: about the radius of a search
 
 int cell_of(double pixel, int count) {
   return static_cast<int>(std::min(std::max(0.0, pixel / kCell_px), static_cast<double>(count - 1)));

@@ -9,9 +9,9 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kSamePoint_px = 2.5;  // between where a landmark was found and the feature that shows it
-constexpr std::size_t kLookedUp = 24;
-constexpr std::size_t kMostCovisible = 20;
+constexpr double kSamePoint_px = 2.5;       // between where a landmark was found and the feature that shows it
+constexpr std::size_t kLookedUp = 24;       // most alike of all, of which places apart are chosen
+constexpr std::size_t kMostCovisible = 20;  // bounds memory; those that share most
 
 MappedKeyframe mapped(const Node& node) {
   const KeyframeFeatures& content = *keyframe_of(node);
@@ -81,7 +81,7 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& words, WorkerPool& pool)
+VisualMap::VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& words, WorkerPool& pool)
     : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));

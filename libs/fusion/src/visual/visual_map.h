@@ -3,7 +3,7 @@
 // wants them.
 
 #include <mapweave/core/worker_pool.h>
-#include <mapweave/fusion/pictures.h>
+#include <mapweave/fusion/bag_of_words_cache.h>
 #include <mapweave/maps/map.h>
 #include <mapweave/matching/place_index.h>
 #include <mapweave/matching/visual_judge.h>
@@ -42,7 +42,7 @@ struct VisualPlace {
 
 class VisualMap {
  public:
-  VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, Pictures& words, WorkerPool& pool);
+  VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& words, WorkerPool& pool);
 
   const Map& map() const { return *map_; }
   bool empty() const { return keyframes_.empty(); }

@@ -85,7 +85,8 @@ std::vector<VisualQuestion> questions_of(const VisualMap& a, const VisualMap& b,
 
 bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, VisualJudge& judge,
                 std::vector<Hash>& judged) {
-  constexpr double kNear_m = 1.0, kAlike_rad = 0.35;
+  constexpr double kNear_m = 1.0, kAlike_rad = 0.35;  // views that show the same, if the alignment is right
+  // Bound time; fewer looks, or empty walls, contradict nothing.
   constexpr std::size_t kMostLooks = 12, kLeastLooks = 4, kLeastFeatures = 150;
   std::vector<std::tuple<double, std::size_t, std::size_t>> near;
   for (std::size_t j = 0; j < b.keyframes().size(); ++j) {
@@ -113,7 +114,7 @@ bool contradict(const VisualMap& a, const VisualMap& b, const Sim3& a_from_b, Vi
     const Vector3d& p = b.keyframes()[w.keyframe_b].map_from_node.t;
     known += (transformed(p, w.a_from_b) - transformed(p, a_from_b)).norm() < kNear_m;
   }
-  constexpr std::size_t kOneIn = 5;
+  constexpr std::size_t kOneIn = 5;  // of the near pairs: fewer that match contradict the alignment
   return kOneIn * known < near.size();
 }
 
@@ -155,7 +156,7 @@ VisualCommitment commit_to(const std::deque<VisualWitness>& witnesses, const Vis
 
 // Whether they would look at the same things from near, if b lay so.
 bool would_see_the_same(const VisualMap& a, const VisualMap& b, const VisualQuestion& question, const Sim3& a_from_b) {
-  constexpr double kNear_m = 3.0, kAlike_rad = 0.9;
+  constexpr double kNear_m = 3.0, kAlike_rad = 0.9;  // generous: most of a view is shared within it
   const Pose3 &here = a.keyframes()[question.keyframe_a].map_from_camera,
               there = transformed(b.keyframes()[question.keyframe_b].map_from_camera, a_from_b);
   const bool is_near = !a.is_metric() || (here.t - there.t).norm() < kNear_m;
@@ -208,8 +209,8 @@ class Rounds {
   }
 
   void round(bool are_claimed) {
-    constexpr std::size_t kRound = 4;
-    constexpr int kBarren = 3;
+    constexpr std::size_t kRound = 4;  // small, so that little is asked once maps agree
+    constexpr int kBarren = 3;         // rounds without a new witness
     const auto end = open_.begin() + static_cast<std::ptrdiff_t>(std::min(kRound, open_.size()));
     const std::vector<VisualQuestion> asked(open_.begin(), end);
     open_.erase(open_.begin(), end);
@@ -229,7 +230,7 @@ class Rounds {
 
   // What need not be asked; false where all must.
   bool leave_out() {
-    constexpr std::size_t kMostRivals = 12;
+    constexpr std::size_t kMostRivals = 12;  // pairs that could only be rivals, before the others are left out
     const VisualCommitment now = commit_to(witnesses_, b_, {}, options_);
     if (!now.others.empty() || disjoint(now.clique) < static_cast<std::size_t>(options_.visual.enough_witnesses))
       return false;
@@ -262,7 +263,7 @@ class Rounds {
 // Witnesses that put the second map far from where the others have it.
 std::vector<const VisualWitness*> far_from(const Sim3& a_from_b, const std::vector<const VisualWitness*>& witnesses,
                                            const VisualMap& b) {
-  constexpr double kFar_m = 2.0;
+  constexpr double kFar_m = 2.0;  // as in repetition: nearer, it is the same place
   std::vector<const VisualWitness*> far;
   for (const VisualWitness* w : witnesses) {
     const Vector3d& there = b.keyframes()[w->keyframe_b].map_from_node.t;

@@ -53,7 +53,7 @@ VisualJudge::VisualJudge(const VisualFusionOptions& options, const FusionInput& 
 }
 
 std::vector<VisualQuestion> VisualJudge::known_places(const VisualMap& a, const VisualMap& b) const {
-  constexpr std::size_t kMost = 24;
+  constexpr std::size_t kMost = 24;  // bounds time
   const auto sessions_of = [](const VisualMap& map) {
     std::set<SessionId> sessions;
     for (const MappedKeyframe& keyframe : map.keyframes()) sessions.insert(keyframe.id.session);

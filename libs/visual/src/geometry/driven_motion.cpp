@@ -14,6 +14,7 @@ void go_on(DrivenMotion& driven, const std::optional<Pose3>& odometry_from_camer
 }
 
 Departure departure(const Station& from, const Station& to, const SessionOptions& options) {
+  // Allowed whatever the time and the motion.
   constexpr double kReach_m = 0.5, kOdometry_m = 0.3, kOdometry_rad = 0.1;
   if (!from.driven.odometry_from_camera || !to.driven.odometry_from_camera)
     return {(to.view.centre() - from.view.centre()).norm(),

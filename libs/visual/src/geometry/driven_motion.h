@@ -1,6 +1,6 @@
 #pragma once
 // How a camera came from one place to another, whatever the two look like: rooms may be alike to the last picture on
-// the wall, and then only the motion between them tells them apart.
+// the wall, and then only the motion between them distinguishes them.
 
 #include <mapweave/core/stamp.h>
 #include <mapweave/core/view.h>

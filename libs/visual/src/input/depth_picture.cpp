@@ -59,7 +59,7 @@ InverseDepths of_pair(const Frame& frame, const CameraRig& rig, double max_dispa
   constexpr int kSmall = 8,
                 kLarge = 32;  // of changes of disparity by 1 and by more: OpenCV's advice, per pixel of the block
   constexpr int kSpeckle = 100, kSameSurface = 2;  // surfaces of fewer pixels are chance; pixels of disparity
-  constexpr float kLeastDisparity_px = 1.0F;
+  constexpr float kLeastDisparity_px = 1.0F;       // depth beyond it is noise
   // The matcher leaves the first columns out that could lie beyond the right picture's rim: hence the padding.
   const int disparities = 16 * std::max(1, static_cast<int>(std::ceil(max_disparity * frame.grey.width / 16.0)));
   const auto matcher =
@@ -80,7 +80,7 @@ InverseDepths of_pair(const Frame& frame, const CameraRig& rig, double max_dispa
 
 // Planes are linear in inverse depth: what bends sharply is a step.
 std::vector<bool> steps_of(const InverseDepths& inverse, double sigma) {
-  constexpr float kShare = 0.03F;
+  constexpr float kShare = 0.03F;  // of the depth, between neighbours on one surface
   const auto noise = static_cast<float>(2.0 * sigma);
   std::vector<bool> steps(inverse.pixels.size(), true);
   for (int y = 1; y + 1 < inverse.height; ++y)

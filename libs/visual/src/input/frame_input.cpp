@@ -19,7 +19,8 @@ using mrpt::obs::CObservation3DRangeScan;
 using mrpt::obs::CObservationImage;
 using mrpt::obs::CObservationStereoImages;
 
-constexpr int kLeastSide = 64, kMostSide = 4096;
+constexpr int kLeastSide = 64,
+              kMostSide = 4096;  // smaller pictures have no coarse levels; larger ones take much memory
 
 Pose3 pose_of(const mrpt::poses::CPose3D& pose) {
   const mrpt::math::CQuaternionDouble q = [&] {

@@ -10,8 +10,8 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr double kLongestGap_s = 0.5;  // of samples: beyond it nothing is known of what lies between
-constexpr std::size_t kMostSamples = 4096;
+constexpr double kLongestGap_s = 0.5;       // of samples: beyond it nothing is known of what lies between
+constexpr std::size_t kMostSamples = 4096;  // bounds memory, at any rate of odometry
 
 template <class Samples>
 void forget_before(Samples& samples, Stamp stamp) {  // but the last one at or before it

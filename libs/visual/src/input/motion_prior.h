@@ -10,7 +10,7 @@ namespace mapweave::visual {
 
 class MotionPrior {
  public:
-  // Of one robot, in the order of stamps; whatever tells nothing of motion is passed over.
+  // Of one robot, in the order of stamps; whatever says nothing of motion is passed over.
   void add(const rawlog::Record& record);
   // Since the frame before, whose stamp it keeps. Odometry is preferred; its last motion is taken to go on until `now`.
   // nullopt at the first frame, and where nothing was received since the one before.

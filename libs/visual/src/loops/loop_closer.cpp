@@ -2,6 +2,7 @@
 
 #include "map_correction.h"
 
+#include <mapweave/maps/map_noise.h>
 #include <mapweave/matching/alignment_search.h>
 #include <mapweave/matching/visual_judge.h>
 
@@ -16,11 +17,12 @@ namespace {
 constexpr std::uint32_t kLatest = 10;       // keyframes that are no loop
 constexpr std::uint32_t kMemory = 10;       // keyframes for which a claim stands
 constexpr std::uint32_t kRemembered = 500;  // for which it is remembered, where nothing but claims can tie sessions
+// Most alike of all; places of them that are judged: bounds time.
 constexpr std::size_t kLookedUp = 12, kJudged = 2;
 constexpr std::size_t kCovisible = 4;  // keyframes that speak with the one that looks alike
-constexpr double kLeastAlike = 0.3;
+constexpr double kLeastAlike = 0.3;    // of the likeness of consecutive keyframes, as fusion.visual.least_alike
 constexpr double kTurnApart = 0.05, kApart_m = 1.0, kScaleApart = 0.15;  // the last of logarithms
-constexpr int kLeastShared = 15;
+constexpr int kLeastShared = kCovisibleMotion.least_shared;
 
 std::vector<int> with_covisible(const LandmarkMap& map, int number, std::size_t most) {
   std::vector<int> result{number};
@@ -270,6 +272,7 @@ std::optional<FoundLoop> VisualLoopCloser::compare(LandmarkMap& map, int newest,
 }
 
 Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop& loop) const {
+  // Radians, and logarithm of scale, that a loop may correct.
   constexpr double kTurn = 0.1, kTurnPerMetre = 0.01, kStretch = 1.0;
   const int here = map.keyframe(loop.newest).session, there = map.keyframe(loop.earlier).session;
   const double drift = options_.loops.drift;
@@ -278,7 +281,7 @@ Departure VisualLoopCloser::departure_of(const LandmarkMap& map, const FoundLoop
     const Eigen::Vector3d centre = map.keyframe(loop.newest).view.centre();
     const double path = path_between(map, loop.newest, loop.earlier);
     // A single camera that turns where it stands sees nothing new under two angles, and goes on at another scale. The
-    // loop tells which, and how far the way since then may have led astray.
+    // loop shows which, and how far the path since then may have drifted.
     const double stretch = std::abs(std::log(loop.scale)), reach_m = options_.loops.drift_m + (drift + stretch) * path;
     const bool as_expected = stretch < kStretch && angle_of(correction) < kTurn + kTurnPerMetre * path;
     return {as_expected ? (correction * centre - centre).norm() : std::numeric_limits<double>::infinity(), reach_m};

@@ -1,8 +1,8 @@
 #pragma once
 // The camera is back where it was long ago, or in a place that another session knows: keyframes that look alike are
 // judged (visual_judge.h), then compared landmark by landmark. Believed is what several keyframes say alike and what
-// the way between could have led to. What looks the same where the way cannot have led is another place: from then on,
-// nothing is believed that a step to such a place would explain as well.
+// the path between could have led to. What looks the same where the path cannot have led is another place: from then
+// on, nothing is believed that a step to such a place would explain as well.
 
 #include "tracking/landmark_finder.h"
 #include "tracking/place_finder.h"

@@ -62,8 +62,8 @@ MapCorrection::MapCorrection(const LandmarkMap& map, FoundLoop loop, double sigm
   scales_.assign(bundle_.views.size(), 1.0);
 }
 
-// A single camera that turns where it stands goes on at another scale. Wheels tell where that was: by keyframe, the
-// logarithm of what its lengths must grow by, as the three metres around it say that lie on the same side of such
+// A single camera that turns where it stands goes on at another scale. Wheels show where that was: by keyframe, the
+// logarithm of what its scale must grow by, as the three metres around it say that lie on the same side of such
 // places; all 0 where there is none, for wheels slip.
 std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   std::vector<double> stretches(keyframes_.size(), 0.0);
@@ -85,6 +85,7 @@ std::vector<double> MapCorrection::stretches_of(const LandmarkMap& map) const {
   const auto stretch_between = [&](std::size_t from, std::size_t to) {
     return std::log((driven_m[to] - driven_m[from]) / std::max(1e-9, mapped_m[to] - mapped_m[from]));
   };
+  // Path on either side; logarithm that slip explains; path that is averaged.
   constexpr double kDriven_m = 1.0, kSlip = 0.15, kSmooth_m = 3.0;
   struct Change {
     double size;
@@ -146,7 +147,7 @@ void MapCorrection::run() {
   }
   add_edge(earlier_, newest_, {between(poses[earlier_], pose_of(loop_.view)), loop_.scale},
            10.0 * static_cast<double>(loop_.matches.size()));
-  constexpr int kIterations = 50;
+  constexpr int kIterations = 50;  // as graph::solve() has unless asked otherwise
   if (monocular_) {
     std::vector<Sim3> similar;
     for (const Pose3& pose : poses) similar.push_back({pose, 1.0});

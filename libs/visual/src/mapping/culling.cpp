@@ -7,9 +7,10 @@ namespace {
 
 constexpr std::uint32_t kProbation = 2;  // keyframes after the one that made a landmark
 constexpr std::uint32_t kPatience = 15;  // keyframes: what none but the first of them saw is not found again
-constexpr int kLeastTries = 8;
-constexpr std::uint32_t kStaying = 3;  // newest keyframes
-constexpr int kAsked = 60;             // keyframes at once
+constexpr int kLeastTries = 8;           // of fewer, a share says nothing
+constexpr std::uint32_t kStaying = 3;    // newest keyframes
+constexpr int kAsked = 60;               // keyframes at once
+// Two landmarks that are one: pixels on the feature's level, share of the depth.
 constexpr double kSamePixel = 1.5, kSameDepth = 0.05;
 
 // How many landmarks of a keyframe fewer than `views` others see at least as finely, and how many landmarks it has.
@@ -116,7 +117,7 @@ std::size_t thin_frames(LandmarkMap& map, std::size_t most) {
 
 void fuse_duplicates(LandmarkMap& map, const std::vector<int>& keyframes, const std::vector<Match>& matches,
                      const Pyramid& picture, const View& view) {
-  constexpr int kCell = 8;
+  constexpr int kCell = 8;  // pixels of a bin: speed alone
   const int columns = map.camera.width / kCell + 1, rows = map.camera.height / kCell + 1;
   std::vector<const Match*> shown(static_cast<std::size_t>(columns * rows), nullptr);
   std::vector<char> known(map.landmarks.size(), 0);

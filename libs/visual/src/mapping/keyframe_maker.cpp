@@ -13,6 +13,7 @@
 namespace mapweave::visual {
 namespace {
 
+// Cosine and ratio within which a patch looks the same.
 constexpr double kSameDirection = 0.94, kSameRange = 1.55;
 
 // Keeps how the landmark looks from here where it has not been seen from about here.
@@ -49,7 +50,7 @@ double middle_depth_of(const LandmarkMap& map, const View& view, const std::vect
 // Depths of the features: read where there is a depth camera, else of the landmark next to each.
 std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures& features, const Frame& frame,
                              const DepthMeter& meter, const View& view, const std::vector<Match>& matches) {
-  constexpr double kNear_px = 4.0;
+  constexpr double kNear_px = 4.0;  // from a feature to the landmark that is taken for it
   std::vector<float> depths;
   for (const matching::FeaturePoint& point : features.points) {
     const Eigen::Vector2d pixel(static_cast<double>(point.u_px), static_cast<double>(point.v_px));
@@ -70,8 +71,8 @@ std::vector<float> depths_of(const LandmarkMap& map, const matching::OrbFeatures
 }
 
 bool is_moving(const Eigen::Vector2d& pixel, const std::vector<Eigen::Vector2d>& dynamic_outliers) {
-  constexpr double kNear_px = 50.0;
-  constexpr int kSeveral = 3;
+  constexpr double kNear_px = 50.0;  // of a person some metres away
+  constexpr int kSeveral = 3;        // single outliers are wrong matches
   int near = 0;
   for (const Eigen::Vector2d& outlier : dynamic_outliers) near += (outlier - pixel).squaredNorm() < kNear_px * kNear_px;
   return near >= kSeveral;

@@ -24,7 +24,7 @@ void strike(std::vector<int>& list, int id) { list.erase(std::remove(list.begin(
 
 // A landmark lives for hours, and would keep room for the most keyframes that ever saw it at once.
 void give_back_room(std::vector<Observation>& seen) {
-  constexpr std::size_t kSpare = 4;
+  constexpr std::size_t kSpare = 4;  // sightings of room that are worth no copy
   if (seen.capacity() > 2 * seen.size() + kSpare) seen.shrink_to_fit();
 }
 
@@ -44,7 +44,7 @@ View frame_from_keyframe(const AnchoredFrame& frame) {
 }
 
 Eigen::Vector2d LandmarkMap::slack_of(const Landmark& seen, const View& view) const {
-  constexpr double kStep = 0.01;
+  constexpr double kStep = 0.01;  // of the distance, for a derivative by differences
   const Eigen::Vector3d from_first = seen.point - keyframe(seen.seen.front().keyframe).view.centre();
   const Eigen::Vector3d here = view * seen.point, there = here + kStep * (view.rotation * from_first);
   if (!(here.z() > 0.05 && there.z() > 0.05)) return Eigen::Vector2d::Zero();

@@ -56,9 +56,9 @@ struct Landmark {
 };
 
 inline constexpr std::size_t kSettled =
-    3;  // keyframes that see a landmark whose depth was learnt tell it better than that
+    3;  // keyframes that see a landmark whose depth was learnt measure it better than that
 
-// Whether it may tell where a camera is that knows nothing else.
+// Whether it may place a camera that knows nothing else.
 inline bool is_known(const Landmark& landmark) {
   return landmark.share_unknown < 0.15 || landmark.seen.size() >= kSettled;
 }
@@ -178,6 +178,6 @@ std::vector<CovisibleKeyframe> most_first(
 int first_of(const LandmarkMap& map, int session);  // the earliest keyframe; -1 without any
 int newest_of(const LandmarkMap& map, int session);
 
-inline constexpr std::size_t kMostAppearances = 4;
+inline constexpr std::size_t kMostAppearances = 4;  // patches of a landmark, seen from different views: bounds memory
 
 }  // namespace mapweave::visual

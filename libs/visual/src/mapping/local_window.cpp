@@ -14,7 +14,7 @@ graph::CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& op
   graph::CalibrationPrior prior;
   if (options.learn_readout) prior.readout_step_s = 0.002, prior.readout_s = 0.02;
   if (options.learn_depth_offset && !map.monocular) {
-    constexpr double kBaselineOfDepthCameras_m = 0.075;
+    constexpr double kBaselineOfDepthCameras_m = 0.075;  // as kInverseDepthSigma_per_m (maps/map_noise.h)
     const double pixel = 1.0 / (map.camera.fx * (map.baseline_m > 0 ? map.baseline_m : kBaselineOfDepthCameras_m));
     prior.inverse_depth_step = 0.02 * pixel, prior.inverse_depth = 0.2 * pixel;
   }
@@ -23,7 +23,7 @@ graph::CalibrationPrior prior_of(const LandmarkMap& map, const WindowOptions& op
 
 constexpr int kNoView = -1;
 
-// Whether the window's views tell where the landmark is.
+// Whether the window's views determine where the landmark is.
 bool is_held(const Landmark& landmark, const std::vector<int>& view_of_keyframe, bool knows_depth) {
   if (landmark.borrowed) return true;
   int views = 0;
@@ -60,7 +60,7 @@ void adjust_window(LandmarkMap& map, int newest, const WindowOptions& options) {
 
   const int session = map.keyframe(newest).session, first = first_of(map, session);
   const bool is_reanchored = map.is_reanchored(session);
-  // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others tell.
+  // Depths learnt from the camera's own motion err together with it: they say nothing of the scale that others give.
   const bool knows_depth = !(map.monocular && is_reanchored && held_by_borrowed);
   for (int number : chosen) add_view(number, number == first && !(is_reanchored && held_by_borrowed));
   std::vector<int> counts(map.keyframes.size(), 0);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uint32_t kMostKeyframes = 10;  // that a candidate waits
 constexpr int kMostMisses = 15;               // looks without success, more than those with
-constexpr std::size_t kMostCandidates = 600;
+constexpr std::size_t kMostCandidates = 600;  // the newest; bounds the time of a frame
 // Sigma of the inverse depth as a share of it: of a landmark, and where no more is learnt. While the camera turns on
 // the spot, landmarks leave the picture and no depth is learnt: then those of any depth hold its direction.
 constexpr double kRoughlyKnown = 0.35, kKnown = 0.05;

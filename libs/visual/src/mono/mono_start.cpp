@@ -9,7 +9,7 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kLeastTracks = 50;
+constexpr std::size_t kLeastTracks = 50;   // fewer begin no map: another picture becomes the first
 constexpr double kLeastKept = 0.5;         // of the tracks, before another first picture is taken
 constexpr double kLeastShift = 0.01;       // median motion of the tracks worth a try, in focal lengths
 constexpr double kMiddleDepth_m = 1.0;     // where nothing tells scale

@@ -1,6 +1,6 @@
 #pragma once
 // The first two keyframes of a camera that measures no depth: corners of a first picture are followed until the camera
-// has moved far enough to tell how far they are.
+// has moved far enough to measure their distance.
 
 #include "mapping/keyframe_maker.h"
 

@@ -186,7 +186,7 @@ int count_in_front(const std::vector<RayPair>& rays, const View& motion, const T
 }
 
 bool is_alike(const View& a, const View& b) {
-  constexpr double kTurn_rad = 0.03, kDirection = 0.97;
+  constexpr double kTurn_rad = 0.03, kDirection = 0.97;  // within which two motions are one
   return Eigen::AngleAxisd(a.rotation.transpose() * b.rotation).angle() < kTurn_rad &&
          a.translation.dot(b.translation) > kDirection;
 }
@@ -197,7 +197,7 @@ std::optional<Vector3d> meet(const Vector3d& ray_in_first, const Vector3d& ray_i
                              const View& second_from_first) {
   const Vector3d a = ray_in_second.cross(second_from_first.rotation * ray_in_first),
                  b = ray_in_second.cross(second_from_first.translation);
-  // a + inverse_depth * b = 0: well told by both ends only where neither is near to nothing.
+  // a + inverse_depth * b = 0: well determined by both ends only where neither is near to nothing.
   const double inverse_depth = -a.dot(b) / b.squaredNorm();
   if (!(inverse_depth > 1e-6 && std::isfinite(inverse_depth))) return std::nullopt;
   const Vector3d point = ray_in_first / (inverse_depth * ray_in_first.z());
@@ -221,7 +221,7 @@ std::vector<View> motions_of_homography(const Matrix3d& homography) {
   const double middle = std::sqrt(std::max(raw.eigenvalues()[1], 1e-30));
   const Matrix3d h = homography / (homography.determinant() < 0 ? -middle : middle);
   const double greatest = raw.eigenvalues()[2] / (middle * middle), least = raw.eigenvalues()[0] / (middle * middle);
-  constexpr double kRotationAlone = 1e-8;
+  constexpr double kRotationAlone = 1e-8;  // between squared singular values: they are equal, so nothing moved
   if (greatest - least < kRotationAlone || greatest < 1.0 || least > 1.0) return {};
   Vector3d v1 = raw.eigenvectors().col(2), v2 = raw.eigenvectors().col(1), v3 = raw.eigenvectors().col(0);
   if (v1.cross(v2).dot(v3) < 0) v3 = -v3;

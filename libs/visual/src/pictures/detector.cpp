@@ -6,7 +6,7 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kHalf = 4, kBorder = 14;
+constexpr int kHalf = 4, kBorder = 14;  // pixels of a corner's window, and that a patch and its warp need
 
 // Shi and Tomasi, CVPR 1994.
 double strength_at(const GreyImage& image, int cx, int cy) {

@@ -84,7 +84,7 @@ std::optional<PatchMatch> align_patch(const WarpedPatch& patch, const GreyImage&
               start_y = static_cast<float>(at_level(start.y(), patch.level));
   float x = start_x, y = start_y, bias = 0;
   std::array<float, kCount> current;
-  constexpr int kMostSteps = 12;
+  constexpr int kMostSteps = 12;  // of Gauss-Newton: bounds time; it ends before once it settles
   bool at_rest = false;
   for (int step = 0; step < kMostSteps; ++step) {
     const float left = x - (kAlignHalf - 0.5F), top = y - (kAlignHalf - 0.5F);

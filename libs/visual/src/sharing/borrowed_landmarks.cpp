@@ -6,11 +6,11 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr std::size_t kMost = 3000;
-constexpr std::uint32_t kPatience = 30;  // keyframes out of view
-constexpr int kMostFailures = 5;
-constexpr int kLeastTries = 8;
-constexpr double kFoundShare = 0.3;
+constexpr std::size_t kMost = 3000;                          // bounds memory and time of a client
+constexpr std::uint32_t kPatience = 30;                      // keyframes out of view
+constexpr int kMostFailures = 5;                             // keyframes without it; then it is forgotten
+constexpr int kLeastTries = 8;                               // of fewer, a share says nothing
+constexpr double kFoundShare = 0.3;                          // below which it is not where it should be
 constexpr double kLeastCosine = 0.5, kMostRangeRatio = 2.5;  // of how it was seen by others
 constexpr double kBorder = 8.0;                              // pixels
 

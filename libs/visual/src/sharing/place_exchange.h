@@ -28,7 +28,7 @@ class PlaceExchange {
   std::deque<UnplacedFrame> asked_;
 };
 
-// Landmarks of the session that the frame shows around `view`, as matches, and the view that they tell: nullopt where
+// Landmarks of the session that the frame shows around `view`, as matches, and the view that they imply: nullopt where
 // they do not agree. Those that it does not show are no landmarks of the map afterwards.
 struct CheckedPlace {
   View view;

@@ -7,8 +7,9 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kTriesPerCell = 4;
-constexpr double kBorder = 8.0;  // pixels
+constexpr int kTriesPerCell = 4;  // of the best landmarks of a cell: bounds time
+constexpr double kBorder = 8.0;   // pixels
+// Cosine and distance between views that show the same.
 constexpr double kSameDirection = 0.8, kSamePlace_m = 1.0;
 
 // The appearance from the view most like this one: nullptr where none is.
@@ -51,7 +52,7 @@ Eigen::Matrix2d warp_to(const Pinhole& camera, const Eigen::Vector2d& pixel, int
 std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmark& landmark, const Pyramid& picture,
                                            const View& view, const Eigen::Vector2d& start) {
   if (picture.features) {
-    constexpr double kNear_px = 4.0;
+    constexpr double kNear_px = 4.0;  // from where the feature is expected
     const int feature = picture.features->find(
         landmark.descriptor, start, kNear_px, std::vector<char>(static_cast<std::size_t>(picture.features->size()), 0));
     if (feature < 0) return std::nullopt;
@@ -59,6 +60,7 @@ std::optional<FoundLandmark> find_landmark(const LandmarkMap& map, const Landmar
   }
   const auto warped = expected_look(map, landmark, view);
   if (!warped) return std::nullopt;
+  // Pixels that an alignment may move; correlation, as options.min_correlation.
   constexpr float kReach = 2.0F, kAlike = 0.85F;
   const auto match = align_patch(*warped, picture[warped->level], start, kReach);
   if (!match || match->correlation < kAlike) return std::nullopt;
@@ -70,7 +72,7 @@ std::vector<int> near_keyframes(const LandmarkMap& map, int session, const std::
   std::vector<int> shared(map.keyframes.size(), 0);
   for (const Match& match : matches)
     for (const Observation& o : map.landmark(match.landmark).seen) ++shared[static_cast<std::size_t>(o.keyframe)];
-  constexpr int kShared = 8;
+  constexpr int kShared = 8;              // landmarks by which a keyframe is covisible
   constexpr double kMeritOfPlace = 60.0;  // in shared landmarks
   std::vector<std::pair<double, int>> order;
   const Eigen::Vector3d centre = view.centre(), ahead = view.rotation.row(2);

@@ -5,9 +5,9 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr int kMostBits = 70;
-constexpr double kClearlyNearer = 0.85;
-constexpr int kLeastFeatures = 12;
+constexpr int kMostBits = 70;            // of 256, in which descriptors of one landmark differ
+constexpr double kClearlyNearer = 0.85;  // than the second nearest (Lowe's test)
+constexpr int kLeastFeatures = 12;       // that agree on a pose
 
 Eigen::Vector2d pixel_of(const matching::FeaturePoint& point) {
   return {static_cast<double>(point.u_px), static_cast<double>(point.v_px)};

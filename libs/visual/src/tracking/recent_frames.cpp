@@ -5,7 +5,7 @@
 namespace mapweave::visual {
 namespace {
 
-constexpr double kRecent_s = 1.0;
+constexpr double kRecent_s = 1.0;  // of frames that odometry is compared with
 constexpr double kTorn =
     0.75;  // with a smaller share of landmarks where they should be, a frame does not know where it is
 

@@ -30,7 +30,8 @@ class RecentFrames {
   std::deque<Recent> frames_;
 };
 
-// A session's keyframes after `stamp`, and what is known of frames there; `removing` hears of each keyframe before.
+// A session's keyframes after `stamp`, and what is known of frames there; `removing` is called with each keyframe
+// before.
 void remove_since(LandmarkMap& map, int session, Stamp stamp, const std::function<void(int)>& removing);
 
 }  // namespace mapweave::visual

@@ -1,6 +1,6 @@
 #pragma once
 // Errors of a trajectory against a reference: absolute (ATE: where each pose should have been) and relative (RPE: how
-// much each piece of the way drifts). Sturm et al., IROS 2012; the numbers agree with evo's `evo_ape` and `evo_rpe`
+// much each piece of the path drifts). Sturm et al., IROS 2012; the numbers agree with evo's `evo_ape` and `evo_rpe`
 // (test/data/evo).
 
 #include <mapweave/evaluation/alignment.h>
@@ -38,7 +38,7 @@ enum class DeltaUnit { frames, metres };
 
 struct RelativeErrorOptions {
   double delta = 1.0;                  // length of the pieces; frames: a whole number
-  DeltaUnit unit = DeltaUnit::frames;  // metres: of the way that the estimate went
+  DeltaUnit unit = DeltaUnit::frames;  // metres: of the path that the estimate went
   bool all_pairs = false;              // pieces from every pose; otherwise one begins where the last ends
   double relative_tolerance = 0.1;     // all pairs, metres: a piece's length may be off by this share of delta
   template <class Visitor>

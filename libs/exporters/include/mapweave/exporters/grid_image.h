@@ -36,7 +36,7 @@ struct PictureMark {
   double x_m = 0.0, y_m = 0.0, radius_m = 0.0;  // in the map's frame; small ones are drawn large enough to be seen
 };
 
-// The known part of the grid (single rays that leave it are cut off) with each robot's way in a colour of its own
+// The known part of the grid (single rays that leave it are cut off) with each robot's trajectory in its colour
 // (colour-blind-safe up to 8 robots; names stand by the starts), start (ring) and end (square), a legend and a scale
 // bar. The colour of a robot follows from its place among the RobotIds present. Contract: the grid has cells.
 std::string map_picture_png(const OccupancyGrid&, const std::vector<SessionTrajectory>&, const PictureOptions& = {},

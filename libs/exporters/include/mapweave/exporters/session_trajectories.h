@@ -1,5 +1,5 @@
 #pragma once
-// The ways that a map's robots went.
+// The trajectories of a map's robots.
 
 #include <mapweave/core/stamped_pose.h>
 #include <mapweave/maps/map.h>

@@ -4,8 +4,8 @@
 
 #include <mapweave/core/progress.h>
 #include <mapweave/core/worker_pool.h>
+#include <mapweave/fusion/bag_of_words_cache.h>
 #include <mapweave/fusion/fusion_options.h>
-#include <mapweave/fusion/pictures.h>
 #include <mapweave/maps/judgement.h>
 #include <mapweave/maps/map.h>
 
@@ -48,11 +48,11 @@ struct FusionInput {
   // maps that are most like it; and keyframes of a team that grows stay where they were adjusted, unless what is new
   // says that they lie elsewhere.
   std::vector<PreviousMerge> teams = {};
-  // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Hearsay: these pairs are judged
-  // first, as all others are, and sightings count in the bundle where keyframes that were found to see the same told
-  // them. What names nothing known is left out.
+  // Landmarks of one map that keyframes of another say they saw (MapUpdate::borrowed). Unverified: these pairs are
+  // judged first, as all others are, and sightings count in the bundle where keyframes that were found to see the same
+  // claimed them. What names nothing known is left out.
   std::vector<LandmarkChange> borrowed = {};
-  std::shared_ptr<Pictures> pictures = std::make_shared<Pictures>();  // to be kept for the next merge
+  std::shared_ptr<BagOfWordsCache> pictures = std::make_shared<BagOfWordsCache>();  // to be kept for the next merge
   std::set<std::pair<MapId, MapId>> refused =
       {};                             // never to be matched to each other, the lower id first; unknown ids say nothing
   std::vector<MapPrior> priors = {};  // for lasers; at most one of two maps counts. Unknown ids say nothing
@@ -62,9 +62,9 @@ struct FusionInput {
 struct Component {
   Map map;  // all members' content under the fused belief; frame: the map frame of the member with the lowest id
   std::vector<MapId> members;  // sorted
-  // Of each member's map frame after fusion, by its first node. Where lengths grew, of what cameras saw and of where
-  // they were: a point of the map, times the scale, lies there; robots are under their cameras, which sit on them in
-  // metres whatever lengths the map has.
+  // Of each member's map frame after fusion, by its first node. Where the scale changed, of what cameras saw and of
+  // where they were: a point of the map, times the scale, lies there; robots are under their cameras, which sit on them
+  // in metres whatever the map's scale.
   Table<MapId, Pose3> team_from_map;
   Table<MapId, double>
       scales;  // of members that were rescaled: one camera does not know its scale, and a grid's may be wrong

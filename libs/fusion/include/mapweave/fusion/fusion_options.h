@@ -36,7 +36,7 @@ struct VisualFusionOptions {
               "same place are "
               "not compared");
     v.integer(
-        "companions", covisible, 0, 100,
+        "covisible", covisible, 0, 100,
         "number of covisible keyframes that are added to each side when two keyframes of different maps are compared");
     v.fraction("least_alike", least_alike,
                "least similarity of two keyframes to be compared, as a share of the similarity of consecutive "

@@ -27,7 +27,7 @@ struct SpatialSolution {
 SpatialSolution solve(const std::vector<Pose3>& initial, const std::vector<SpatialEdge>& edges, int iterations = 50,
                       std::uint32_t fixed = 0);
 
-// The same where lengths drift too, as one camera's do: a pose's own lengths are `scale` times as long in the graph's
+// The same where scale drifts too, as one camera's does: a pose's own metres are `scale` times as long in the graph's
 // frame (Strasdat, Montiel, Davison: Scale Drift-Aware Large Scale Monocular SLAM, RSS 2010).
 struct SimilarityEdge {
   std::uint32_t from = 0, to = 0;

@@ -8,7 +8,7 @@
 
 namespace mapweave::laser {
 
-// Variances grow with the way, as a random walk's do, so that a chain of constraints means the same however dense its
+// Variances grow with the path, as a random walk's do, so that a chain of constraints means the same however dense its
 // nodes are.
 struct MotionNoiseOptions {
   double m_per_sqrt_m = 0.02;
@@ -62,7 +62,7 @@ struct TrackedScan {
 };
 
 // A node per scan, numbered from 0 in their order; constraints scan_match and (where wheels measured) odometry between
-// neighbours; submaps of submap_length_m along the way, each half overlapping the one before, all frozen. The map's
+// neighbours; submaps of submap_length_m along the path, each half overlapping the one before, all frozen. The map's
 // frame becomes the first scan's pose. Memory: the scans that become content, and about 500 bytes a scan.
 Map cut_into_submaps(const MapId&, const SessionId&, std::vector<TrackedScan> scans, const SubmapCutterOptions& = {});
 

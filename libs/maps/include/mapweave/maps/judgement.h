@@ -111,7 +111,7 @@ struct TeamMerge {
 // Two maps that lie in one team map, whether they were matched to each other or not.
 struct InOneMap {
   Sim3 a_from_b;               // as that map has them
-  std::vector<MapId> through;  // the maps between them on the shortest way of matched pairs that is not their own;
+  std::vector<MapId> through;  // the maps between them on the shortest path of matched pairs that is not their own;
                                // empty: there is none
 };
 

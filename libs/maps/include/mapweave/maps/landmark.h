@@ -21,7 +21,8 @@ inline auto key_of(const LandmarkId& id) {
 std::string to_string(const LandmarkId&);  // ".../landmark 12"
 
 // Where a keyframe saw it: packed as KeyframePoint is. It need not be one of the keyframe's features: it is where the
-// landmark was found, to a fraction of a pixel, freed of what is known of the sensor's flaws (the readout of its rows).
+// landmark was found, to a fraction of a pixel, freed of what is known of the sensor's systematic errors (the readout
+// of its rows).
 struct LandmarkSighting {
   NodeId node;
   std::uint16_t u = 0, v = 0;

@@ -28,7 +28,7 @@ inline Eigen::Matrix3d submap_bend_covariance() { return Eigen::Vector3d(2.5e-3,
 // A camera's map, from one keyframe to a covisible one: millimetres that each keyframe is off by itself, and a share of
 // the motion. The graph of one robot's cameras and that of a team move the same keyframes against each other.
 struct CovisibleMotionNoise {
-  double step_m = 0.006, step_share = 0.015, step_rad = 0.003;
+  double sigma_m = 0.006, sigma_per_m = 0.015, sigma_rad = 0.003;
   int least_shared = 15;  // landmarks: fewer hold two keyframes badly
 };
 inline constexpr CovisibleMotionNoise kCovisibleMotion{};

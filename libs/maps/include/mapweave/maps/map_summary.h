@@ -1,6 +1,6 @@
 #pragma once
-// What a coordinator needs to know of a map to tell what it shares with others (RecSLAM V, "Parameter profiling"): some
-// hundred bytes for a floor, whatever the map holds.
+// What a coordinator needs to know of a map to estimate what it shares with others (RecSLAM V, "Parameter profiling"):
+// some hundred bytes for a floor, whatever the map holds.
 
 #include <array>
 #include <cstddef>
@@ -15,7 +15,7 @@ struct MapSummary {
   static constexpr std::int64_t kMostCells = 1 << 22;  // a quarter of a square kilometre
   static constexpr std::size_t kMostLooks = 64;
   enum class Cell : std::uint8_t { unknown = 0, free = 1, wall = 2 };
-  // How the place looks around a point of the robot's way: walls by ring of distance. Does not change with heading.
+  // How the place looks around a point of the robot's path: walls by ring of distance. Does not change with heading.
   struct Look {
     static constexpr int kRings = 14;
     static constexpr double kRing_m = 0.75;

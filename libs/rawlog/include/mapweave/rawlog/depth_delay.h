@@ -8,7 +8,7 @@
 
 namespace mapweave::rawlog {
 
-// Depth after colour, in nanoseconds; negative: before. 0 where the log does not tell.
+// Depth after colour, in nanoseconds; negative: before. 0 where the log does not say.
 // Form: the range image layer "depth_delay_ns" of 2 x 2 cells, which hold the number's 64 bits, the low 16 first; none
 // for 0. (A square, because MRPT swaps rows and columns of layers between writing and reading.)
 std::int64_t depth_delay_ns(const mrpt::obs::CObservation3DRangeScan&);

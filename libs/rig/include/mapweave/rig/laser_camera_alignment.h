@@ -12,9 +12,9 @@ namespace mapweave::rig {
 
 struct LaserCameraOptions {
   double longest_gap_s = 1.0;
-  double tie_m = 0.02, tie_rad = 0.01;
+  double extrinsic_sigma_m = 0.02, extrinsic_sigma_rad = 0.01;
   // Softer than in a rig (maps/map_noise.h): here the laser gives the shape, and cameras follow.
-  double step_m = 0.02, step_share = 0.02, step_rad = 0.012;
+  double covisibility_sigma_m = 0.02, covisibility_sigma_per_m = 0.02, covisibility_sigma_rad = 0.012;
   int least_shared = kCovisibleMotion.least_shared;
   template <class Visitor>
   void describe(Visitor& v) {
@@ -22,21 +22,21 @@ struct LaserCameraOptions {
                "longest time in seconds between the two scans around a keyframe for the keyframe to be constrained to "
                "the laser's "
                "trajectory");
-    v.positive("tie_m", tie_m,
+    v.positive("extrinsic_sigma_m", extrinsic_sigma_m,
                "standard deviation in metres between a keyframe and the laser's interpolated pose at its time: errors "
                "of extrinsics, "
                "stamps and interpolation");
-    v.positive("tie_rad", tie_rad,
+    v.positive("extrinsic_sigma_rad", extrinsic_sigma_rad,
                "standard deviation in radians between the heading of a keyframe and of the laser's interpolated pose "
                "at its time");
-    v.positive("step_m", step_m,
+    v.positive("covisibility_sigma_m", covisibility_sigma_m,
                "standard deviation in metres of the motion between two covisible keyframes in the joint graph of laser "
                "and cameras");
-    v.non_negative("step_share", step_share,
+    v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
                    "standard deviation of the motion between two covisible keyframes as a share of its length, added "
-                   "to step_m, in the "
+                   "to covisibility_sigma_m, in the "
                    "joint graph of laser and cameras");
-    v.positive("step_rad", step_rad,
+    v.positive("covisibility_sigma_rad", covisibility_sigma_rad,
                "standard deviation in radians of the rotation between two covisible keyframes in the joint graph of "
                "laser and cameras");
     v.integer("least_shared", least_shared, 1, 100000,

@@ -19,11 +19,11 @@ struct RigOptions {
   double longest_gap_s = 1.0;
   double least_common_s = 1.0;
   double threshold_m = 0.01, threshold_rad = 0.005;
-  double tie_m = 0.004, tie_rad = 0.002;
+  double extrinsic_sigma_m = 0.004, extrinsic_sigma_rad = 0.002;
   double acceleration_m_per_s2 = 0.5, acceleration_rad_per_s2 = 1.0;
-  double step_m = kCovisibleMotion.step_m, step_share = kCovisibleMotion.step_share,
-         step_rad = kCovisibleMotion.step_rad;
-  double step_scale = 0.05;
+  double covisibility_sigma_m = kCovisibleMotion.sigma_m, covisibility_sigma_per_m = kCovisibleMotion.sigma_per_m,
+         covisibility_sigma_rad = kCovisibleMotion.sigma_rad;
+  double covisibility_sigma_scale = 0.05;
   double wheels_share = 0.02;
   int least_shared = kCovisibleMotion.least_shared;
   double wrong_m = 0.05, wrong_share = 0.12, wrong_rad = 0.05;
@@ -46,10 +46,10 @@ struct RigOptions {
                "the rig's pose graph is optimised where two of its cameras disagree about the robot's heading by more "
                "than this angle in "
                "radians");
-    v.positive("tie_m", tie_m,
+    v.positive("extrinsic_sigma_m", extrinsic_sigma_m,
                "standard deviation in metres of an extrinsic constraint between two cameras of a rig: errors of "
                "extrinsics and of stamps");
-    v.positive("tie_rad", tie_rad,
+    v.positive("extrinsic_sigma_rad", extrinsic_sigma_rad,
                "standard deviation in radians of the heading of an extrinsic constraint between two cameras of a rig: "
                "errors of "
                "extrinsics and of stamps");
@@ -61,17 +61,17 @@ struct RigOptions {
                "angular acceleration of the robot in rad/s^2 between the two poses that a virtual keyframe is "
                "interpolated from; larger "
                "values trust interpolation less");
-    v.positive("step_m", step_m,
+    v.positive("covisibility_sigma_m", covisibility_sigma_m,
                "standard deviation in metres of the motion between two covisible keyframes of one camera; larger "
                "values let the rig's "
                "pose graph bend the camera's map more");
-    v.non_negative("step_share", step_share,
+    v.non_negative("covisibility_sigma_per_m", covisibility_sigma_per_m,
                    "standard deviation of the motion between two covisible keyframes of one camera as a share of its "
                    "length, added to "
-                   "step_m");
-    v.positive("step_rad", step_rad,
+                   "covisibility_sigma_m");
+    v.positive("covisibility_sigma_rad", covisibility_sigma_rad,
                "standard deviation in radians of the rotation between two covisible keyframes of one camera");
-    v.positive("step_scale", step_scale,
+    v.positive("covisibility_sigma_scale", covisibility_sigma_scale,
                "standard deviation of the relative scale between two covisible keyframes of a monocular camera, whose "
                "scale drifts");
     v.positive("wheels_share", wheels_share,
@@ -94,7 +94,7 @@ struct RigOptions {
                "largest share of contradicting motions at which the maps of two cameras are merged; more mean wrong "
                "extrinsics, and the "
                "maps stay apart");
-    v.section("way", trajectory, "the robot's trajectory averaged over its cameras");
+    v.section("trajectory", trajectory, "the robot's trajectory averaged over its cameras");
   }
 };
 

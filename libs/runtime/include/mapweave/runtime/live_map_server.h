@@ -23,11 +23,11 @@ struct LiveServerOptions {
   template <class Visitor>
   void describe(Visitor& v) {
     v.integer("handlers", handlers, 1, 64, "threads that handle what clients say");
-    v.integer("joining_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
-    v.fraction("joining_share", merge_share,
+    v.integer("merge_threads", merge_threads, 1, 64, "threads that merge maps, at a lower priority than the others");
+    v.fraction("merge_share", merge_share,
                "largest share of the time that maps are merged: the next merge waits until then");
     v.integer("queue_kb", queue_kb, 64, 1 << 20,
-              "of one client, that may wait to be handled; it is told to repeat the rest later");
+              "of one client, that may wait to be handled; it is asked to repeat the rest later");
     v.integer("answers_kb", answers_kb, 64, 1 << 20,
               "that may wait until a client takes them; nothing is shared with it meanwhile");
     v.integer("journal_kb", journal_kb, 1, 1 << 30,

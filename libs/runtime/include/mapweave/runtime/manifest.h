@@ -23,7 +23,7 @@ struct InputFile {
 Hash hash_of_input(const std::filesystem::path& log);
 
 // Of the files below `folder` (manifest.json left out). Two runs on the same inputs give the same manifest but for
-// "outputs_with_times": files that tell how long things took.
+// "outputs_with_times": files that say how long things took.
 nlohmann::ordered_json manifest_json(const std::string& verb, std::uint64_t seed, const std::vector<InputFile>& inputs,
                                      const std::filesystem::path& folder);
 

@@ -250,7 +250,8 @@ struct RunConfiguration {
               "the camera map server of each edge, with which cameras exchange maps while they drive");
     v.section("uplink", uplink, "what a camera client sends to its camera map server");
     v.section("rig", rig, "merging the maps of several cameras of one robot");
-    v.section("bind", laser_cameras, "aligning a robot's laser map and camera maps in one pose graph (sensor: all)");
+    v.section("laser_camera_alignment", laser_cameras,
+              "aligning a robot's laser map and camera maps in one pose graph (sensor: all)");
     v.section("compose", compose, "drawing occupancy grids from scans");
     v.section("output", output, "files that are written beside each map.mwdb");
   }

@@ -1,5 +1,5 @@
 #pragma once
-// How much do two maps share, as far as their summaries tell (RecSLAM IV-A, V)? Guesses for scheduling: no map is
+// How much do two maps share, as far as their summaries show (RecSLAM IV-A, V)? Guesses for scheduling: no map is
 // merged by them. Pure functions; thread-safe.
 
 #include <mapweave/core/geometry.h>
@@ -20,7 +20,7 @@ struct Waypoint {
 // What scans, keyframes' landmarks and grids of the map show. Empty for an empty map, and for one of more than
 // kMostCells.
 MapSummary summary_of(const Map&);
-// Before there is a map: what a robot that announces its way will have seen within `range_m` of it. In the team's
+// Before there is a map: what a robot that announces its route will have seen within `range_m` of it. In the team's
 // frame.
 MapSummary summary_of_route(const std::vector<Waypoint>&, double range_m);
 

@@ -48,7 +48,7 @@ Problem read_problem(const std::filesystem::path&);
 Problem parse_problem(std::string_view json, const std::string& where);
 
 // How many robots each group takes, largest first, groups of 0 left out: as equal as capacities allow, within one where
-// none binds; never more groups than robots. Throws Error kBadInput where capacities cannot hold everyone.
+// none is reached; never more groups than robots. Throws Error kBadInput where capacities cannot hold everyone.
 std::vector<std::uint32_t> group_sizes(const Problem&, const std::string& where = {});
 
 }  // namespace mapweave::scheduling

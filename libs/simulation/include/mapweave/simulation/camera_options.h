@@ -47,7 +47,7 @@ struct DepthNoiseOptions {
     v.number("shadow_m", shadow_m, 0.0, 0.5, "or where a projector this far to the camera's right throws no light");
     v.fraction("dropouts", dropouts, "share of pixels without a depth for no reason");
     v.number("offset_ms", offset_ms, 0.0, 20.0,
-             "the depth is taken up to this long before or after the colour, drifting by 1 ms/s; a TUM folder tells "
+             "the depth is taken up to this long before or after the colour, drifting by 1 ms/s; a TUM folder has "
              "its stamp, a rawlog "
              "cannot");
   }

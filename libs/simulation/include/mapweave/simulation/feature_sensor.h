@@ -41,7 +41,7 @@ struct FeatureOptions {
              "standard deviation on the lowest level; grows with the octave's factor");
     v.fraction("flipped_bits", flipped_bits, "share of a descriptor's bits that are wrong in a frame");
     v.fraction("missed", missed, "share of visible landmarks that a frame does not find");
-    v.fraction("strays", outliers, "features that no landmark stands behind, as a share of the others");
+    v.fraction("outliers", outliers, "features that no landmark stands behind, as a share of the others");
   }
 };
 

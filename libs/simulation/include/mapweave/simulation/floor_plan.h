@@ -115,7 +115,7 @@ struct RoomRowOptions {
     v.number("corridor_width_m", corridor_width_m, 1.2, 10.0, "distance of the corridor's walls");
     v.number("door_width_m", door_width_m, 0.7, 1.5, "free width of doors");
     v.integer("furniture", furniture, 0, 20, "pieces in a room at most");
-    v.integer("clutter", clutter, 0, 2000, "boxes along the corridor's outer wall, which tell the rooms apart");
+    v.integer("clutter", clutter, 0, 2000, "boxes along the corridor's outer wall, which make the rooms differ");
   }
 };
 

@@ -23,18 +23,18 @@ struct WheelOdometryOptions {
   void describe(Visitor& v) {
     v.integer("steps_per_scan", steps_per_scan, 1, 100, "odometry readings for each scan");
     v.number("noise_m", noise_m, 0.0, 1.0,
-             "standard deviation of the position along and across after 1 m; grows with the root of the way");
+             "standard deviation of the position along and across after 1 m; grows with the root of the path");
     v.number("yaw_noise_deg", yaw_noise_deg, 0.0, 90.0, "standard deviation of the heading after 1 m straight ahead");
     v.number("turn_noise_deg", turn_noise_deg, 0.0, 90.0, "standard deviation of the heading after one full turn");
     v.number("scale_error", scale_error, 0.0, 0.5,
-             "standard deviation, over robots, of a constant error of the way's scale");
+             "standard deviation, over robots, of a constant error of the path's scale");
     v.number("turn_scale_error", turn_scale_error, 0.0, 0.5, "the same for turns");
     v.number("heading_drift_deg_per_m", heading_drift_deg_per_m, 0.0, 90.0,
              "standard deviation, over robots, of a constant drift");
     v.number("slips_per_100_m", slips_per_100_m, 0.0, 1000.0,
              "sudden misses of the heading for each 100 m that the wheels roll");
     v.number("slip_min_deg", slip_min_deg, 0.0, 180.0, "least size of a slip");
-    v.number("slip_max_deg", slip_max_deg, 0.0, 180.0, "greatest size of a slip; either way");
+    v.number("slip_max_deg", slip_max_deg, 0.0, 180.0, "greatest size of a slip, to either side");
   }
 };
 WheelOdometryOptions perfect_odometry();  // no error of any kind

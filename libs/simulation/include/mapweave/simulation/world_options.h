@@ -74,8 +74,8 @@ struct KidnappingOptions {
   double duration_s = 5.0;
   template <class Visitor>
   void describe(Visitor& v) {
-    v.number("after_m", after_m, 0.0, 100000.0, "of its way the robot is picked up");
-    v.number("skip_m", skip_m, 0.0, 100000.0, "and put down again this much further along its way");
+    v.number("after_m", after_m, 0.0, 100000.0, "of its path the robot is picked up");
+    v.number("skip_m", skip_m, 0.0, 100000.0, "and put down again this much further along its path");
     v.number("duration_s", duration_s, 0.0, 600.0,
              "meanwhile its cameras and its laser are covered; 0: between two frames");
   }
@@ -106,13 +106,13 @@ struct RobotOptions {
     v.integer("last_room", last_room, -1, 100000, "to this one; -1: the last there is");
     v.choice("order", order,
              {{"along", TourOrder::along}, {"back", TourOrder::back}, {"shuffled", TourOrder::shuffled}},
-             "rooms one after the other, the other way round, or in an order from the seed");
+             "rooms one after the other, in reverse, or in an order from the seed");
     v.flag("return_to_start", return_to_start, "each lap ends where it began");
     v.integer("laps", laps, 1, 1000, "rounds of the tour");
     v.number("length_m", length_m, 0.0, 100000.0, "drive this far, in as many laps as it takes; 0: as `laps` says");
     v.number("start_s", start_s, 0.0, 100000.0, "starts this long after the world's first moment");
     v.list("waypoints", waypoints, "drive by these points instead of rooms");
-    v.list("kidnappings", kidnappings, "carried away, wheels in the air, in the order of the way");
+    v.list("kidnappings", kidnappings, "carried away, wheels in the air, in the order of the path");
     v.list("cameras", cameras, "its own, instead of the world's");
   }
 };

@@ -198,7 +198,7 @@ struct SessionOptions {
              "apart agree; 0: every "
              "place is unique");
     v.flag("await_place", await_place,
-           "a monocular camera begins no map of its own, but waits until the server tells it its pose, and thereby its "
+           "a monocular camera begins no map of its own, but waits until the server sends it its pose, and thereby its "
            "scale");
   }
 };

@@ -63,7 +63,7 @@ struct Frame {
   ColourPicture colour;
   std::optional<ExpectedMotion> expected;
   // Where wheels or an inertial unit say that the camera was, in a frame of their own that drifts: what a camera
-  // without depth takes scale from, and what tells places apart that look the same.
+  // without depth takes scale from, and by which places that look the same are distinguished.
   std::optional<Pose3> odometry_from_camera;
   bool shows_depth() const { return !right.empty() || !depth.image.empty(); }
 };

@@ -43,7 +43,7 @@ struct CameraRig {
 class MotionPrior;
 
 // Of one robot's log, one call per record in order. Frames of the chosen camera are answered, all else is nullopt;
-// odometry and inertial units tell what motion to expect. Throws Error kBadInput, naming the camera, where it has no
+// odometry and inertial units predict the motion. Throws Error kBadInput, naming the camera, where it has no
 // calibration, where a picture has another size than that, or where it has no depth or right picture and `kind` asks
 // for them; kMissing and kCorrupt where a picture beside the log cannot be read.
 class FramePacker {

@@ -15,7 +15,7 @@ struct OrderedPicture : matching::DescribedPicture {
 };
 
 // All calls are thread-safe, and all name the same vocabulary (contract).
-class Pictures {
+class BagOfWordsCache {
  public:
   // The node is a keyframe.
   std::shared_ptr<const OrderedPicture> words_of(const Node&, const matching::BinaryVocabulary&);

@@ -1,9 +1,9 @@
-#include <mapweave/fusion/pictures.h>
+#include <mapweave/fusion/bag_of_words_cache.h>
 #include <mapweave/matching/feature_matching.h>
 
 namespace mapweave::fusion {
 
-std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node,
+std::shared_ptr<const OrderedPicture> BagOfWordsCache::words_of(const Node& node,
                                                          const matching::BinaryVocabulary& vocabulary) {
   {
     const std::lock_guard lock(mutex_);
@@ -16,7 +16,7 @@ std::shared_ptr<const OrderedPicture> Pictures::words_of(const Node& node,
   return known_.try_emplace(node.payload.get(), Known{node.payload, std::move(words)}).first->second.words;
 }
 
-void Pictures::forget() {
+void BagOfWordsCache::forget() {
   const std::lock_guard lock(mutex_);
   for (auto one = known_.begin(); one != known_.end();)
     one = one->second.payload.use_count() == 1 ? known_.erase(one) : std::next(one);
