@@ -4,7 +4,7 @@
 namespace mapweave::fusion {
 
 std::shared_ptr<const OrderedPicture> BagOfWordsCache::words_of(const Node& node,
-                                                         const matching::BinaryVocabulary& vocabulary) {
+                                                                const matching::BinaryVocabulary& vocabulary) {
   {
     const std::lock_guard lock(mutex_);
     if (const auto known = known_.find(node.payload.get()); known != known_.end()) return known->second.words;

@@ -81,7 +81,8 @@ Hash content_of(const matching::PlaceView& view, const std::vector<Hash>& keyfra
 
 }  // namespace
 
-VisualMap::VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& words, WorkerPool& pool)
+VisualMap::VisualMap(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& words,
+                     WorkerPool& pool)
     : map_(&map), is_metric_(rig::is_metric(map)), seen_(rig::covisibility(map)) {
   for (std::size_t i = 0; i < seen_.keyframes.size(); ++i) {
     keyframes_.push_back(mapped(*seen_.keyframes[i]));

@@ -21,7 +21,8 @@ struct FoundPlace {
 class PlaceFinder {
  public:
   // The map outlives it, unchanged.
-  PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& pictures, WorkerPool& pool);
+  PlaceFinder(const Map& map, const matching::ChosenVocabulary& vocabulary, BagOfWordsCache& pictures,
+              WorkerPool& pool);
   ~PlaceFinder();
   PlaceFinder(PlaceFinder&&) noexcept;
   PlaceFinder& operator=(PlaceFinder&&) noexcept;
