@@ -3,7 +3,7 @@ foreach(module math poses obs maps io serialization img slam)
   find_package(mrpt-${module} REQUIRED)
 endforeach()
 find_package(Eigen3 REQUIRED NO_MODULE)
-find_package(Ceres REQUIRED)
+find_package(Ceres REQUIRED)   # for tests: what ours is compared with
 find_package(yaml-cpp REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
