@@ -16,6 +16,11 @@ struct View {  // camera_from_map
   Eigen::Vector3d centre() const { return -(rotation.transpose() * translation); }  // of the camera, in the map
 };
 
+// A view from another one whose scale grows: its translation is so much longer.
+inline View stretched(View view, double scale) {
+  view.translation *= scale;
+  return view;
+}
 // exp of a small motion (translation, rotation vector) in the camera's frame, applied from the left: the new
 // camera_from_map.
 View moved(const View& view, const Eigen::Matrix<double, 6, 1>& motion);
