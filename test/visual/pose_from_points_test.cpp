@@ -1,4 +1,4 @@
-#include "pose_from_points.h"
+#include "geometry/pose_from_points.h"
 
 #include <gtest/gtest.h>
 #include <random>

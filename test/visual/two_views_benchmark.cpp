@@ -1,7 +1,7 @@
 // How two pictures of one camera lie to each other: motions proposed by ours and by OpenCV, the same refinement and
 // choice after both. two_views_benchmark [WORLDS]: of each kind, with 150 pairs of pixels, noise of half a pixel
 // (even), and 0, 20 or 40 % of wrong pairs. A motion is right within 0.03 rad of rotation and 0.15 rad of direction.
-#include "two_views.h"
+#include "mono/two_views.h"
 
 #include <opencv2/calib3d.hpp>
 

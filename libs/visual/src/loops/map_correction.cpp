@@ -1,6 +1,6 @@
 #include "map_correction.h"
 
-#include "bundle_sighting.h"
+#include "geometry/bundle_sighting.h"
 
 #include <mapweave/graph/spatial_graph.h>
 
