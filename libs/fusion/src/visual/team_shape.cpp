@@ -18,8 +18,8 @@ std::vector<graph::RelativePoseConstraint> shape_constraints(const TeamState& te
     const Pose3 from_from_to = between(team.keyframes[from].team_from_node, team.keyframes[to].team_from_node);
     result.push_back(
         {static_cast<std::uint32_t>(from), static_cast<std::uint32_t>(to), from_from_to,
-         stiffness * slack * (kCovisibleMotion.step_m + kCovisibleMotion.step_share * from_from_to.t.norm()),
-         stiffness * slack * kCovisibleMotion.step_rad});
+         stiffness * slack * (kCovisibleMotion.sigma_m + kCovisibleMotion.sigma_per_m * from_from_to.t.norm()),
+         stiffness * slack * kCovisibleMotion.sigma_rad});
   };
   for (std::size_t i = 0; i < team.keyframes.size(); ++i) {
     const std::size_t first = team.first_keyframe[team.keyframes[i].member];
