@@ -121,8 +121,8 @@ TEST(Scale, of_a_rig_of_single_cameras_leaves_it_one_robot) {
   test::StarryOptions ahead = single(0.6), aside = single(0.6);
   aside.sensor = "side";
   aside.camera_m = {0.3, 0.1, 0.9};
-  const Map map_ahead = building.keyframe_map("beta", way_b, ahead),
-            map_aside = building.keyframe_map("beta", way_b, aside);
+  const Map map_ahead = building.keyframe_map("beta", path_b, ahead),
+            map_aside = building.keyframe_map("beta", path_b, aside);
   const rig::RigMerge merge = rig::merge_rig({{"camera", map_ahead, {}}, {"side", map_aside, {}}}, {});
   ASSERT_EQ(merge.maps.size(), 1U) << testing::PrintToString(merge.notes);
   const Map& both = merge.maps[0].map;

@@ -99,7 +99,7 @@ TEST(VisualFuse, finds_the_scale_of_a_single_camera_by_a_map_with_depth) {
   test::StarryOptions single;
   single.depth = false;
   single.scale = 0.4;
-  const auto result = fused({building.keyframe_map("alpha", way_a), building.keyframe_map("beta", way_b, single)});
+  const auto result = fused({building.keyframe_map("alpha", path_a), building.keyframe_map("beta", path_b, single)});
   ASSERT_EQ(result.components.size(), 1U) << to_text(result.verdicts[0].reason);
   ASSERT_NE(result.components[0].scales.find(MapId("beta")), nullptr);
   EXPECT_NEAR(*result.components[0].scales.find(MapId("beta")), 2.5, 0.05);

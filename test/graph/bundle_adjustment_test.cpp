@@ -114,11 +114,11 @@ TEST(BundleAdjustment, holds_what_is_tied) {
   EXPECT_LT(ring.worst(ring.drifted), 1e-3);
 }
 
-// Rows are read downwards while the cameras move, each its own way.
+// Rows are read downwards while the cameras move, each its own path.
 void move_while_reading(Bundle& bundle, double readout_s) {
   for (BundleSighting& seen : bundle.sightings) {
-    const double way = seen.view % 2 == 0 ? 200.0 : -150.0;
-    seen.row_flow = (seen.pixel.y() / 480.0 - 0.5) * Eigen::Vector2d(way, 40.0 + 10.0 * (seen.view % 5));
+    const double columns_per_s = seen.view % 2 == 0 ? 200.0 : -150.0;
+    seen.row_flow = (seen.pixel.y() / 480.0 - 0.5) * Eigen::Vector2d(columns_per_s, 40.0 + 10.0 * (seen.view % 5));
     seen.pixel += readout_s * seen.row_flow;
   }
 }
@@ -128,7 +128,8 @@ TEST(BundleAdjustment, learns_how_long_rows_are_read) {
   move_while_reading(ring.drifted, 0.02);
   BundleOptions options;
   options.iterations = 40;
-  options.prior.readout_step_s = 0.05, options.prior.readout_s = 1.0;
+  options.prior.readout_step_s = 0.05;
+  options.prior.readout_s = 1.0;
   adjust(ring.drifted, options);
   EXPECT_NEAR(ring.drifted.calibration.readout_s, 0.02, 2e-4);
   EXPECT_EQ(ring.drifted.calibration.inverse_depth_offset, 0.0);  // was not to be learnt
@@ -141,7 +142,8 @@ TEST(BundleAdjustment, learns_a_constant_error_of_disparities) {
   BundleOptions options;
   options.iterations = 60;
   options.least_gain = 1e-9;
-  options.prior.inverse_depth_step = 0.1, options.prior.inverse_depth = 1.0;
+  options.prior.inverse_depth_step = 0.1;
+  options.prior.inverse_depth = 1.0;
   adjust(ring.drifted, options);
   EXPECT_NEAR(ring.drifted.calibration.inverse_depth_offset, 0.01, 1e-3);
   EXPECT_EQ(ring.drifted.calibration.readout_s, 0.0);

@@ -11,7 +11,10 @@ namespace {
 
 MapReport small_report() {
   MapReport report{RobotId("alpha"), 1200, {}};
-  report.summary.left = -3, report.summary.bottom = 2, report.summary.columns = 3, report.summary.rows = 2;
+  report.summary.left = -3;
+  report.summary.bottom = 2;
+  report.summary.columns = 3;
+  report.summary.rows = 2;
   using Cell = MapSummary::Cell;
   report.summary.cells = {Cell::wall, Cell::free, Cell::unknown, Cell::free, Cell::free, Cell::wall};
   report.summary.looks.push_back({-120, 55, {1, 2, 3}});

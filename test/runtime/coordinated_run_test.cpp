@@ -144,7 +144,7 @@ TEST_F(CoordinatedRun, learns_of_a_robot_when_it_comes) {
   EXPECT_NE(decisions.back().edge_of.begin()->second, decisions.back().edge_of.rbegin()->second);
 }
 
-TEST_F(CoordinatedRun, joins_at_an_edge_and_tells_a_robot) {
+TEST_F(CoordinatedRun, joins_at_an_edge_and_sends_to_a_robot) {
   configuration.cloud.at = "north";
   configuration.cloud.push_to = {"beta"};
   const Report report = run("pushed");

@@ -40,7 +40,7 @@ class Client {
       : session_(session), link_(std::move(channel)) {
     link_->send({subject::kHello, encode(hello_of(session))});
     for (bool welcomed = false; !welcomed && !link_->is_closed();)
-      for (const test::Heard& message : take(*link_, 10s)) {
+      for (const test::ReceivedMessage& message : take(*link_, 10s)) {
         if (message.subject != subject::kWelcome) continue;
         welcomed = true;
         for (const auto& receipt : message.receipts) stored_[receipt.origin.map] = receipt.stored;
@@ -70,7 +70,7 @@ class Client {
   }
   void receive_receipts(std::uint64_t awaited, const std::function<void()>& acknowledged) {
     for (bool is_there = false; !is_there && !link_->is_closed();)
-      for (const test::Heard& message : take(*link_, 10s)) {
+      for (const test::ReceivedMessage& message : take(*link_, 10s)) {
         EXPECT_NE(message.subject, subject::kRefusal) << message.bytes;
         for (const auto& receipt : message.receipts) {
           stored_[receipt.origin.map] = receipt.stored;
@@ -184,7 +184,7 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
     lockstep.greet(hello_of(one.from));
     lockstep.receive(one.from, one.bytes);
   }
-  tell_all(server);
+  publish_all(server);
   await_merge(server);
   const ServerCounts joined = server.counts();
   ASSERT_GE(joined.merges, 2);
@@ -203,7 +203,7 @@ TEST(LiveMapServer, merges_aside_and_shares_landmarks_and_places_and_bounds_what
     }
     while (server.counts().clients.back().views < views) std::this_thread::sleep_for(1ms);
     std::size_t bytes = 0;
-    for (const test::Heard& message : take(beta.link(), 0ms)) {
+    for (const test::ReceivedMessage& message : take(beta.link(), 0ms)) {
       ASSERT_EQ(message.subject, subject::kShare);
       bytes += message.bytes.size();
       for (const DescribedLandmark& one : decode_share(message.bytes, "test").landmarks) {
@@ -271,13 +271,14 @@ TEST(LiveMapServer, takes_any_channel_and_updates_that_come_twice) {
     const auto channel = transport::make_in_process_channel();
     server.serve(std::make_shared<Twice>(channel.second));
     Client client(channel.first, session);
-    client.tell_all();
+    client.publish_all();
     EXPECT_EQ(client.link().send({"picture", "x"}), Sent::taken);
     bool is_refused = false;  // it knows no such subject
     while (!is_refused) {
       const auto answers = take(client.link(), 10s);
       ASSERT_FALSE(answers.empty());
-      for (const test::Heard& answer : answers) is_refused = is_refused || answer.subject == subject::kRefusal;
+      for (const test::ReceivedMessage& answer : answers)
+        is_refused = is_refused || answer.subject == subject::kRefusal;
     }
   }
   EXPECT_EQ(test::sealed(server.finish()), sealed_in_lockstep());

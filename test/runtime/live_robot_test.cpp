@@ -81,7 +81,7 @@ void publish(LiveMapServer& server, const SessionId& session, const std::vector<
       send(*link, {subject::kView, encode(view_at(node, update.origin.map))});
       ++views;
     }
-    for (const test::Heard& message : take(*link, apart))
+    for (const test::ReceivedMessage& message : take(*link, apart))
       EXPECT_NE(message.subject, subject::kRefusal) << message.bytes;
   }
   while (counts_of(server, session).views < views) std::this_thread::sleep_for(1ms);

@@ -104,21 +104,21 @@ std::vector<RecordedMessage> messages_of(const Building& building, std::uint32_t
   for (std::size_t i = 0; i < frames.size(); ++i) {
     camera.add(frames[i]);
     const double after_s = offset_s + static_cast<double>(i + 1) / kFramesPerSecond;
-    const auto tell = [&](const char* what, std::string bytes) {
-      told.push_back({after_s, client, {what, std::move(bytes)}});
+    const auto record_message = [&](const char* what, std::string bytes) {
+      messages.push_back({after_s, client, {what, std::move(bytes)}});
     };
     if ((i + 1) % static_cast<std::size_t>(kFramesPerSecond / kShareRate_hz) != 0 || !camera.run(place)) continue;
     if (!std::exchange(greeted, true))
-      tell(subject::kHello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
+      record_message(subject::kHello, encode(Hello{*camera.run(place), matching::shipped_vocabulary().hash()}));
     for (transport::Envelope& update : agent.updates(camera, frames[i].stamp)) {
       const MapUpdate decoded = decode_map_update(update.bytes, "a client");
       agent.stored({decoded.origin, decoded.sequence, 0});
-      told.push_back({after_s, client, std::move(update)});
+      messages.push_back({after_s, client, std::move(update)});
     }
     if (auto view = agent.view(camera))
-      tell(subject::kView, std::move(*view));
+      record_message(subject::kView, std::move(*view));
     else if (auto request = agent.place_request(camera))
-      tell(subject::kPlaceRequest, std::move(*request));
+      record_message(subject::kPlaceRequest, std::move(*request));
   }
   return messages;
 }
@@ -133,7 +133,7 @@ void record(const std::string& path, std::size_t clients, double seconds) {
   std::stable_sort(all.begin(), all.end(),
                    [](const RecordedMessage& a, const RecordedMessage& b) { return a.after_s < b.after_s; });
   std::ofstream file(path, std::ios::binary);
-  for (const Told& one : all) {
+  for (const RecordedMessage& one : all) {
     file << one.after_s << ' ' << one.client << ' ' << one.message.subject << ' ' << one.message.bytes.size() << '\n';
     file.write(one.message.bytes.data(), static_cast<std::streamsize>(one.message.bytes.size()));
   }
@@ -142,9 +142,9 @@ void record(const std::string& path, std::size_t clients, double seconds) {
 
 std::vector<RecordedMessage> read(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::vector<Told> all;
+  std::vector<RecordedMessage> all;
   std::size_t bytes = 0;
-  for (Told one; file >> one.after_s >> one.client >> one.message.subject >> bytes && file.get() == '\n';) {
+  for (RecordedMessage one; file >> one.after_s >> one.client >> one.message.subject >> bytes && file.get() == '\n';) {
     one.message.bytes.resize(bytes);
     file.read(one.message.bytes.data(), static_cast<std::streamsize>(bytes));
     all.push_back(one);
@@ -215,14 +215,14 @@ nlohmann::ordered_json replay(const std::vector<RecordedMessage>& all, std::size
   for (std::size_t i = 0; i < clients; ++i) links.push_back(server.connect());
   const Clock::time_point begin = Clock::now();
   double seconds = 0.0;
-  std::uint64_t told = 0, put_off = 0;  // told: updates
-  for (const Told& one : all) {
+  std::uint64_t messages = 0, put_off = 0;  // messages: updates
+  for (const RecordedMessage& one : all) {
     if (one.client >= clients) continue;
     std::this_thread::sleep_until(begin + std::chrono::duration<double>(one.after_s));
     take(*links[one.client], std::chrono::milliseconds(0));
     const auto sent = links[one.client]->send(one.message);
     put_off += sent == transport::Channel::Sent::later;
-    told += sent == transport::Channel::Sent::taken && one.message.subject == subject::kUpdate;
+    messages += sent == transport::Channel::Sent::taken && one.message.subject == subject::kUpdate;
     seconds = one.after_s;
   }
   while (!has_done_all(server.counts(), messages)) std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -33,7 +33,7 @@ std::uint64_t stored_of(transport::Channel& link, std::chrono::milliseconds pati
   while (true) {
     const auto messages = take(link, patience);
     if (messages.empty()) return stored;
-    for (const test::Heard& message : messages)
+    for (const test::ReceivedMessage& message : messages)
       for (const auto& receipt : message.receipts) stored = std::max(stored, receipt.stored);
   }
 }

@@ -7,18 +7,18 @@
 
 namespace mapweave::test {
 
-struct Heard {
+struct ReceivedMessage {
   std::string subject, bytes;
   std::vector<Receipt> receipts;  // of a welcome or of receipts
 };
 // What has come, acknowledged.
-inline std::vector<Heard> take(transport::Channel& channel, std::chrono::milliseconds patience) {
-  std::vector<Heard> all;
+inline std::vector<ReceivedMessage> take(transport::Channel& channel, std::chrono::milliseconds patience) {
+  std::vector<ReceivedMessage> all;
   for (transport::Channel::Delivery& one : channel.receive(patience)) {
-    Heard heard{std::move(one.envelope.subject), std::move(one.envelope.bytes), {}};
-    if (heard.subject == tiers::subject::kWelcome || heard.subject == tiers::subject::kReceipts)
-      heard.receipts = decode_receipts(heard.bytes, "the map server");
-    all.push_back(std::move(heard));
+    ReceivedMessage received{std::move(one.envelope.subject), std::move(one.envelope.bytes), {}};
+    if (received.subject == tiers::subject::kWelcome || received.subject == tiers::subject::kReceipts)
+      received.receipts = decode_receipts(received.bytes, "the map server");
+    all.push_back(std::move(received));
     channel.acknowledge(one.number);
   }
   return all;

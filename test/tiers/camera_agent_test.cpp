@@ -40,14 +40,14 @@ struct Drive {
       client.add(robot.shoot(next).frame);
   }
   Hello hello() const { return hello_of(*client.run(robot.place)); }
-  // What there is to tell, to a server that confirms it.
-  std::vector<std::string> tell(VisualServer& server) {
-    std::vector<std::string> told;
+  // What there is to publish, to a server that confirms it.
+  std::vector<std::string> publish(VisualServer& server) {
+    std::vector<std::string> published;
     for (const transport::Envelope& update : agent.updates(client, {})) {
       agent.stored(server.receive(hello().session, update.bytes).receipt);
-      told.push_back(update.bytes);
+      published.push_back(update.bytes);
     }
-    return told;
+    return published;
   }
   void meet(VisualServer& server) { agent.reconnected(client, server.greet(hello())); }
 };
@@ -99,7 +99,7 @@ TEST(CameraAgent, publishes_all_again_where_a_server_lacks_what_another_confirme
   for (const std::string& update : drive.publish(first)) younger.receive(drive.hello().session, update);
   const auto began = younger.maps().at(0).nodes.size();
   drive.go(60);
-  drive.tell(first);
+  drive.publish(first);
   drive.go(60);
   drive.meet(first);
   std::size_t published_before = 0;
@@ -109,14 +109,14 @@ TEST(CameraAgent, publishes_all_again_where_a_server_lacks_what_another_confirme
 
   VisualServer empty(TierId("edge"), {}, {});
   drive.meet(empty);
-  drive.tell(empty);
+  drive.publish(empty);
   drive.meet(younger);
-  drive.tell(younger);
+  drive.publish(younger);
   EXPECT_EQ(drive.agent.waiting_bytes(), 0U);
   EXPECT_GT(empty.maps().at(0).nodes.size(), began);
   EXPECT_EQ(bytes_of(empty.maps()), bytes_of(younger.maps()));
   drive.go(60);
-  drive.tell(younger);
+  drive.publish(younger);
   ASSERT_EQ(younger.maps().size(), 1U);
   EXPECT_EQ(younger.maps()[0].nodes.size(), drive.client.keyframes().size());
   // What another server would take for its own from the journal.
@@ -134,12 +134,12 @@ TEST(CameraAgent, takes_the_place_of_what_an_earlier_one_of_the_same_run_publish
   before.go(120);
   before.meet(server);
   while (before.next < 180) {
-    before.tell(server);
+    before.publish(server);
     before.go(10);
   }
   drive.go(150);
   drive.meet(server);
-  drive.tell(server);
+  drive.publish(server);
   EXPECT_EQ(drive.agent.waiting_bytes(), 0U);
   ASSERT_EQ(server.maps().size(), 1U);
   EXPECT_EQ(server.maps()[0].nodes.size(), drive.client.keyframes().size());
@@ -211,7 +211,7 @@ Received received_over(double bytes_per_s) {
   received.kB_per_s = 12e-3 * static_cast<double>(drive.agent.sent_bytes()) / static_cast<double>(drive.robot.count);
   received.features /= static_cast<double>(nodes);
   drive.agent.lift_limit();
-  drive.tell(server);
+  drive.publish(server);
   for (const Map& map : server.maps()) received.keyframes += map.nodes.size();
   received.kept = drive.client.keyframes().size();
   received.lacking = lacking(drive, server);

@@ -97,21 +97,21 @@ struct PublishedParts {
   void add(const std::string& bytes) {
     const MapUpdate received = decode_map_update(bytes, "client");
     MapUpdate nothing;
-    nothing.origin = told.origin;
-    nothing.sequence = told.sequence;
+    nothing.origin = received.origin;
+    nothing.sequence = received.sequence;
     const std::size_t head = encode(nothing).size();
     MapUpdate part = nothing;
-    part.nodes = told.nodes;
-    keyframes.add(told.nodes.size(), part, head);
+    part.nodes = received.nodes;
+    keyframes.add(received.nodes.size(), part, head);
     part = nothing;
-    part.landmarks = told.landmarks;
-    landmarks.add(told.landmarks.size(), part, head);
+    part.landmarks = received.landmarks;
+    landmarks.add(received.landmarks.size(), part, head);
     part = nothing;
-    part.moved = told.moved;
-    moved_keyframes.add(told.moved.size(), part, head);
+    part.moved = received.moved;
+    moved_keyframes.add(received.moved.size(), part, head);
     part = nothing;
-    part.changed_landmarks = told.changed_landmarks;
-    changed_landmarks.add(told.changed_landmarks.size(), part, head);
+    part.changed_landmarks = received.changed_landmarks;
+    changed_landmarks.add(received.changed_landmarks.size(), part, head);
   }
   nlohmann::json json() const {
     return {{"full keyframes", keyframes.json()},

@@ -17,7 +17,7 @@ std::vector<std::string> received(Channel& channel, std::chrono::milliseconds pa
   return bytes;
 }
 
-TEST(InProcessChannel, carries_messages_both_ways_in_their_order) {
+TEST(InProcessChannel, carries_messages_in_both_directions_in_their_order) {
   const auto [robot, edge] = make_in_process_channel();
   EXPECT_EQ(robot->send({"update", "one", "alpha", 1}), Sent::taken);
   EXPECT_EQ(robot->send({"view", "two"}), Sent::taken);
@@ -62,16 +62,16 @@ TEST(InProcessChannel, keeps_the_last_where_only_that_counts) {
   EXPECT_EQ(send("a5", "a"), Sent::later) << "the one before was received";
 }
 
-TEST(InProcessChannel, tells_the_listener_and_ends_for_both_where_one_lets_go) {
+TEST(InProcessChannel, calls_the_listener_and_ends_for_both_where_one_lets_go) {
   auto [robot, edge] = make_in_process_channel();
-  std::atomic<int> told{0};
+  std::atomic<int> calls{0};
   robot->send({"hello", "early"});
-  edge->set_listener([&told] { ++told; });
-  EXPECT_EQ(told, 1) << "something may be there";
+  edge->set_listener([&calls] { ++calls; });
+  EXPECT_EQ(calls, 1) << "something may be there";
   robot->send({"hello", "again"});
-  EXPECT_EQ(told, 2);
+  EXPECT_EQ(calls, 2);
   robot.reset();
-  EXPECT_EQ(told, 3);
+  EXPECT_EQ(calls, 3);
   EXPECT_TRUE(edge->is_closed());
   EXPECT_EQ(edge->send({"share", ""}), Sent::never);
   EXPECT_THAT(received(*edge), ElementsAre("early", "again")) << "what was sent before";

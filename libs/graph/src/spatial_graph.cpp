@@ -82,7 +82,7 @@ struct WithScale {
   static Vector7 error_of(const SimilarityEdge& edge, const Sim3& from, const Sim3& to) {
     Eigen::Quaterniond turn;
     Vector7 error;
-    error << graph::error_of(edge.from_from_to.pose, in_lengths_of(from, from), in_lengths_of(from, to), turn),
+    error << graph::error_of(edge.from_from_to.pose, in_scale_of(from, from), in_scale_of(from, to), turn),
         std::log(to.scale / (from.scale * edge.from_from_to.scale));
     error.head<3>() /= edge.from_from_to.scale;
     return error;
@@ -90,7 +90,7 @@ struct WithScale {
   static void linearise(const SimilarityEdge& edge, const Sim3& from, const Sim3& to, Vector7& error, Matrix7& by_from,
                         Matrix7& by_to) {
     const Sim3& measured = edge.from_from_to;
-    const Pose3 a = in_lengths_of(from, from), b = in_lengths_of(from, to);
+    const Pose3 a = in_scale_of(from, from), b = in_scale_of(from, to);
     error = error_of(edge, from, to);
     Vector6 rigid;
     Matrix6 from6, to6;
@@ -109,7 +109,7 @@ struct WithScale {
     by_to.topLeftCorner<6, 6>() = to6;
     by_to(6, 6) = 1.0;
   }
-  static Pose3 in_lengths_of(const Sim3& from, const Sim3& pose) { return {pose.pose.t / from.scale, pose.pose.q}; }
+  static Pose3 in_scale_of(const Sim3& from, const Sim3& pose) { return {pose.pose.t / from.scale, pose.pose.q}; }
   static Sim3 moved(const Sim3& pose, const Vector7& motion) {
     return {moved_by(pose.pose, motion.head<6>()), pose.scale * std::exp(motion(6))};
   }

@@ -295,7 +295,7 @@ void TeamRun::write_team() {
     const std::string name = pushed.robot.str();
     fusion::FusionResult pushed_map;
     pushed_map.components = {*component_of(team_, pushed.robot)};
-    results_.add_components({TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " was told"},
+    results_.add_components({TierId(name), "robots/" + name + "/team", "", "team, as robot " + name + " received it"},
                             pushed_map, cameras_, report_);
   }
 }

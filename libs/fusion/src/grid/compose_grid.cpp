@@ -8,8 +8,8 @@
 namespace mapweave::fusion {
 namespace {
 
-constexpr double kWidest_m = 2000.0;
-constexpr int kBandRows = 256;  // a band of rows is drawn by one worker
+constexpr double kWidest_m = 2000.0;  // beyond that a pose is wrong; bounds memory
+constexpr int kBandRows = 256;        // a band of rows is drawn by one worker
 
 std::int16_t units(double probability) {
   return static_cast<std::int16_t>(
@@ -105,7 +105,7 @@ void expect_drawable(const Extent& extent) {
 OccupancyGrid blank(const Content& content, double resolution_m) {
   OccupancyGrid grid;
   grid.resolution_m = resolution_m;
-  // Rasters alone tell nothing finer than they are.
+  // Rasters alone hold nothing finer than they are.
   double finest_m = 1e300;
   for (const auto& raster : content.rasters) finest_m = std::min(finest_m, raster.grid->resolution_m);
   if (content.scans.empty() && !content.rasters.empty()) grid.resolution_m = std::max(grid.resolution_m, finest_m);

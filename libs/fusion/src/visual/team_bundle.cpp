@@ -12,8 +12,8 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// Between keyframes in a row, of what their client found. Clients know systematic errors of their sensors that a bundle of
-// all does not, so there the shapes that they found hardly bend.
+// Between keyframes in a row, of what their client found. Clients know systematic errors of their sensors that a bundle
+// of all does not, so there the shapes that they found hardly bend.
 constexpr double kStiff = 0.1;
 constexpr double kLeastGain = 3e-3,
                  kRoughGain = 2e-2;   // of an iteration of the bundle of all, in the last round and before

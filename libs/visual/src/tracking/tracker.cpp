@@ -35,7 +35,7 @@ bool Tracker::is_good(const LandmarkMap& map, const Attempt& attempt) const {
 }
 
 Attempt Tracker::follow_features(LandmarkMap& map, const Pyramid& picture, double interval_s) {
-  constexpr double kFar = 5.0;
+  constexpr double kFar = 5.0;  // times the usual reach; a second search starts from what it finds
   const Attempt far = locate(map, picture, place_.session, motion_ * place_.view, Motion(), kFar);
   if (!visual::is_good(map, far, true, options_.tracking)) return far;
   return locate(map, picture, place_.session, far.pose.view,
