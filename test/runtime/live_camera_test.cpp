@@ -1,4 +1,5 @@
 #include <mapweave/runtime/live_camera.h>
+#include <mapweave/runtime/live_map_server.h>
 #include <support/received_updates.h>
 #include <support/temporary_folder.h>
 
