@@ -6,8 +6,10 @@
 // time: dropped frames
 #include <mapweave/core/error.h>
 #include <mapweave/runtime/live_camera.h>
+#include <mapweave/runtime/live_map_server.h>
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/simulation/feature_sensor.h>
+#include <mapweave/tiers/subjects.h>
 #include <support/seen_frame.h>
 
 #include <Eigen/Geometry>
