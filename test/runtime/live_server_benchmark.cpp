@@ -10,6 +10,7 @@
 #include <mapweave/runtime/metrics.h>
 #include <mapweave/simulation/feature_sensor.h>
 #include <mapweave/tiers/subjects.h>
+#include <support/live_channel.h>
 #include <support/seen_frame.h>
 
 #include <Eigen/Geometry>
@@ -221,7 +222,7 @@ nlohmann::ordered_json replay(const std::vector<RecordedMessage>& all, std::size
   for (const RecordedMessage& one : all) {
     if (one.client >= clients) continue;
     std::this_thread::sleep_until(begin + std::chrono::duration<double>(one.after_s));
-    take(*links[one.client], std::chrono::milliseconds(0));
+    test::take(*links[one.client], std::chrono::milliseconds(0));
     const auto sent = links[one.client]->send(one.message);
     put_off += sent == transport::Channel::Sent::later;
     messages += sent == transport::Channel::Sent::taken && one.message.subject == subject::kUpdate;
