@@ -69,7 +69,7 @@ struct InSpace {
   static Pose3 moved(const Pose3& pose, const Vector6& motion) { return moved_by(pose, motion); }
 };
 
-// Translations are told in lengths of `from`; a small motion of a pose is in the graph's lengths.
+// Translations are in the scale of `from`, small motions in that of the graph.
 struct WithScale {
   using Pose = Sim3;
   using Edge = SimilarityEdge;
