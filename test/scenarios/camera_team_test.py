@@ -47,19 +47,20 @@ class CameraTeam(support.Scenario):
             self.mapweave("vocabulary", "train", self.world / "alpha.rawlog", "--branching", shape[0], "--levels", shape[1], "--out", name)
         robots = "".join(f"  - {{log: {json.dumps(str(self.world / log))}}}\n" for log in ("alpha.rawlog", "beta.rawlog"))
         self.write("words/team.yaml", f"robots:\n{robots}sensor: rgbd\nserver: {{share: full}}\nvisual: {{vocabulary: own.txt.gz}}\n")
-        self.mapweave("run", "words/team.yaml", "--out", "team")
+        # Apart: with so few words a camera that was lost may come to no place that it knows; its second map stays apart.
+        self.mapweave("run", "words/team.yaml", "--out", "team", code=(support.DONE, support.APART))
         hashed = json.loads(self.mapweave("vocabulary", "info", "words/own.txt.gz", "--json").stdout)["hash"]
         inputs = [pathlib.Path(entry["path"]).name for entry in self.read_json("team/manifest.json")["inputs"]]
         self.assertIn("own.txt.gz", inputs)
         self.assertTrue(any(merge["accepted"] for merge in self.read_json("team/merges.json")))
 
         # Maps hold no words: they may be merged with any vocabulary, and a note says that it is another one.
-        self.mapweave("merge", "team", "--out", "shipped")
+        self.mapweave("merge", "team", "--out", "shipped", code=(support.DONE, support.APART))
         notes = [note for note in self.read_json("shipped/summary.json")["notes"] if "vocabulary" in note]
         self.assertEqual(len(notes), 1, notes)
         self.assertIn(hashed, notes[0])
         for name, count in (("own", 0), ("other", 1)):
-            self.mapweave("merge", "team", "--set", f"visual.vocabulary=words/{name}.txt.gz", "--out", name)
+            self.mapweave("merge", "team", "--set", f"visual.vocabulary=words/{name}.txt.gz", "--out", name, code=(support.DONE, support.APART))
             notes = self.read_json(f"{name}/summary.json").get("notes", [])
             self.assertEqual(len([note for note in notes if "vocabulary" in note]), count, notes)
         judged = [sorted(map(str, self.read_json(f"{name}/merges.json"))) for name in ("own", "other")]
